@@ -1,0 +1,32 @@
+# What people type here. Cargo does the work; the longer scripts are in tools/.
+
+CARGO ?= cargo
+BUILT := $(or $(CARGO_TARGET_DIR),target)
+
+.DEFAULT_GOAL := help
+.PHONY: help run test bench fmt docs clean
+
+help: ## Show this list
+	@echo "Targets (ARGS=\"...\" is passed on to run and bench):"
+	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
+
+run: ## Build r6 for release and start virtual controllers: r6 up ARGS
+	@$(CARGO) build --release --locked --package r6
+	@exec "$(BUILT)/release/r6" up $(ARGS)
+
+test: ## Run every check: format, lints, docs, dependencies, tests
+	@tools/test
+
+bench: ## Run the benchmarks; ARGS go to criterion, such as a part of a name
+	@$(CARGO) bench --locked --workspace --bench '*' -- $(ARGS)
+
+fmt: ## Format the Rust sources
+	@$(CARGO) fmt --all
+
+docs: ## Build the API documentation of the workspace
+	@RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked --workspace --no-deps
+	@echo "Open $(BUILT)/doc/r6_client/index.html"
+
+clean: ## Remove what was built, the tools in target/tools included
+	@$(CARGO) clean
+	@rm -rf target/tools
