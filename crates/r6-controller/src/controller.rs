@@ -1,0 +1,458 @@
+//! The virtual controller: connections in front, one machine behind.
+//!
+//! A shell gives it bytes and points in time and carries its frames and deadlines away:
+//!
+//! ```text
+//! connect → handle_input(now, id, bytes) → poll_transmit(now, id) … → poll_timeout → handle_timeout(now)
+//! ```
+
+use std::collections::{BTreeMap, VecDeque};
+
+use r6_proto::frame::Limits;
+use r6_proto::message::{AddPoints, AddRcc, Body, CommandWords, Header, Message, Query, Rejection};
+use r6_proto::reply::{ReplyWriter, Verdict, encode_photo};
+use r6_proto::server::{Inbox, InputError, Outbox, ServerSession};
+use r6_proto::time::Instant;
+use r6_proto::{Address, RequestType};
+
+use crate::io::OutputPoint;
+use crate::log::{Level, Log, LogLine};
+use crate::machine::Machine;
+use crate::profile::Profile;
+use crate::settings::ControllerSettings;
+use crate::snapshot::ControllerSnapshot;
+
+/// The longest frame that is read. The largest frame of the manual is below 4 KiB; a camera that sends every point
+/// it can see stays below 64 KiB.
+const LIMITS: Limits = Limits { max_frame_bytes: 65_536, max_depth: r6_proto::MAX_DEPTH };
+
+/// How many connections are accepted at all, served or not. Beyond, the oldest that is not served is closed.
+/// A cabinet's sockets are few; this bound only keeps a flood from filling the memory.
+pub const MAX_ACCEPTED: usize = 1024;
+
+/// One connection of a controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ConnectionId(u64);
+
+impl ConnectionId {
+    /// A number that no other connection of this controller had or will have.
+    #[must_use]
+    pub fn number(self) -> u64 {
+        self.0
+    }
+}
+
+/// Whether a connection is served.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Service {
+    /// It is one of the few.
+    Served,
+    /// It came when there was no room: accepted, never answered (`Profile::max_connections`).
+    Ignored,
+    /// It has to be reset (an AddRCC over `Profile::add_rcc_reset_over`) or closed.
+    Over,
+}
+
+#[derive(Debug)]
+struct Connection {
+    session: ServerSession,
+    service: Service,
+}
+
+/// A virtual controller.
+#[derive(Debug)]
+pub struct Controller {
+    machine: Machine,
+    connections: BTreeMap<ConnectionId, Connection>,
+    next_connection: u64,
+    /// The connection that last spoke as the camera.
+    camera: Option<ConnectionId>,
+    woken: VecDeque<ConnectionId>,
+    log: Log,
+}
+
+impl Controller {
+    /// A controller that was just switched on, without connections.
+    #[must_use]
+    pub fn new(settings: ControllerSettings, now: Instant) -> Self {
+        Self {
+            machine: Machine::new(settings, now),
+            connections: BTreeMap::new(),
+            next_connection: 0,
+            camera: None,
+            woken: VecDeque::new(),
+            log: Log::default(),
+        }
+    }
+
+    /// Takes a new connection. Beyond the profile's limit it is accepted, but never answered.
+    pub fn connect(&mut self, now: Instant) -> ConnectionId {
+        self.machine.advance(now);
+        if self.connections.len() >= MAX_ACCEPTED {
+            self.drop_an_ignored_one();
+        }
+        let id = ConnectionId(self.next_connection);
+        self.next_connection += 1;
+        let served = self.served();
+        let limit = self.machine.profile.max_connections;
+        let service = if served < limit { Service::Served } else { Service::Ignored };
+        if service == Service::Ignored {
+            let text = format!("{limit} connections are served already: this one will not be answered");
+            self.log.add(now, Some(id), Level::Warning, text);
+        }
+        self.connections.insert(id, Connection { session: ServerSession::new(LIMITS), service });
+        id
+    }
+
+    fn served(&self) -> usize {
+        self.connections.values().filter(|connection| connection.service == Service::Served).count()
+    }
+
+    fn drop_an_ignored_one(&mut self) {
+        let ignored = self.connections.iter_mut().find(|(_, other)| other.service == Service::Ignored);
+        if let Some((id, connection)) = ignored {
+            connection.service = Service::Over;
+            self.woken.push_back(*id);
+        }
+    }
+
+    /// A connection has ended.
+    pub fn disconnect(&mut self, id: ConnectionId) {
+        self.connections.remove(&id);
+        if self.camera == Some(id) {
+            self.camera = None;
+        }
+    }
+
+    /// Takes bytes from a connection and carries out what they ask.
+    pub fn handle_input(&mut self, now: Instant, id: ConnectionId, bytes: &[u8]) {
+        self.machine.advance(now);
+        let Some(connection) = self.connections.get_mut(&id) else { return };
+        if connection.service != Service::Served {
+            return;
+        }
+        let (inbox, outbox) = connection.session.split();
+        let mut desk = Desk {
+            now,
+            id,
+            machine: &mut self.machine,
+            log: &mut self.log,
+            camera: &mut self.camera,
+            reset: false,
+        };
+        let mut rest = bytes;
+        while !rest.is_empty() && !desk.reset {
+            let taken = inbox.push(now, rest);
+            rest = rest.get(taken..).unwrap_or_default();
+            desk.serve(inbox, outbox);
+        }
+        if desk.reset || outbox.is_overfull() {
+            connection.service = Service::Over;
+        }
+        self.collect_machine_events();
+    }
+
+    /// Lets time pass: what is due happens.
+    pub fn handle_timeout(&mut self, now: Instant) {
+        self.machine.advance(now);
+        for (id, connection) in &mut self.connections {
+            let (inbox, _) = connection.session.split();
+            if let Some(error) = inbox.handle_timeout(now) {
+                self.log.add(now, Some(*id), Level::Warning, format!("{error}; not answered"));
+            }
+        }
+        self.collect_machine_events();
+    }
+
+    /// When [`Self::handle_timeout`] has to be called next. Frames that are held back have their own time:
+    /// [`Self::next_transmit`].
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Instant> {
+        let sessions = self.connections.values().filter_map(|connection| connection.session.poll_timeout());
+        sessions.chain(self.machine.next_event()).min()
+    }
+
+    /// The next frame for a connection, to be written as one piece.
+    pub fn poll_transmit(&mut self, now: Instant, id: ConnectionId) -> Option<&[u8]> {
+        self.connections.get_mut(&id)?.session.split().1.poll_transmit(now)
+    }
+
+    /// Whether a connection has to be reset: it sent an AddRCC that no controller survives, or reads nothing.
+    #[must_use]
+    pub fn is_over(&self, id: ConnectionId) -> bool {
+        self.connections.get(&id).is_none_or(|connection| connection.service == Service::Over)
+    }
+
+    /// When the next frame of a connection leaves that is held back now.
+    #[must_use]
+    pub fn next_transmit(&self, id: ConnectionId) -> Option<Instant> {
+        self.connections.get(&id)?.session.next_transmit()
+    }
+
+    /// A connection that has something to write, or has to be reset, although it sent nothing itself.
+    pub fn poll_woken(&mut self) -> Option<ConnectionId> {
+        self.woken.pop_front()
+    }
+
+    /// What happened, oldest first.
+    pub fn poll_log(&mut self) -> Option<LogLine> {
+        self.log.poll()
+    }
+
+    /// Asks the camera for a photo: the connection that last spoke as the camera, else all.
+    pub fn request_photo(&mut self, now: Instant, cam_id: i64) {
+        self.machine.advance(now);
+        let camera = self.camera;
+        for (id, connection) in &mut self.connections {
+            if connection.service == Service::Served && camera.is_none_or(|camera| camera == *id) {
+                connection.session.split().1.send(|out| encode_photo(cam_id, None, out));
+                self.woken.push_back(*id);
+            }
+        }
+        self.log.add(now, camera, Level::Info, format!("photo requested from camera {cam_id}"));
+    }
+
+    /// Sets an input: what a person or a machine in the cell does. Board 0–7, point 0–31.
+    pub fn set_input(&mut self, now: Instant, board: u8, point: u8, on: bool) {
+        self.machine.advance(now);
+        self.machine.set_input(board, point, on);
+        self.collect_machine_events();
+    }
+
+    /// Whether an output is on.
+    pub fn output(&mut self, now: Instant, point: OutputPoint) -> bool {
+        self.machine.advance(now);
+        self.machine.io().is_set(point)
+    }
+
+    /// The machine behind the connections, as of the last call with a point in time.
+    #[must_use]
+    pub fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// The profile it plays.
+    #[must_use]
+    pub fn profile(&self) -> &Profile {
+        &self.machine.profile
+    }
+
+    /// What a person would see at the machine, now.
+    pub fn snapshot(&mut self, now: Instant) -> ControllerSnapshot {
+        self.machine.advance(now);
+        self.collect_machine_events();
+        ControllerSnapshot::of(&self.machine, self.served())
+    }
+
+    fn collect_machine_events(&mut self) {
+        while let Some(event) = self.machine.poll_event() {
+            self.log.add(event.at, None, Level::Info, event.text);
+        }
+    }
+}
+
+/// Where the messages of one connection are dealt with.
+struct Desk<'c> {
+    now: Instant,
+    id: ConnectionId,
+    machine: &'c mut Machine,
+    log: &'c mut Log,
+    camera: &'c mut Option<ConnectionId>,
+    reset: bool,
+}
+
+impl Desk<'_> {
+    /// Deals with every message that is complete.
+    fn serve(&mut self, inbox: &mut Inbox, outbox: &mut Outbox) {
+        while let Some(input) = inbox.next_message() {
+            match input {
+                Ok(message) => self.handle(&message, outbox),
+                Err(error) => self.malformed(&error),
+            }
+            if self.reset {
+                return;
+            }
+        }
+    }
+
+    fn warn(&mut self, text: String) {
+        self.log.add(self.now, Some(self.id), Level::Warning, text);
+    }
+
+    /// Malformed input gets silence and a log line.
+    fn malformed(&mut self, error: &InputError) {
+        self.warn(format!("{error}; not answered"));
+    }
+
+    fn handle(&mut self, message: &Message<'_>, outbox: &mut Outbox) {
+        for extra in message.extras() {
+            self.warn(extra.to_string());
+        }
+        let header = &message.header;
+        match &message.body {
+            Body::Query(query) => self.query(header, query, outbox),
+            Body::Command(words) => self.command(header, words, outbox),
+            Body::Heartbreak => self.heartbreak(header, outbox),
+            Body::PhotoAnswer(answer) => {
+                *self.camera = Some(self.id);
+                let text = format!("camera {} answers: ret {}", answer.cam_id, answer.ret);
+                self.log.add(self.now, Some(self.id), Level::Info, text);
+            }
+            Body::AddPoints(points) => self.add_points(header, points, outbox),
+            Body::AddRcc(list) => self.add_rcc(message, list, outbox),
+            Body::Rejected(rejection) => self.rejected(message, rejection, outbox),
+            Body::Unknown(unknown) => self.warn(format!("{unknown}; not answered")),
+            Body::QueryReply(_) | Body::CommandReply(_) | Body::Photo(_) => {
+                self.warn("a reply came, but a controller asks nothing; not answered".to_owned());
+            }
+        }
+    }
+
+    /// Lets `write` append a reply, unless the request had no type (manual 5.2, 6: no reply without it).
+    fn reply(
+        &mut self,
+        header: &Header<'_>,
+        request: RequestType,
+        outbox: &mut Outbox,
+        write: impl FnOnce(&ReplyWriter<'_>, &Machine, &mut Vec<u8>),
+    ) {
+        if header.type_word.is_none() {
+            self.warn(format!("{request} without `reqType`: carried out, not answered"));
+            return;
+        }
+        let writer = ReplyWriter::new(self.machine.profile.dialect, *header, request);
+        let machine = &*self.machine;
+        if request == RequestType::AddRcc && !machine.profile.add_rcc_ack.is_zero() {
+            outbox.send_at(self.now + machine.profile.add_rcc_ack, |out| write(&writer, machine, out));
+        } else {
+            outbox.send(|out| write(&writer, machine, out));
+        }
+    }
+
+    fn verdict(
+        &mut self,
+        header: &Header<'_>,
+        request: RequestType,
+        word: &str,
+        verdict: Verdict<'_>,
+        outbox: &mut Outbox,
+    ) {
+        self.reply(header, request, outbox, |writer, _, out| writer.verdict(word, verdict, out));
+    }
+
+    fn query(&mut self, header: &Header<'_>, query: &Query<'_>, outbox: &mut Outbox) {
+        for (_, address) in query.resolved() {
+            if let Err(unknown) = address {
+                self.warn(format!("{unknown}; left out of the reply"));
+            }
+        }
+        self.reply(header, RequestType::Query, outbox, |writer, machine, out| {
+            writer.query(query.addresses, out, |data| {
+                for word in query.addresses.iter() {
+                    if let Some(address) = known(word) {
+                        machine.answer(address, data);
+                    }
+                }
+            });
+        });
+    }
+
+    fn command(&mut self, header: &Header<'_>, words: &CommandWords<'_>, outbox: &mut Outbox) {
+        let word = words.word();
+        match self.machine.execute(words) {
+            Ok(()) => self.verdict(header, RequestType::Command, &word, Verdict::Ok, outbox),
+            Err(reason) => {
+                self.warn(format!("command {word} refused: {reason}"));
+                self.verdict(header, RequestType::Command, &word, Verdict::Err(&reason), outbox);
+            }
+        }
+    }
+
+    fn heartbreak(&mut self, header: &Header<'_>, outbox: &mut Outbox) {
+        self.machine.watchdog.feed(self.now);
+        if self.machine.profile.answers_heartbreak {
+            self.verdict(header, RequestType::Heartbreak, "heartbreak", Verdict::Ok, outbox);
+        }
+    }
+
+    fn add_points(&mut self, header: &Header<'_>, points: &AddPoints<'_>, outbox: &mut Outbox) {
+        *self.camera = Some(self.id);
+        for (cam_id, points) in points.sets() {
+            self.machine.take_points(cam_id, points);
+        }
+        self.verdict(header, RequestType::AddPoints, "AddPoints", Verdict::Points(points.len()), outbox);
+    }
+
+    fn add_rcc(&mut self, message: &Message<'_>, list: &AddRcc<'_>, outbox: &mut Outbox) {
+        if !self.fits(message) {
+            return;
+        }
+        for step in list.instructions {
+            if let r6_proto::message::Action::Unknown(unknown) = &step.action {
+                self.warn(format!("AddRCC refused: action {} is not known", unknown.number()));
+                self.verdict(&message.header, RequestType::AddRcc, "AddRCC", Verdict::BareErr, outbox);
+                return;
+            }
+        }
+        let taken = self.machine.add_instructions(list.empty_list.unwrap_or(false), list.instructions);
+        let verdict = match taken {
+            Ok(()) => Verdict::Ok,
+            Err(crate::machine::NotTaken::Refused(reason)) => {
+                self.warn(format!("AddRCC refused: {reason}"));
+                Verdict::BareErr
+            }
+            Err(crate::machine::NotTaken::Silent(reason)) => {
+                self.warn(format!("AddRCC neither executed nor answered: {reason}"));
+                return;
+            }
+        };
+        self.verdict(&message.header, RequestType::AddRcc, "AddRCC", verdict, outbox);
+    }
+
+    /// Whether an AddRCC is short enough to be looked at at all.
+    fn fits(&mut self, message: &Message<'_>) -> bool {
+        let bytes = message.frame().len();
+        let profile = &self.machine.profile;
+        let over = |limit: Option<usize>| limit.is_some_and(|limit| bytes > limit);
+        if over(profile.add_rcc_reset_over) {
+            self.reset = true;
+            self.warn(format!("AddRCC of {bytes} bytes: the connection is reset, as real controllers do"));
+            return false;
+        }
+        if over(profile.add_rcc_silent_over) {
+            self.warn(format!(
+                "AddRCC of {bytes} bytes: neither executed nor answered, as real controllers do; send fewer \
+                 instructions in one list and append the rest"
+            ));
+            return false;
+        }
+        true
+    }
+
+    /// A known type with a wrong field: what the protocol lets us say is `err`.
+    fn rejected(&mut self, message: &Message<'_>, rejection: &Rejection<'_>, outbox: &mut Outbox) {
+        let reason = rejection.error.to_string();
+        self.warn(format!("{} refused: {reason}", rejection.request));
+        let header = &message.header;
+        match rejection.request {
+            RequestType::AddRcc if !self.fits(message) => {}
+            RequestType::AddRcc => {
+                self.verdict(header, RequestType::AddRcc, "AddRCC", Verdict::BareErr, outbox);
+            }
+            RequestType::AddPoints => {
+                self.verdict(header, RequestType::AddPoints, "AddPoints", Verdict::BareErr, outbox);
+            }
+            RequestType::Command => {
+                self.verdict(header, RequestType::Command, "", Verdict::Err(&reason), outbox);
+            }
+            RequestType::Query => self.reply(header, RequestType::Query, outbox, |writer, _, out| {
+                writer.query(r6_proto::value::Values::EMPTY, out, |_| {});
+            }),
+            RequestType::Heartbreak | RequestType::Photo => {}
+        }
+    }
+}
+
+fn known(word: r6_proto::value::Value<'_>) -> Option<Address> {
+    Address::parse(&word.text()).ok()
+}

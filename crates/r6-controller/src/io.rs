@@ -1,0 +1,133 @@
+//! Inputs, outputs and M points.
+
+use r6_proto::message::instruction::{BoardOutput, OutputBoard, WaitSource};
+
+/// How many boards of 32 points a command can name (`input-0` … `input-7`).
+pub const BOARDS: usize = 8;
+
+/// All points of one controller, 32 to a word; bit 0 is the first point.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Io {
+    /// Inputs X, by board.
+    pub inputs: [u32; BOARDS],
+    /// Outputs Y, by board.
+    pub outputs: [u32; BOARDS],
+    /// M points, by board.
+    pub m: [u32; BOARDS],
+    /// EU inputs.
+    pub eu_inputs: u32,
+    /// EU outputs.
+    pub eu_outputs: u32,
+}
+
+/// One point that can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutputPoint {
+    /// Output Y: board, point.
+    Y(u8, u8),
+    /// M point: board, point.
+    M(u8, u8),
+    /// EU output: point.
+    Eu(u8),
+}
+
+impl OutputPoint {
+    /// The point that `modifyOutput` names: board 0–3 Y, 4–6 M, 7 EU (manual 4.2.1 #8).
+    #[must_use]
+    pub fn of_command(board: u8, point: u8) -> Option<Self> {
+        match board {
+            0..=3 => Some(Self::Y(board, point)),
+            4..=6 => Some(Self::M(board - 4, point)),
+            7 => Some(Self::Eu(point)),
+            _ => None,
+        }
+    }
+
+    /// Output point 32 of action 200 is the first one of the next board.
+    #[must_use]
+    pub fn on_first_boards(self) -> Self {
+        match self {
+            Self::Y(board, point) if point >= 32 => Self::Y(board + 1, point - 32),
+            Self::M(board, point) if point >= 32 => Self::M(board + 1, point - 32),
+            Self::Y(..) | Self::M(..) | Self::Eu(_) => self,
+        }
+    }
+}
+
+fn bit(word: u32, point: u8) -> bool {
+    word.checked_shr(u32::from(point)).is_some_and(|word| word & 1 == 1)
+}
+
+fn write(word: &mut u32, point: u8, on: bool) {
+    let mask = 1_u32.checked_shl(u32::from(point)).unwrap_or(0);
+    *word = if on { *word | mask } else { *word & !mask };
+}
+
+impl Io {
+    /// The word of one board; 0 for a board that is not there.
+    #[must_use]
+    pub fn word(words: &[u32; BOARDS], board: u8) -> u32 {
+        words.get(usize::from(board)).copied().unwrap_or(0)
+    }
+
+    /// Sets an input: what a person or a machine in the cell does.
+    pub fn set_input(&mut self, board: u8, point: u8, on: bool) {
+        if let Some(word) = self.inputs.get_mut(usize::from(board)) {
+            write(word, point, on);
+        }
+    }
+
+    /// Sets an output.
+    pub fn set(&mut self, point: OutputPoint, on: bool) {
+        let (word, point) = match point {
+            OutputPoint::Y(board, point) => (self.outputs.get_mut(usize::from(board)), point),
+            OutputPoint::M(board, point) => (self.m.get_mut(usize::from(board)), point),
+            OutputPoint::Eu(point) => (Some(&mut self.eu_outputs), point),
+        };
+        if let Some(word) = word {
+            write(word, point, on);
+        }
+    }
+
+    /// Whether an output is on.
+    #[must_use]
+    pub fn is_set(&self, point: OutputPoint) -> bool {
+        match point {
+            OutputPoint::Y(board, point) => bit(Self::word(&self.outputs, board), point),
+            OutputPoint::M(board, point) => bit(Self::word(&self.m, board), point),
+            OutputPoint::Eu(point) => bit(self.eu_outputs, point),
+        }
+    }
+
+    /// Whether an ordinary input of board 0 is on.
+    #[must_use]
+    pub fn input(&self, point: u8) -> bool {
+        bit(Self::word(&self.inputs, 0), point)
+    }
+
+    /// The level of what a wait watches; `None` where it watches only time.
+    #[must_use]
+    pub fn level(&self, source: WaitSource) -> Option<bool> {
+        match source {
+            WaitSource::Input { board, point } => Some(bit(Self::word(&self.inputs, board), point)),
+            WaitSource::M { board, point } => Some(bit(Self::word(&self.m, board), point)),
+            WaitSource::Eu { point } => Some(bit(self.eu_inputs, point)),
+            WaitSource::Time => None,
+        }
+    }
+
+    /// Sets many outputs of one board (action 204).
+    pub fn set_board(&mut self, output: &BoardOutput) {
+        for (offset, pairs) in [(0, output.low), (16, output.high)] {
+            for (point, on) in pairs.points() {
+                self.set(
+                    match output.board {
+                        OutputBoard::Y(board) => OutputPoint::Y(board, point + offset),
+                        OutputBoard::M(board) => OutputPoint::M(board, point + offset),
+                    },
+                    on,
+                );
+            }
+        }
+    }
+}

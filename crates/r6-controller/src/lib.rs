@@ -1,0 +1,26 @@
+//! A virtual R6 / HC1 controller as a pure function of bytes and time.
+//!
+//! [`Controller`] is one cabinet: bytes of its connections and points in time go in, frames and deadlines come out.
+//! Behind it stands a [`machine::Machine`] whose state is a function of time: it is evaluated when somebody asks, and
+//! goes from event to event in between. How one firmware differs from another is a [`Profile`].
+#![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
+mod answer;
+pub mod controller;
+pub mod instruction_list;
+pub mod io;
+pub mod log;
+pub mod machine;
+pub mod mode;
+pub mod motion;
+pub mod profile;
+pub mod settings;
+pub mod snapshot;
+
+pub use controller::{ConnectionId, Controller};
+pub use log::{Level, LogLine};
+pub use mode::{OperationMode, StartState};
+pub use motion::RobotModel;
+pub use profile::{Profile, ProfileError};
+pub use settings::ControllerSettings;
+pub use snapshot::ControllerSnapshot;

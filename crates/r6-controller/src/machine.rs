@@ -1,0 +1,322 @@
+//! The machine behind the connections: everything that a controller knows, as a function of time.
+//!
+//! Nothing ticks. [`Machine::advance`] brings the machine to a point in time by going from event to event (a move
+//! ends, a wait runs out, a watchdog bites); between events every position is a closed formula.
+
+mod buttons;
+mod command;
+mod execution;
+mod watchdog;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use r6_proto::AXES;
+use r6_proto::address::RegisterIndex;
+use r6_proto::message::Point;
+use r6_proto::message::instruction::StopOnSignal;
+use r6_proto::time::Instant;
+
+pub use buttons::NotTaken;
+pub use execution::Activity;
+pub use watchdog::Watchdog;
+
+use crate::instruction_list::InstructionList;
+use crate::io::{Io, OutputPoint};
+use crate::mode::OperationMode;
+use crate::motion::{Axes, Frame, Frames, MotionState, Pose, Ramps, RobotModel};
+use crate::profile::Profile;
+use crate::settings::ControllerSettings;
+
+/// How many tools and workbenches can be defined: numbers 0 to 31.
+pub const MAX_FRAMES: u32 = 32;
+
+/// How many stacks can be defined: numbers 0 to 31.
+pub const MAX_STACKS: u32 = 32;
+
+/// How many points of cameras are kept; older ones go first. A program consumes them; a camera sends a few dozen.
+pub const MAX_POINTS: usize = 1000;
+
+/// How many events of the machine are kept until somebody reads them; older ones go first.
+const MAX_EVENTS: usize = 256;
+
+/// How many timed outputs may be on at once: as many as one output board has points.
+const MAX_PULSES: usize = 32;
+
+/// A stack (palletising pattern).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stack {
+    /// Spacing in X, Y, Z, mm.
+    pub spacing: [f64; 3],
+    /// Count in X, Y, Z.
+    pub count: [u32; 3],
+}
+
+/// A counter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CounterState {
+    /// The count it goes to.
+    pub target: i64,
+    /// The count it has.
+    pub current: i64,
+}
+
+/// Something that happened by itself, for the log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MachineEvent {
+    /// When.
+    pub at: Instant,
+    /// What, in words.
+    pub text: String,
+}
+
+/// A virtual machine: arm, IO, registers, list, mode, alarm.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    pub(crate) profile: Profile,
+    pub(crate) model: RobotModel,
+    pub(crate) now: Instant,
+    pub(crate) mode: OperationMode,
+    pub(crate) alarm: u32,
+    pub(crate) homed: bool,
+    /// Where the arm rests while nothing moves it.
+    pub(crate) axes: Axes,
+    pub(crate) io: Io,
+    pub(crate) registers: BTreeMap<RegisterIndex, i64>,
+    pub(crate) counters: BTreeMap<u32, CounterState>,
+    pub(crate) tools: BTreeMap<u32, Frame>,
+    pub(crate) benches: BTreeMap<u32, Frame>,
+    pub(crate) tool: u32,
+    pub(crate) bench: u32,
+    pub(crate) stacks: BTreeMap<u32, Stack>,
+    /// Fraction, 1 for 100 %.
+    pub(crate) global_speed: f64,
+    pub(crate) ramps: Ramps,
+    pub(crate) molds: Vec<String>,
+    pub(crate) mold: String,
+    pub(crate) machine_name: String,
+    pub(crate) io_boards: u8,
+    pub(crate) list: InstructionList,
+    pub(crate) activity: Activity,
+    /// Action 51: path speed in mm/s for linear moves without a speed of their own.
+    pub(crate) path_speed: Option<f64>,
+    /// Action 52: the input that stops the motion.
+    pub(crate) stop_signal: Option<StopOnSignal>,
+    /// Outputs to be set back: when, which, to what.
+    pub(crate) pulses: Vec<(Instant, OutputPoint, bool)>,
+    /// The program ends with this pass.
+    pub(crate) last_pass: bool,
+    pub(crate) cycle_started: Option<Instant>,
+    pub(crate) last_cycle: Duration,
+    /// When the list last began a pass, to keep an endless pass from taking no time.
+    pub(crate) pass_started: Instant,
+    pub(crate) watchdog: Watchdog,
+    /// Points of the cameras: camera, point.
+    pub(crate) points: VecDeque<(i64, Point)>,
+    events: VecDeque<MachineEvent>,
+}
+
+impl Machine {
+    /// A machine that was just switched on.
+    #[must_use]
+    pub fn new(settings: ControllerSettings, now: Instant) -> Self {
+        let counters = settings
+            .counters
+            .into_iter()
+            .map(|(id, (target, current))| (id, CounterState { target, current }))
+            .collect();
+        let ramps = Ramps::new(settings.model.acceleration_time, settings.model.acceleration_time);
+        let watchdog = Watchdog::new(settings.profile.heartbeat_timeout);
+        Self {
+            profile: settings.profile,
+            model: settings.model,
+            now,
+            mode: settings.start.mode(),
+            alarm: 0,
+            homed: true,
+            axes: Axes::ZERO,
+            io: Io::default(),
+            registers: BTreeMap::new(),
+            counters,
+            tools: BTreeMap::new(),
+            benches: BTreeMap::new(),
+            tool: 0,
+            bench: 0,
+            stacks: BTreeMap::new(),
+            global_speed: (settings.global_speed / 100.0).clamp(0.0, 1.0),
+            ramps: ramps.unwrap_or_default(),
+            molds: settings.molds,
+            mold: settings.mold,
+            machine_name: settings.machine_name,
+            io_boards: settings.io_boards,
+            list: InstructionList::default(),
+            activity: Activity::Idle,
+            path_speed: None,
+            stop_signal: None,
+            pulses: Vec::new(),
+            last_pass: false,
+            cycle_started: None,
+            last_cycle: Duration::ZERO,
+            pass_started: now,
+            watchdog,
+            points: VecDeque::new(),
+            events: VecDeque::new(),
+        }
+    }
+
+    /// Brings the machine to a point in time. Going back in time does nothing.
+    pub fn advance(&mut self, now: Instant) {
+        while let Some(due) = self.next_event().filter(|due| *due <= now) {
+            self.now = self.now.max(due);
+            self.handle_event();
+        }
+        self.now = self.now.max(now);
+    }
+
+    /// When something happens next by itself.
+    #[must_use]
+    pub fn next_event(&self) -> Option<Instant> {
+        let pulse = self.pulses.iter().map(|(due, _, _)| *due).min();
+        [self.activity.ends_at(), pulse, self.watchdog.due()].into_iter().flatten().min()
+    }
+
+    fn handle_event(&mut self) {
+        if self.watchdog.bites(self.now) {
+            let alarm = self.profile.heartbeat_alarm;
+            let seconds = self.profile.heartbeat_timeout.as_secs_f64();
+            self.raise(alarm, format!("no heartbreak for {seconds} s"));
+        }
+        let now = self.now;
+        let mut due = Vec::new();
+        self.pulses.retain(|(at, point, on)| {
+            let over = *at <= now;
+            if over {
+                due.push((*point, *on));
+            }
+            !over
+        });
+        for (point, on) in due {
+            self.io.set(point, on);
+            self.io_changed();
+        }
+        if self.activity.ends_at().is_some_and(|end| end <= now) {
+            self.finish_activity();
+        }
+    }
+
+    /// Puts a timed output back at `due`; the earliest goes at once where too many wait.
+    pub(crate) fn pulse(&mut self, due: Instant, point: OutputPoint, back_to: bool) {
+        self.pulses.retain(|(_, other, _)| *other != point);
+        if self.pulses.len() >= MAX_PULSES {
+            let (_, point, on) = self.pulses.remove(0);
+            self.io.set(point, on);
+        }
+        self.pulses.push((due, point, back_to));
+    }
+
+    pub(crate) fn note(&mut self, text: String) {
+        if self.events.len() >= MAX_EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(MachineEvent { at: self.now, text });
+    }
+
+    /// What happened by itself since the last call, oldest first.
+    pub fn poll_event(&mut self) -> Option<MachineEvent> {
+        self.events.pop_front()
+    }
+
+    /// The tool and work frame in use.
+    #[must_use]
+    pub fn frames(&self) -> Frames {
+        self.frames_of(self.tool, self.bench)
+    }
+
+    /// A tool and a work frame by number; one that was never defined is that of the flange, or of the world.
+    pub(crate) fn frames_of(&self, tool: u32, bench: u32) -> Frames {
+        Frames {
+            tool: self.tools.get(&tool).copied().unwrap_or_default(),
+            work: self.benches.get(&bench).copied().unwrap_or_default(),
+        }
+    }
+
+    /// Where the arm is and how fast it goes, now.
+    #[must_use]
+    pub fn motion(&self) -> MotionState {
+        match self.activity.movement() {
+            Some((movement, seconds)) => movement.state_at(seconds(self.now)),
+            None => MotionState {
+                axes: self.axes,
+                axis_speeds: [0.0; AXES],
+                pose: self.pose_of(&self.axes),
+                done: true,
+            },
+        }
+    }
+
+    /// The pose of these axes as `world-n` shows it: of the tool in use, in the work frame in use.
+    #[must_use]
+    pub fn pose_of(&self, axes: &Axes) -> Pose {
+        crate::motion::kinematics::world(&self.model, axes, &self.frames())
+    }
+
+    /// Whether `isMoving` is 1: a move is under way, its delay included.
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        self.activity.movement().is_some()
+    }
+
+    /// The time of the present cycle.
+    #[must_use]
+    pub fn cycle_time(&self) -> Duration {
+        self.cycle_started.map_or(Duration::ZERO, |started| self.now.since(started))
+    }
+
+    /// Sets an input: what a person or a machine in the cell does. The machine has to stand at the present time.
+    pub fn set_input(&mut self, board: u8, point: u8, on: bool) {
+        self.io.set_input(board, point, on);
+        self.io_changed();
+    }
+
+    /// Raises an alarm and stops the machine. The first alarm stays until it is cleared.
+    pub fn raise(&mut self, alarm: u32, why: String) {
+        self.note(format!("alarm {alarm}: {why}"));
+        if self.alarm == 0 {
+            self.alarm = alarm;
+        }
+        self.halt_for_alarm();
+    }
+
+    /// Takes the points of a camera; older ones go where there are too many.
+    pub(crate) fn take_points(&mut self, cam_id: i64, points: &[Point]) {
+        for point in points {
+            if self.points.len() >= MAX_POINTS {
+                self.points.pop_front();
+            }
+            self.points.push_back((cam_id, *point));
+        }
+    }
+
+    /// The points of the cameras that no program has used yet, oldest first: camera and point.
+    pub fn points(&self) -> impl ExactSizeIterator<Item = &(i64, Point)> {
+        self.points.iter()
+    }
+
+    /// The stacks that were defined, by number.
+    #[must_use]
+    pub fn stacks(&self) -> &BTreeMap<u32, Stack> {
+        &self.stacks
+    }
+
+    /// The instruction list.
+    #[must_use]
+    pub fn list(&self) -> &InstructionList {
+        &self.list
+    }
+
+    /// The points of inputs and outputs.
+    #[must_use]
+    pub fn io(&self) -> &Io {
+        &self.io
+    }
+}

@@ -1,0 +1,138 @@
+//! What each command does to the machine (manual 4.2.1).
+
+use r6_proto::Command;
+use r6_proto::message::command::CommandError;
+use r6_proto::message::{CommandWords, RequestType};
+
+use super::{MAX_FRAMES, MAX_STACKS, Machine, Stack};
+use crate::io::OutputPoint;
+use crate::motion::{Frame, Pose, Ramps};
+
+impl Machine {
+    /// Carries out a command.
+    ///
+    /// # Errors
+    /// The reason in words, as it goes into the reply and the log.
+    pub(crate) fn execute(&mut self, words: &CommandWords<'_>) -> Result<(), String> {
+        let name = words.name();
+        if let Some(name) = name.filter(|name| !self.profile.has_command(*name)) {
+            return Err(format!("this firmware does not know {name}"));
+        }
+        match words.read() {
+            Ok(command) => self.carry_out(&command),
+            Err(CommandError::Argument(error)) if !self.profile.checks_arguments => {
+                self.note(format!("answered ok, but nothing was done: {error}"));
+                Ok(())
+            }
+            Err(error @ (CommandError::Argument(_) | CommandError::UnknownCommand { .. })) => {
+                let hint = self.hint(words).unwrap_or_default();
+                Err(format!("{error}{hint}"))
+            }
+        }
+    }
+
+    /// A request type sent as a command (heartbreak by one known client) is no command, but is worth a hint.
+    fn hint(&self, words: &CommandWords<'_>) -> Option<String> {
+        let word = words.word();
+        let request = RequestType::ALL.into_iter().find(|request| request.word() == word)?;
+        Some(format!("; `{request}` is a request type: send it as `reqType`"))
+    }
+
+    fn carry_out(&mut self, command: &Command<'_>) -> Result<(), String> {
+        match command {
+            Command::ActionStop => self.stop_action(),
+            Command::ActionPause => self.pause_action(),
+            Command::ActionSingleCycle => self.press_single_cycle()?,
+            Command::StartButton => self.press_start()?,
+            Command::StopButton => self.press_stop(),
+            Command::SwitchMold { mold } => self.switch_mold(mold)?,
+            Command::ModifyCounter { id, current, target } => self.modify_counter(*id, *current, *target)?,
+            Command::ModifyOutput { board, point, on } => self.modify_output(*board, *point, *on)?,
+            Command::ClearAlarmRunNext => self.clear_alarm_and_run(true)?,
+            Command::ClearAlarmContinue => self.clear_alarm_and_run(false)?,
+            Command::ModifyStackData { stack, spacing, count } => {
+                if *stack >= MAX_STACKS {
+                    return Err(format!("there are stacks 0 to {}", MAX_STACKS - 1));
+                }
+                self.stacks.insert(*stack, Stack { spacing: *spacing, count: *count });
+            }
+            Command::ModifyGspd { percent } => {
+                self.global_speed = percent / 100.0;
+                self.replan_for_global_speed();
+            }
+            Command::RewriteData { register, value, .. } => {
+                self.registers.insert(*register, *value);
+            }
+            Command::RewriteDataList { first, values, .. } => {
+                for (number, value) in (first.number()..).zip(values) {
+                    if let Some(register) = r6_proto::RegisterIndex::new(number) {
+                        self.registers.insert(register, *value);
+                    }
+                }
+            }
+            Command::ModifyAccDec { acceleration, deceleration } => {
+                self.ramps = Ramps::new(*acceleration, *deceleration)
+                    .ok_or_else(|| "times from 0.001 to 60 seconds".to_owned())?;
+            }
+            Command::SwitchTool { tool } => self.tool = frame_number(*tool)?,
+            Command::ModifyTool { tool, offset } => {
+                let number = frame_number(*tool)?;
+                let frame = Frame::at(&Pose::from_components(*offset)).map_err(|error| error.to_string())?;
+                self.tools.insert(number, frame);
+            }
+            Command::SwitchCoordinate { workbench } => self.bench = frame_number(*workbench)?,
+            Command::ClearAlarm => self.clear_alarm(),
+        }
+        Ok(())
+    }
+
+    fn switch_mold(&mut self, mold: &str) -> Result<(), String> {
+        if !self.molds.iter().any(|known| known == mold) {
+            let nearest = r6_proto::nearest(mold, self.molds.iter().map(String::as_str));
+            let hint = nearest.map(|near| format!("; nearest: `{near}`")).unwrap_or_default();
+            return Err(format!("there is no program `{mold}`{hint}"));
+        }
+        if self.is_moving() {
+            return Err("the machine is moving".to_owned());
+        }
+        self.mold = mold.to_owned();
+        self.run_list();
+        Ok(())
+    }
+
+    fn modify_counter(&mut self, id: u32, current: Option<u32>, target: Option<u32>) -> Result<(), String> {
+        let Some(counter) = self.counters.get_mut(&id) else {
+            // Captured, unit C: a counter that is not there is answered ok all the same.
+            return if self.profile.checks_arguments {
+                Err(format!("there is no counter {id}"))
+            } else {
+                Ok(())
+            };
+        };
+        if let Some(current) = current {
+            counter.current = i64::from(current);
+        }
+        if let Some(target) = target {
+            if !self.profile.counter_target_writable {
+                return Err("the target of a counter cannot be changed on this port".to_owned());
+            }
+            counter.target = i64::from(target);
+        }
+        Ok(())
+    }
+
+    fn modify_output(&mut self, board: u8, point: u8, on: bool) -> Result<(), String> {
+        let point =
+            OutputPoint::of_command(board, point).ok_or_else(|| format!("there is no board {board}"))?;
+        if matches!(point, OutputPoint::M(..)) && !self.profile.m_output_writable {
+            return Err("M points cannot be set on this port".to_owned());
+        }
+        self.io.set(point, on);
+        self.io_changed();
+        Ok(())
+    }
+}
+
+fn frame_number(number: u32) -> Result<u32, String> {
+    if number < MAX_FRAMES { Ok(number) } else { Err(format!("there are numbers 0 to {}", MAX_FRAMES - 1)) }
+}

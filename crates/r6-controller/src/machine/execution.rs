@@ -1,0 +1,502 @@
+//! The instruction list, step by step.
+
+use std::time::Duration;
+
+use r6_proto::message::instruction::{
+    CurveMove, Manner, Move as MoveStep, Output, OutputKind, PathSpeed, StopOnSignal, Wait, WaitCondition,
+    WaitSource,
+};
+use r6_proto::message::{Action, Instruction};
+use r6_proto::time::Instant;
+use r6_proto::{AXES, AxisIndex};
+
+use super::Machine;
+use crate::instruction_list::After;
+use crate::io::OutputPoint;
+use crate::mode::OperationMode;
+use crate::motion::{Axes, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Movement, PlanError, Pose};
+use crate::settings::REMOTE_MOLD;
+
+/// What a pass of the list takes at least, so that a list of steps that take no time cannot run endlessly often at
+/// one instant. Chosen: about the scan of a controller's program.
+pub const SHORTEST_PASS: Duration = Duration::from_millis(1);
+
+/// The longest activity that is timed, seconds: some thirty years, for a move that creeps.
+const LONGEST_ACTIVITY: f64 = 1e9;
+
+/// What the machine is doing.
+#[derive(Clone, Debug)]
+pub enum Activity {
+    /// Nothing: no step to run, or not running.
+    Idle,
+    /// A move.
+    Moving(Run),
+    /// A move comes to rest before its end.
+    Halting(Run, AfterHalt),
+    /// A move rests before its end, and goes on from there.
+    Paused(Box<Movement>, f64),
+    /// A wait; with its end, unless it waits for ever.
+    Waiting {
+        /// What for.
+        wait: Wait,
+        /// The level when it was last looked at.
+        level: Option<bool>,
+        /// When it runs out.
+        until: Option<Instant>,
+    },
+    /// An output is set once its delay is over.
+    Delaying {
+        /// The output.
+        output: Output,
+        /// When.
+        until: Instant,
+    },
+    /// A pass that took no time: the next one begins a little later.
+    Resting {
+        /// When.
+        until: Instant,
+    },
+}
+
+/// A movement that began at a point in time.
+#[derive(Clone, Debug)]
+pub struct Run {
+    movement: Box<Movement>,
+    started: Instant,
+}
+
+impl Run {
+    fn new(movement: Movement, started: Instant) -> Self {
+        Self { movement: Box::new(movement), started }
+    }
+
+    fn ends_at(&self) -> Instant {
+        self.started + Duration::from_secs_f64(self.movement.duration().clamp(0.0, LONGEST_ACTIVITY))
+    }
+
+    fn seconds(&self, now: Instant) -> f64 {
+        now.since(self.started).as_secs_f64()
+    }
+}
+
+/// What follows once a move has come to rest before its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AfterHalt {
+    /// Nothing: the move is over, its step begins anew with the next start.
+    Drop,
+    /// The move waits to go on from there.
+    Keep,
+    /// The step counts as done and the next one follows (stop on signal).
+    NextStep,
+    /// The list was replaced meanwhile: it begins.
+    NewList,
+}
+
+impl Activity {
+    /// When it ends by itself.
+    pub(crate) fn ends_at(&self) -> Option<Instant> {
+        match self {
+            Self::Idle | Self::Paused(..) => None,
+            Self::Moving(run) | Self::Halting(run, _) => Some(run.ends_at()),
+            Self::Waiting { until, .. } => *until,
+            Self::Delaying { until, .. } | Self::Resting { until } => Some(*until),
+        }
+    }
+
+    /// The movement under way and its own time, as a function of the present.
+    pub(crate) fn movement(&self) -> Option<(&Movement, impl Fn(Instant) -> f64 + use<'_>)> {
+        match self {
+            Self::Moving(run) | Self::Halting(run, _) => {
+                Some((&*run.movement, move |now: Instant| run.seconds(now)))
+            }
+            Self::Idle
+            | Self::Paused(..)
+            | Self::Waiting { .. }
+            | Self::Delaying { .. }
+            | Self::Resting { .. } => None,
+        }
+    }
+}
+
+impl Machine {
+    /// Whether remote instructions are executed: a program runs, and it is the one that waits for them.
+    pub(crate) fn waits_for_remote(&self) -> bool {
+        self.mode.runs() && self.alarm == 0 && self.mold == REMOTE_MOLD
+    }
+
+    /// Runs steps until one takes time, or none is left.
+    pub(crate) fn run_list(&mut self) {
+        while self.waits_for_remote() && matches!(self.activity, Activity::Idle) {
+            let Some(step) = self.list.current().copied() else {
+                self.end_of_list();
+                return;
+            };
+            if self.cycle_started.is_none() {
+                self.cycle_started = Some(self.now);
+                self.pass_started = self.now;
+            }
+            if let Err((alarm, why)) = self.begin(&step) {
+                let number = self.list.position() + 1;
+                self.raise(alarm, format!("instruction {number} (action {}): {why}", step.action.number()));
+                return;
+            }
+            if matches!(self.activity, Activity::Idle) {
+                self.finish_step();
+            }
+        }
+    }
+
+    /// The list is empty: in single cycle, or after the stop button, the program ends here.
+    fn end_of_list(&mut self) {
+        self.close_cycle();
+        if self.last_pass {
+            self.leave_running("the program has ended");
+        }
+    }
+
+    fn close_cycle(&mut self) {
+        if let Some(started) = self.cycle_started.take() {
+            self.last_cycle = self.now.since(started);
+        }
+    }
+
+    pub(crate) fn finish_step(&mut self) {
+        self.activity = Activity::Idle;
+        match self.list.finish_current() {
+            After::Next => {}
+            After::Empty => self.end_of_list(),
+            After::PassOver => {
+                self.close_cycle();
+                if self.last_pass {
+                    self.leave_running("the program has ended");
+                } else if self.now == self.pass_started {
+                    self.activity = Activity::Resting { until: self.now + SHORTEST_PASS };
+                }
+            }
+        }
+    }
+
+    /// What takes time has ended by itself.
+    pub(crate) fn finish_activity(&mut self) {
+        let activity = std::mem::replace(&mut self.activity, Activity::Idle);
+        match activity {
+            Activity::Idle => {}
+            Activity::Paused(..) => self.activity = activity,
+            Activity::Moving(run) => {
+                self.axes = run.movement.state_at(run.movement.duration()).axes;
+                self.finish_step();
+            }
+            Activity::Halting(run, after) => self.finish_halt(run, after),
+            Activity::Waiting { wait, .. } => match wait.source {
+                WaitSource::Time => self.finish_step(),
+                source @ (WaitSource::Input { .. } | WaitSource::M { .. } | WaitSource::Eu { .. }) => {
+                    let seconds = wait.limit;
+                    self.raise(wait_alarm(source), format!("{source:?} did not come within {seconds} s"));
+                }
+            },
+            Activity::Delaying { output, .. } => {
+                self.write_output(&output);
+                self.finish_step();
+            }
+            Activity::Resting { .. } => {}
+        }
+        self.run_list();
+    }
+
+    fn finish_halt(&mut self, run: Run, after: AfterHalt) {
+        let end = run.movement.duration();
+        let reached = run.movement.reaches_end();
+        self.axes = run.movement.state_at(end).axes;
+        match after {
+            AfterHalt::Keep => self.activity = Activity::Paused(run.movement, end),
+            AfterHalt::Drop if reached => self.finish_step(),
+            AfterHalt::Drop => {}
+            AfterHalt::NextStep => self.finish_step(),
+            AfterHalt::NewList => {
+                self.list.rewind();
+                self.cycle_started = None;
+            }
+        }
+    }
+
+    /// Begins a step; leaves the machine idle if the step took no time.
+    fn begin(&mut self, step: &Instruction) -> Result<(), (u32, String)> {
+        match &step.action {
+            Action::AxisMove(step) => {
+                let target = MoveTarget::Axes(self.axes_target(step)?);
+                self.begin_move(target, mask(&step.manner, step.target.given().bits()), &step.manner)
+            }
+            Action::LinearMove(step) => {
+                let target = MoveTarget::Line(pose_target(&step.target));
+                self.begin_move(target, mask(&step.manner, step.target.given().bits()), &step.manner)
+            }
+            Action::CurveMove(CurveMove { middle, end, manner }) => {
+                let given = middle.given().and(end.given()).bits();
+                let target = MoveTarget::Curve { middle: pose_target(middle), end: pose_target(end) };
+                self.begin_move(target, mask(manner, given), manner)
+            }
+            Action::PathSpeed(speed) => self.set_path_speed(speed),
+            Action::StopOnSignal(stop) => {
+                self.stop_signal = stop.in_use.then_some(*stop);
+                Ok(())
+            }
+            Action::Wait(wait) => {
+                self.begin_wait(wait);
+                Ok(())
+            }
+            Action::Output(output) => {
+                self.begin_output(output);
+                Ok(())
+            }
+            Action::BoardOutput(output) => {
+                self.io.set_board(output);
+                self.io_changed();
+                Ok(())
+            }
+            Action::Workbench(bench) => {
+                self.bench = bench.id;
+                Ok(())
+            }
+            Action::Unknown(_) => Err((10, "unknown action".to_owned())),
+        }
+    }
+
+    /// The target of an axis move; an axis that is left out stays where it is.
+    fn axes_target(&self, step: &MoveStep) -> Result<Axes, (u32, String)> {
+        let mut degrees: [f64; AXES] = *self.axes.degrees();
+        for (slot, axis) in degrees.iter_mut().zip(AxisIndex::ALL) {
+            *slot = step.target.at(axis).unwrap_or(*slot);
+        }
+        Axes::new(degrees).map_err(|error| plan_failed(error.into()))
+    }
+
+    fn begin_move(
+        &mut self,
+        target: MoveTarget,
+        mask: MoveMask,
+        manner: &Manner,
+    ) -> Result<(), (u32, String)> {
+        let speed = match (&target, manner.speed, self.path_speed) {
+            (_, Some(percent), _) => MoveSpeed::PercentOfMax(percent),
+            (MoveTarget::Line(_) | MoveTarget::Curve { .. }, None, Some(speed)) => {
+                MoveSpeed::MmPerSecond(speed)
+            }
+            (MoveTarget::Axes(_), None, _) | (_, None, None) => {
+                return Err((219, "the move has no speed".to_owned()));
+            }
+        };
+        let order = Move { target, mask, speed, delay: manner.delay.unwrap_or(0.0) };
+        let conditions = Conditions {
+            global: self.global_speed,
+            ramps: self.ramps,
+            frames: self.frames_of(manner.tool.unwrap_or(self.tool), manner.coord.unwrap_or(self.bench)),
+        };
+        let movement = Movement::plan(&self.model, &self.axes, &order, &conditions).map_err(plan_failed)?;
+        self.activity = Activity::Moving(Run::new(movement, self.now));
+        self.check_stop_signal();
+        Ok(())
+    }
+
+    /// A path speed has to be a whole number of mm/s: a fraction raised alarm 219 on unit B.
+    fn set_path_speed(&mut self, speed: &PathSpeed) -> Result<(), (u32, String)> {
+        self.path_speed = match (speed.in_use, speed.speed) {
+            (false, _) => None,
+            (true, Some(speed)) if speed >= 1.0 && speed.fract() == 0.0 => Some(speed),
+            (true, speed) => {
+                return Err((219, format!("the path speed {speed:?} is no whole number of mm/s from 1")));
+            }
+        };
+        Ok(())
+    }
+
+    fn begin_wait(&mut self, wait: &Wait) {
+        let level = self.io.level(wait.source);
+        if level.is_some_and(|level| fulfilled_at_once(wait.condition, level)) {
+            return;
+        }
+        let timed = !wait.unlimited || wait.source == WaitSource::Time;
+        let until = timed.then(|| self.now + seconds(wait.limit));
+        self.activity = Activity::Waiting { wait: *wait, level, until };
+    }
+
+    fn begin_output(&mut self, output: &Output) {
+        let point = output_point(output);
+        match output.kind {
+            OutputKind::TimedY => {
+                self.io.set(point, output.on);
+                self.pulse(self.now + seconds(output.delay), point, !output.on);
+                self.io_changed();
+            }
+            OutputKind::Y | OutputKind::M | OutputKind::Euy if output.delay > 0.0 => {
+                self.activity =
+                    Activity::Delaying { output: *output, until: self.now + seconds(output.delay) };
+            }
+            OutputKind::Y | OutputKind::M | OutputKind::Euy => self.write_output(output),
+        }
+    }
+
+    fn write_output(&mut self, output: &Output) {
+        self.io.set(output_point(output), output.on);
+        self.io_changed();
+    }
+
+    /// Some point has changed: what waits for it, or stops at it, sees that now.
+    pub(crate) fn io_changed(&mut self) {
+        if let Activity::Waiting { wait, level, .. } = &mut self.activity {
+            let present = self.io.level(wait.source);
+            let before = std::mem::replace(level, present);
+            if present.is_some_and(|present| fulfilled(wait.condition, before.unwrap_or(present), present)) {
+                self.finish_step();
+                self.run_list();
+            }
+        }
+        self.check_stop_signal();
+    }
+
+    /// Stops the present move where the signal of action 52 is there.
+    fn check_stop_signal(&mut self) {
+        let Some(StopOnSignal { input, on, .. }) = self.stop_signal else { return };
+        if self.io.input(input) == on && matches!(self.activity, Activity::Moving(_)) {
+            self.halt(self.profile.action_stop_time, AfterHalt::NextStep);
+        }
+    }
+
+    /// Brings the present move to rest within `time`, then does what follows. Nothing to bring to rest: `false`.
+    pub(crate) fn halt(&mut self, time: Duration, after: AfterHalt) -> bool {
+        match std::mem::replace(&mut self.activity, Activity::Idle) {
+            Activity::Moving(run) => {
+                let movement = run.movement.halt(run.seconds(self.now), time.as_secs_f64());
+                self.activity = Activity::Halting(Run::new(movement, self.now), after);
+                true
+            }
+            Activity::Halting(run, before) => {
+                // Whatever stops it for good wins over a pause.
+                let after = if before == AfterHalt::Keep { after } else { before };
+                self.activity = Activity::Halting(run, after);
+                true
+            }
+            Activity::Paused(movement, at) => {
+                if after == AfterHalt::Keep {
+                    self.activity = Activity::Paused(movement, at);
+                }
+                false
+            }
+            other @ (Activity::Idle
+            | Activity::Waiting { .. }
+            | Activity::Delaying { .. }
+            | Activity::Resting { .. }) => {
+                if after == AfterHalt::Keep {
+                    self.activity = other;
+                }
+                false
+            }
+        }
+    }
+
+    /// Lets a move that rests before its end go on.
+    pub(crate) fn resume_move(&mut self) {
+        let resumed = match &self.activity {
+            Activity::Paused(movement, at) => movement.resume(*at, self.global_speed),
+            // The start button while it is still slowing down for a pause.
+            Activity::Halting(run, AfterHalt::Keep) => {
+                run.movement.resume(run.seconds(self.now), self.global_speed)
+            }
+            Activity::Idle
+            | Activity::Moving(_)
+            | Activity::Halting(..)
+            | Activity::Waiting { .. }
+            | Activity::Delaying { .. }
+            | Activity::Resting { .. } => return,
+        };
+        match resumed {
+            Ok(movement) => self.activity = Activity::Moving(Run::new(movement, self.now)),
+            Err(error) => {
+                let (alarm, why) = plan_failed(error);
+                self.raise(alarm, why);
+            }
+        }
+    }
+
+    /// Lets the move under way take a new global speed.
+    pub(crate) fn replan_for_global_speed(&mut self) {
+        if matches!(self.activity, Activity::Paused(..)) && self.mode.runs() {
+            // It rests because the global speed was 0.
+            self.resume_move();
+            return;
+        }
+        let Activity::Moving(run) = &self.activity else { return };
+        match run.movement.with_global(run.seconds(self.now), self.global_speed) {
+            Ok(movement) => self.activity = Activity::Moving(Run::new(movement, self.now)),
+            Err(_) => {
+                // Global speed 0: the arm rests where it is until there is one again.
+                self.halt(self.profile.action_pause_time, AfterHalt::Keep);
+            }
+        }
+    }
+
+    /// The program stops running, without an alarm.
+    pub(crate) fn leave_running(&mut self, why: &str) {
+        self.last_pass = false;
+        if self.mode.runs() {
+            self.mode = OperationMode::Auto;
+            self.note(format!("{}: {why}", self.mode));
+        }
+    }
+}
+
+fn mask(manner: &Manner, given: u8) -> MoveMask {
+    MoveMask(manner.mask.map_or(given, |mask| mask.bits() & given))
+}
+
+fn pose_target(coordinates: &r6_proto::message::instruction::Coordinates) -> Pose {
+    let mut components = [0.0; 6];
+    for (slot, axis) in components.iter_mut().zip(AxisIndex::ALL) {
+        *slot = coordinates.at(axis).unwrap_or(0.0);
+    }
+    Pose::from_components(components)
+}
+
+fn plan_failed(error: PlanError) -> (u32, String) {
+    (u32::from(error.alarm()), error.to_string())
+}
+
+fn seconds(time: f64) -> Duration {
+    Duration::from_secs_f64(time.clamp(0.0, LONGEST_ACTIVITY))
+}
+
+fn output_point(output: &Output) -> OutputPoint {
+    match output.kind {
+        OutputKind::Y | OutputKind::TimedY => OutputPoint::Y(0, output.point),
+        OutputKind::M => OutputPoint::M(0, output.point),
+        OutputKind::Euy => OutputPoint::Eu(output.point),
+    }
+    .on_first_boards()
+}
+
+fn fulfilled_at_once(condition: WaitCondition, level: bool) -> bool {
+    match condition {
+        WaitCondition::On => level,
+        WaitCondition::Off => !level,
+        WaitCondition::RisingEdge | WaitCondition::FallingEdge => false,
+    }
+}
+
+fn fulfilled(condition: WaitCondition, before: bool, now: bool) -> bool {
+    match condition {
+        WaitCondition::On | WaitCondition::Off => fulfilled_at_once(condition, now),
+        WaitCondition::RisingEdge => !before && now,
+        WaitCondition::FallingEdge => before && !now,
+    }
+}
+
+/// The alarm of a wait that ran out: 2048 + class × 256 + board × 32 + point (the pendant's bit fields; which class
+/// means what is chosen: 0 input, 1 M, 2 EU).
+fn wait_alarm(source: WaitSource) -> u32 {
+    let (class, board, point) = match source {
+        WaitSource::Input { board, point } => (0, board, point),
+        WaitSource::M { board, point } => (1, board, point),
+        WaitSource::Eu { point } => (2, 0, point),
+        WaitSource::Time => (0, 0, 0),
+    };
+    2048 + (class << 8) + (u32::from(board & 7) << 5) + u32::from(point & 31)
+}

@@ -1,0 +1,112 @@
+//! Why a move cannot be planned, and the alarm a controller shows for it.
+
+use std::fmt;
+
+use super::axes::AxisNumber;
+
+/// A coordinate that is no finite number, or far beyond anything an arm can be told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotFinite;
+
+impl fmt::Display for NotFinite {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number is not finite or beyond all reach")
+    }
+}
+
+impl std::error::Error for NotFinite {}
+
+/// Which end of an axis' range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LimitSide {
+    /// The end with the larger angle.
+    Plus,
+    /// The end with the smaller angle.
+    Minus,
+}
+
+/// Why a move cannot be planned. Nothing has moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlanError {
+    /// An axis would leave its soft limits, at the target or on the way to it.
+    OutsideLimits {
+        /// The axis.
+        axis: AxisNumber,
+        /// The end of its range.
+        side: LimitSide,
+    },
+    /// No axis position puts the tool there, at the target or on the way to it.
+    Unreachable,
+    /// On the way, this axis would have to turn faster than it can even at a crawl: a wrist, elbow or
+    /// shoulder singularity.
+    Singular {
+        /// The axis that would have to turn.
+        axis: AxisNumber,
+    },
+    /// Start, middle and end of a curve give no circle: the end is the start, or the middle lies outside the
+    /// two on one line with them.
+    CurvePoints,
+    /// The speed, or the global speed, is not above zero, not finite, or so small that the move would not
+    /// end.
+    Speed,
+    /// A coordinate, frame or delay is not finite or beyond all reach.
+    NotFinite,
+}
+
+impl PlanError {
+    /// The alarm code: 130 + axis and 140 + axis for the soft limits, 219 for the speed, 200 for the rest
+    /// (the pendant's alarm table; 135 for J6 and 219 for a fractional speed reported from real units).
+    #[must_use]
+    pub fn alarm(self) -> u16 {
+        match self {
+            Self::OutsideLimits { axis, side: LimitSide::Plus } => 130 + u16::from(axis.number()),
+            Self::OutsideLimits { axis, side: LimitSide::Minus } => 140 + u16::from(axis.number()),
+            Self::Unreachable | Self::Singular { .. } | Self::CurvePoints | Self::NotFinite => 200,
+            Self::Speed => 219,
+        }
+    }
+}
+
+impl From<NotFinite> for PlanError {
+    fn from(_: NotFinite) -> Self {
+        Self::NotFinite
+    }
+}
+
+impl fmt::Display for PlanError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OutsideLimits { axis, side: LimitSide::Plus } => {
+                write!(f, "{axis} beyond its soft limit +")
+            }
+            Self::OutsideLimits { axis, side: LimitSide::Minus } => {
+                write!(f, "{axis} beyond its soft limit -")
+            }
+            Self::Unreachable => f.write_str("out of reach"),
+            Self::Singular { axis } => write!(f, "singular: {axis} cannot follow"),
+            Self::CurvePoints => f.write_str("the three points of the curve give no circle"),
+            Self::Speed => f.write_str("the speed is not above zero"),
+            Self::NotFinite => NotFinite.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for PlanError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn alarms_are_the_pendants() {
+        let j6 = AxisNumber::ARM[5];
+        let j1 = AxisNumber::ARM[0];
+        assert_eq!(PlanError::OutsideLimits { axis: j6, side: LimitSide::Plus }.alarm(), 135);
+        assert_eq!(PlanError::OutsideLimits { axis: j1, side: LimitSide::Minus }.alarm(), 140);
+        assert_eq!(PlanError::Singular { axis: j6 }.alarm(), 200);
+        assert_eq!(PlanError::Unreachable.alarm(), 200);
+        assert_eq!(PlanError::CurvePoints.alarm(), 200);
+        assert_eq!(PlanError::NotFinite.alarm(), 200);
+        assert_eq!(PlanError::Speed.alarm(), 219);
+    }
+}

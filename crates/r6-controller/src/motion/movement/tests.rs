@@ -1,0 +1,372 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::motion::axes::AxisNumber;
+use crate::motion::error::LimitSide;
+use crate::motion::kinematics::forward;
+use crate::motion::kinematics::tests::{arm_in_limits, model, possible};
+use crate::motion::pose::Frame;
+
+fn conditions(global: f64) -> Conditions {
+    Conditions { global, ramps: Ramps::default(), frames: Frames::default() }
+}
+
+fn percent(target: MoveTarget, percent: f64) -> Move {
+    Move { target, mask: MoveMask::SIX, speed: MoveSpeed::PercentOfMax(percent), delay: 0.0 }
+}
+
+fn to_axes(degrees: [f64; 6]) -> MoveTarget {
+    MoveTarget::Axes(Axes::of_arm(degrees).unwrap())
+}
+
+fn tool_down() -> Axes {
+    Axes::of_arm([0.0, -10.0, 10.0, 0.0, -90.0, 0.0]).unwrap()
+}
+
+/// From the tool-down stance by so many mm.
+fn line_by(x: f64, y: f64, z: f64) -> MoveTarget {
+    let from = forward(model(), &tool_down(), &Frame::identity());
+    MoveTarget::Line(Pose { x: from.x + x, y: from.y + y, z: from.z + z, ..from })
+}
+
+fn plan(start: &Axes, order: &Move, global: f64) -> Movement {
+    Movement::plan(model(), start, order, &conditions(global)).unwrap()
+}
+
+/// The tool's speed at `t`, mm/s.
+fn tool_speed(movement: &Movement, t: f64) -> f64 {
+    let h = 1e-4;
+    let (a, b) = (movement.state_at(t - h).pose, movement.state_at(t + h).pose);
+    ((b.x - a.x).powi(2) + (b.y - a.y).powi(2) + (b.z - a.z).powi(2)).sqrt() / (2.0 * h)
+}
+
+#[test]
+fn j1_at_ten_percent_of_ten_percent() {
+    let movement = plan(&Axes::ZERO, &percent(to_axes([64.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 10.0), 0.1);
+    let [j1, others @ ..] = movement.state_at(10.0).axis_speeds;
+    assert!((j1 - 2.208).abs() < 1e-12, "{j1}");
+    assert_eq!(others, [0.0; 7]);
+    // A real arm took about 30 s for this (reported, unit A).
+    assert!((movement.duration() - 64.0 / 2.208).abs() < 0.01, "{}", movement.duration());
+    assert!((model().motor_rpm(&movement.state_at(10.0).axis_speeds)[0] - 36.8).abs() < 1e-9);
+}
+
+/// The law measured on a real arm (reported, unit B), with this arm's full speeds: every axis alone, speed 5
+/// to 30 %.
+#[test]
+fn every_axis_alone_goes_by_the_speed_law() {
+    for (n, axis) in model().axes.iter().enumerate() {
+        for speed in [5.0, 10.0, 20.0, 30.0] {
+            let mut degrees = [0.0; 6];
+            degrees[n] = 40.0;
+            let movement = plan(&Axes::ZERO, &percent(to_axes(degrees), speed), 0.1);
+            let measured = movement.state_at(movement.duration() / 2.0).axis_speeds[n];
+            assert!(
+                (measured - axis.max_speed * speed / 1000.0).abs() < 1e-9,
+                "J{} at {speed} %: {measured}",
+                n + 1
+            );
+        }
+    }
+}
+
+/// A stroke too short for its speed falls off, as it does on a real arm.
+#[test]
+fn the_ramp_is_the_same_whatever_the_speed() {
+    let full = model().axes[0].max_speed;
+    for speed in [20.0, 100.0] {
+        let movement = plan(&Axes::ZERO, &percent(to_axes([20.0, 0.0, 0.0, 0.0, 0.0, 0.0]), speed), 1.0);
+        let early = movement.state_at(0.04).axis_speeds[0];
+        assert!((early - full * 0.04 / 0.25).abs() < 1e-9, "{early}");
+    }
+    let ramps = Ramps::new(1.0, 0.5).unwrap();
+    let slow = Conditions { ramps, ..conditions(1.0) };
+    let order = percent(to_axes([150.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 50.0);
+    let movement = Movement::plan(model(), &Axes::ZERO, &order, &slow).unwrap();
+    assert!((movement.state_at(0.25).axis_speeds[0] - full * 0.25).abs() < 1e-9);
+    assert!((movement.state_at(movement.duration() - 0.1).axis_speeds[0] - full * 0.2).abs() < 1e-6);
+}
+
+/// Global speed 5 %: set 5, 10, 20 % gave 5, 10, 20 mm/s (reported, unit B).
+#[test]
+fn a_line_goes_by_percent_of_full_line_speed() {
+    for (speed, expected) in [(5.0, 5.0), (10.0, 10.0), (20.0, 20.0)] {
+        let movement = plan(&tool_down(), &percent(line_by(0.0, 100.0, 0.0), speed), 0.05);
+        let measured = tool_speed(&movement, movement.duration() / 2.0);
+        assert!((measured - expected).abs() < 0.01, "{measured}");
+    }
+}
+
+/// Action 51: 1:1 at global 5 % on that arm means scaled by the global speed; so at 100 % it is what it says.
+#[test]
+fn a_line_goes_by_millimetres_per_second() {
+    let order = Move { speed: MoveSpeed::MmPerSecond(123.0), ..percent(line_by(0.0, 100.0, 0.0), 1.0) };
+    let movement = plan(&tool_down(), &order, 1.0);
+    let measured = tool_speed(&movement, movement.duration() / 2.0);
+    assert!((measured - 123.0).abs() < 0.1, "{measured}");
+    let halved = plan(&tool_down(), &order, 0.5);
+    assert!((tool_speed(&halved, halved.duration() / 2.0) - 61.5).abs() < 0.1);
+}
+
+#[test]
+fn turning_is_held_to_the_angular_speed() {
+    let from = forward(model(), &tool_down(), &Frame::identity());
+    let order = percent(MoveTarget::Line(Pose { w: from.w + 60.0, ..from }), 50.0);
+    let movement = plan(&tool_down(), &order, 0.2);
+    let h = 1e-3;
+    let middle = movement.duration() / 2.0;
+    let (a, b) = (movement.state_at(middle - h).pose, movement.state_at(middle + h).pose);
+    let turned = (b.w - a.w + 540.0).rem_euclid(360.0) - 180.0;
+    assert!((turned.abs() / (2.0 * h) - 20.0).abs() < 0.05, "{turned}");
+}
+
+#[test]
+fn a_delay_stands_still_first() {
+    let order = Move { delay: 1.5, ..percent(to_axes([10.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 100.0) };
+    let movement = plan(&Axes::ZERO, &order, 1.0);
+    let waiting = movement.state_at(1.4);
+    assert_eq!((waiting.axes, waiting.axis_speeds, waiting.done), (Axes::ZERO, [0.0; 8], false));
+    assert!(movement.state_at(1.6).axis_speeds[0] > 1.0);
+    assert!(movement.duration() > 1.5 && !movement.state_at(movement.duration() - 1e-6).done);
+    assert!(movement.state_at(movement.duration()).done);
+    // Halted while waiting, it still owes the rest of the wait.
+    let going_on = movement.halt(1.0, STOP_SECONDS).resume(100.0, 1.0).unwrap();
+    assert!((going_on.duration() - (movement.duration() - 1.0)).abs() < 1e-9);
+    assert!(movement.halt(1.0, STOP_SECONDS).state_at(0.0).done);
+}
+
+#[test]
+fn nowhere_to_go_is_done_at_once() {
+    let movement = plan(&tool_down(), &percent(line_by(0.0, 0.0, 0.0), 50.0), 1.0);
+    assert!(movement.duration() < 1e-3 && movement.state_at(1e-3).done);
+    let movement = plan(&Axes::ZERO, &percent(to_axes([0.0; 6]), 50.0), 1.0);
+    assert!(movement.state_at(0.0).done && movement.reaches_end());
+}
+
+#[test]
+fn a_stop_takes_its_time_and_stays_on_the_line() {
+    let movement = plan(&tool_down(), &percent(line_by(0.0, 150.0, 0.0), 10.0), 0.1);
+    let middle = movement.duration() / 2.0;
+    let halted = movement.halt(middle, STOP_SECONDS);
+    assert!((halted.duration() - STOP_SECONDS).abs() < 1e-12 && !halted.reaches_end());
+    let (before, after) = (halted.state_at(0.0).pose, halted.state_at(1.0).pose);
+    // 20 mm/s down to rest in 0.078 s.
+    assert!((after.y - before.y - 0.78).abs() < 1e-3, "{before:?} {after:?}");
+    assert!((after.x - before.x).abs() < 0.01 && (after.z - before.z).abs() < 0.01);
+    assert_eq!(halted.state_at(STOP_SECONDS).axis_speeds, [0.0; 8]);
+    let end = movement.state_at(f64::INFINITY).axes;
+    assert_eq!(halted.resume(3.0, 0.1).unwrap().state_at(f64::INFINITY).axes, end);
+}
+
+#[test]
+fn a_pause_near_the_end_ends_there() {
+    let movement = plan(&Axes::ZERO, &percent(to_axes([50.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 100.0), 1.0);
+    let halted = movement.halt(movement.duration() - 0.1, PAUSE_SECONDS);
+    assert!(halted.reaches_end());
+    assert_eq!(halted.state_at(PAUSE_SECONDS).axes, movement.state_at(f64::INFINITY).axes);
+}
+
+#[test]
+fn a_new_global_speed_does_not_wake_what_halts() {
+    let movement = plan(&Axes::ZERO, &percent(to_axes([50.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 100.0), 0.2);
+    let halted = movement.halt(0.5, PAUSE_SECONDS);
+    let changed = halted.with_global(0.2, 1.0).unwrap();
+    assert!((changed.duration() - 0.3).abs() < 1e-9);
+    let (was, is) = (halted.state_at(9.0).axes.arm(), changed.state_at(9.0).axes.arm());
+    assert!((was[0] - is[0]).abs() < 1e-9);
+}
+
+#[test]
+fn a_move_that_cannot_be_is_an_alarm() {
+    let refused =
+        |order: &Move, global| Movement::plan(model(), &tool_down(), order, &conditions(global)).unwrap_err();
+    let fine = to_axes([10.0; 6]);
+    for speed in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-300] {
+        assert_eq!(refused(&percent(fine, speed), 1.0).alarm(), 219, "{speed} %");
+        assert_eq!(refused(&percent(line_by(0.0, 10.0, 0.0), speed), 1.0).alarm(), 219, "{speed} %");
+        assert_eq!(refused(&percent(fine, 10.0), speed).alarm(), 219, "global {speed}");
+        let by_length = Move { speed: MoveSpeed::MmPerSecond(speed), ..percent(fine, 1.0) };
+        assert_eq!(refused(&by_length, 1.0).alarm(), 219, "{speed} mm/s");
+    }
+    for delay in [-0.1, f64::NAN, f64::INFINITY, 1e300] {
+        assert_eq!(refused(&Move { delay, ..percent(fine, 10.0) }, 1.0), PlanError::NotFinite);
+    }
+    let outside = refused(&percent(to_axes([0.0, 80.0, 0.0, 0.0, 0.0, 0.0]), 10.0), 1.0);
+    assert_eq!(outside, PlanError::OutsideLimits { axis: AxisNumber::ARM[1], side: LimitSide::Plus });
+    assert_eq!(outside.alarm(), 131);
+    assert_eq!(refused(&percent(line_by(2000.0, 0.0, 0.0), 10.0), 1.0).alarm(), 200);
+    let movement = plan(&Axes::ZERO, &percent(fine, 10.0), 1.0);
+    for global in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(movement.with_global(0.1, global).unwrap_err(), PlanError::Speed);
+        assert_eq!(movement.resume(0.1, global).unwrap_err(), PlanError::Speed);
+        assert_eq!(movement.halt(0.1, 0.5).with_global(0.1, global).unwrap_err(), PlanError::Speed);
+    }
+}
+
+#[test]
+fn odd_times_are_answered() {
+    let movement = plan(&Axes::ZERO, &percent(to_axes([10.0; 6]), 10.0), 1.0);
+    let end = movement.state_at(movement.duration());
+    assert_eq!(end.axes, Axes::of_arm([10.0; 6]).unwrap());
+    assert_eq!(movement.state_at(f64::INFINITY), end);
+    for t in [f64::NAN, f64::NEG_INFINITY, -1.0] {
+        assert_eq!(movement.state_at(t).axes, Axes::ZERO);
+        assert!(!movement.state_at(t).done);
+        assert_eq!(movement.halt(t, 0.5).state_at(0.0).axes, Axes::ZERO);
+        assert!(movement.halt(0.2, t).state_at(0.0).done);
+    }
+    assert_eq!(movement.halt(f64::INFINITY, 0.5).state_at(0.0).axes, end.axes);
+}
+
+/// A move of any kind, mostly possible.
+fn any_move() -> impl Strategy<Value = (Axes, Move)> {
+    let offset = || prop::array::uniform3(-120.0..120.0);
+    let target = prop_oneof![
+        arm_in_limits().prop_map(to_axes),
+        offset().prop_map(|[x, y, z]| line_by(x, y, z)),
+        (offset(), offset()).prop_map(|([a, b, c], [x, y, z])| {
+            match (line_by(a, b, c), line_by(x, y, z)) {
+                (MoveTarget::Line(middle), MoveTarget::Line(end)) => MoveTarget::Curve { middle, end },
+                (other, _) => other,
+            }
+        }),
+    ];
+    (target, 0.1..150.0, 0.0..0.5)
+        .prop_map(|(target, speed, delay)| (tool_down(), Move { delay, ..percent(target, speed) }))
+}
+
+/// Numbers of every size, sensible ones among them.
+fn odd_number() -> impl Strategy<Value = f64> {
+    prop_oneof![4 => -400.0..400.0, 2 => 0.0..1.0, 1 => any::<f64>(), 1 => -1e7..1e7]
+}
+
+fn end_of(movement: &Movement) -> Axes {
+    movement.state_at(movement.duration()).axes
+}
+
+/// Where `old` is at `at` is where `new` starts, as fast.
+fn takes_over(old: &Movement, new: &Movement, at: f64) -> Result<(), TestCaseError> {
+    let (was, is) = (old.state_at(at), new.state_at(0.0));
+    for (was, is) in was.axes.degrees().iter().zip(is.axes.degrees()) {
+        prop_assert!((was - is).abs() < 1e-9, "{was} {is}");
+    }
+    for (was, is) in was.axis_speeds.iter().zip(is.axis_speeds) {
+        prop_assert!((was - is).abs() < 1e-6, "{was} {is}");
+    }
+    Ok(())
+}
+
+proptest! {
+    #[test]
+    fn no_axis_goes_beyond_its_limits_or_speed(
+        (start, order) in any_move(), global in 0.01..1.5, parts in prop::collection::vec(0.0..1.0, 20),
+    ) {
+        let movement = possible(Movement::plan(model(), &start, &order, &conditions(global)))?;
+        for part in parts {
+            let state = movement.state_at(part * movement.duration());
+            for (n, axis) in model().axes.iter().enumerate() {
+                prop_assert!(state.axis_speeds[n].abs() <= axis.max_speed * (1.0 + 1e-9));
+                let degrees = state.axes.arm()[n];
+                prop_assert!(axis.soft.min - 1e-5 <= degrees && degrees <= axis.soft.max + 1e-5);
+            }
+            prop_assert!(!state.done);
+        }
+        let end = movement.state_at(movement.duration());
+        prop_assert!(end.done && end.axis_speeds == [0.0; 8]);
+        match order.target {
+            MoveTarget::Axes(target) => prop_assert_eq!(end.axes, target),
+            MoveTarget::Line(target) | MoveTarget::Curve { end: target, .. } => {
+                for (got, want) in end.pose.components().into_iter().take(3).zip(target.components()) {
+                    prop_assert!((got - want).abs() < 1e-9, "{got} {want}");
+                }
+            }
+        }
+    }
+
+    /// Small steps in time are small steps in place, and the axis speeds are the rate of them.
+    #[test]
+    fn place_and_speed_have_no_jumps((start, order) in any_move(), global in 0.05..1.0, part in 0.0..1.0) {
+        let movement = possible(Movement::plan(model(), &start, &order, &conditions(global)))?;
+        let (t, h) = (part * movement.duration(), 1e-5);
+        let [before, here, after] = [t - h, t, t + h].map(|t| movement.state_at(t));
+        for (n, axis) in model().axes.iter().enumerate() {
+            let steps = [(before, here), (here, after)].map(|(a, b)| b.axes.arm()[n] - a.axes.arm()[n]);
+            // Full acceleration, and then as much again for the bend of the path.
+            let slack = 40.0 * axis.max_speed * h;
+            for step in steps {
+                prop_assert!((step / h - here.axis_speeds[n]).abs() < slack + 1e-4, "J{}: {step}", n + 1);
+            }
+        }
+    }
+
+    #[test]
+    fn halting_and_going_on_have_no_jumps(
+        (start, order) in any_move(), global in 0.05..1.0, part in 0.0..1.0,
+        within in 0.01..1.0, wait in 0.0..1.5, next in 0.05..1.0,
+    ) {
+        let movement = possible(Movement::plan(model(), &start, &order, &conditions(global)))?;
+        let at = part * movement.duration();
+        let halted = movement.halt(at, within);
+        takes_over(&movement, &halted, at)?;
+        prop_assert!(halted.duration() <= within + 1e-9);
+        prop_assert!(halted.state_at(within + 1e-9).done);
+        // Also while it is still slowing down.
+        let again = wait * within;
+        let going_on = halted.resume(again, next).unwrap();
+        takes_over(&halted, &going_on, again)?;
+        prop_assert_eq!(end_of(&going_on), end_of(&movement));
+        prop_assert!(going_on.reaches_end());
+    }
+
+    #[test]
+    fn a_new_global_speed_has_no_jumps(
+        (start, order) in any_move(), global in 0.05..1.0, next in 0.05..1.0,
+        part in 0.0..1.0, rest in 0.0..1.0,
+    ) {
+        let movement = possible(Movement::plan(model(), &start, &order, &conditions(global)))?;
+        let at = part * movement.duration();
+        let changed = movement.with_global(at, next).unwrap();
+        takes_over(&movement, &changed, at)?;
+        prop_assert_eq!(end_of(&changed), end_of(&movement));
+        let state = changed.state_at(rest * changed.duration());
+        for (speed, axis) in state.axis_speeds.into_iter().zip(&model().axes) {
+            prop_assert!(speed.abs() <= axis.max_speed * (1.0 + 1e-9));
+        }
+        let same = movement.with_global(at, global).unwrap();
+        prop_assert!((same.duration() - (movement.duration() - at)).abs() < 1e-6);
+    }
+
+    /// Whatever a peer sends: an answer, never a panic, and never an arm outside its limits.
+    #[test]
+    fn nonsense_is_answered(
+        numbers in prop::array::uniform12(odd_number()), axes in prop::array::uniform6(odd_number()),
+        mask in any::<u8>(), others in prop::array::uniform4(odd_number()), kind in 0..3, t in odd_number(),
+    ) {
+        let [a, b, c, d, e, f, g, h, i, j, k, l] = numbers;
+        let (first, second) =
+            (Pose::from_components([a, b, c, d, e, f]), Pose::from_components([g, h, i, j, k, l]));
+        let [speed, delay, global, twist] = others;
+        let target = match (kind, Axes::of_arm(axes)) {
+            (0, Ok(axes)) => MoveTarget::Axes(axes),
+            (1, _) => MoveTarget::Curve { middle: first, end: second },
+            _ => MoveTarget::Line(first),
+        };
+        let tool = Frame::at(&Pose { z: d, w: twist, ..Pose::default() }).unwrap_or_default();
+        let settings = Conditions { frames: Frames { tool, work: Frame::identity() }, ..conditions(global) };
+        for speed in [MoveSpeed::PercentOfMax(speed), MoveSpeed::MmPerSecond(speed)] {
+            let order = Move { target, mask: MoveMask(mask), speed, delay };
+            for start in [tool_down(), Axes::of_arm(axes).unwrap_or(Axes::ZERO)] {
+                let Ok(movement) = Movement::plan(model(), &start, &order, &settings) else { continue };
+                let halted = movement.halt(t, twist);
+                prop_assert!(movement.duration().is_finite() && halted.duration().is_finite());
+                for state in [movement.state_at(t), halted.state_at(t), movement.state_at(f64::INFINITY)] {
+                    let mut all = state.axes.degrees().iter().chain(&state.axis_speeds);
+                    prop_assert!(all.all(|number| number.is_finite()));
+                }
+                let end = movement.state_at(f64::INFINITY).axes;
+                prop_assert!(start != tool_down() || model().outside_limits(&end).is_none());
+                let _ = (halted.resume(t, twist), movement.with_global(t, twist));
+            }
+        }
+    }
+}

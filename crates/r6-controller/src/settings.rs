@@ -1,0 +1,54 @@
+//! What a virtual controller has when it is switched on, besides its profile.
+
+use std::collections::BTreeMap;
+
+use crate::mode::StartState;
+use crate::motion::RobotModel;
+use crate::profile::Profile;
+
+/// The program that waits for remote commands.
+pub const REMOTE_MOLD: &str = "remote";
+
+/// How a virtual controller is built.
+#[derive(Clone, Debug)]
+pub struct ControllerSettings {
+    /// The firmware it plays.
+    pub profile: Profile,
+    /// The arm.
+    pub model: RobotModel,
+    /// How it stands when it is switched on.
+    pub start: StartState,
+    /// What `machineName` answers. It says that the machine is virtual, in a field that clients only display.
+    pub machine_name: String,
+    /// The programs, by name. Only [`REMOTE_MOLD`] waits for remote commands; another one is empty and never ends.
+    pub molds: Vec<String>,
+    /// The program in use.
+    pub mold: String,
+    /// The counters: id, (target, current).
+    pub counters: BTreeMap<u32, (i64, i64)>,
+    /// How many IO boards `boardIOnum` tells.
+    pub io_boards: u8,
+    /// The global speed, percent.
+    pub global_speed: f64,
+    /// The seed of whatever is random (nothing yet).
+    pub seed: u64,
+}
+
+impl ControllerSettings {
+    /// The settings of a controller with this profile and arm: homed, waiting for remote commands, global speed 100 %.
+    #[must_use]
+    pub fn new(profile: Profile, model: RobotModel) -> Self {
+        Self {
+            machine_name: format!("r6 virtual {}", model.name),
+            profile,
+            model,
+            start: StartState::Waiting,
+            molds: vec!["default".to_owned(), REMOTE_MOLD.to_owned()],
+            mold: REMOTE_MOLD.to_owned(),
+            counters: [(0, (0, 0)), (2, (0, 0)), (5, (0, 0))].into_iter().collect(),
+            io_boards: 2,
+            global_speed: 100.0,
+            seed: 0,
+        }
+    }
+}

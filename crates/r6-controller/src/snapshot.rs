@@ -1,0 +1,64 @@
+//! What a person would see standing at the machine.
+
+use r6_proto::AXES;
+
+use crate::machine::Machine;
+use crate::mode::OperationMode;
+
+/// A virtual controller at one point in time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ControllerSnapshot {
+    /// What `version` answers.
+    pub version: String,
+    /// What `machineName` answers.
+    pub machine_name: String,
+    /// The profile's name.
+    pub profile: String,
+    /// The robot model's name.
+    pub model: String,
+    /// The operation mode.
+    pub mode: OperationMode,
+    /// The alarm, 0 for none.
+    pub alarm: u32,
+    /// Whether it is homed.
+    pub homed: bool,
+    /// Whether a move is under way.
+    pub moving: bool,
+    /// How many instructions are left in the list.
+    pub list_length: usize,
+    /// Axis positions, degrees.
+    pub axes: [f64; AXES],
+    /// Soft limits of the arm's axes, degrees: lowest, highest.
+    pub axis_limits: Vec<(f64, f64)>,
+    /// X, Y, Z in mm, U, V, W in degrees, of the tool in use in the work frame in use.
+    pub world: [f64; 6],
+    /// Global speed, percent.
+    pub global_speed_percent: f64,
+    /// Time of the present cycle, seconds.
+    pub cycle_seconds: f64,
+    /// How many connections are served.
+    pub connections: usize,
+}
+
+impl ControllerSnapshot {
+    pub(crate) fn of(machine: &Machine, connections: usize) -> Self {
+        let motion = machine.motion();
+        Self {
+            version: machine.profile.version.clone(),
+            machine_name: machine.machine_name.clone(),
+            profile: machine.profile.name.clone(),
+            model: machine.model.name.to_owned(),
+            mode: machine.mode,
+            alarm: machine.alarm,
+            homed: machine.homed,
+            moving: machine.is_moving(),
+            list_length: machine.list.len(),
+            axes: *motion.axes.degrees(),
+            axis_limits: machine.model.soft_limits().iter().map(|limits| (limits.min, limits.max)).collect(),
+            world: machine.pose_of(&motion.axes).components(),
+            global_speed_percent: machine.global_speed * 100.0,
+            cycle_seconds: machine.cycle_time().as_secs_f64(),
+            connections,
+        }
+    }
+}

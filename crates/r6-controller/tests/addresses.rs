@@ -1,0 +1,250 @@
+//! Every query address (manual 4.1.1 and later): what it reports, caused by something.
+
+mod common;
+
+use common::{Cell, assert_near, axis_move};
+use serde_json::json;
+
+#[test]
+fn address_version() {
+    assert_eq!(Cell::new().text("version"), "HC-QC-RX-7.8.07-master-F5.2.1");
+    assert_eq!(Cell::with_profile("r6-host").text("version"), "v1.1");
+}
+
+#[test]
+fn address_cur_mold() {
+    // The mainboard's port has no curMold: it is left out of the values, but not of the echo (captured, unit C).
+    let mut cell = Cell::new();
+    assert_eq!(cell.query(&["version", "curMold"]).len(), 1);
+    let mut pendant = Cell::with_profile("r6-pendant");
+    assert_eq!(pendant.text("curMold"), "remote");
+    pendant.ok(&["switchMold", "default"]);
+    assert_eq!(pendant.text("curMold"), "default");
+}
+
+#[test]
+fn address_counter_list() {
+    assert_eq!(Cell::new().value("counterList"), json!(["0", "2", "5"]));
+}
+
+#[test]
+fn address_counter_n() {
+    let mut cell = Cell::new();
+    cell.ok(&["modifyCounter", "2", "7", "20"]);
+    // Numbers, as captured; a counter that is not there is left out.
+    assert_eq!(cell.query(&["counter-2", "counter-3"]), [json!([2, 20, 7])]);
+    let mut pendant = Cell::with_profile("r6-pendant");
+    pendant.ok(&["modifyCounter", "2", "7", "20"]);
+    assert_eq!(pendant.value("counter-2"), json!(["2", "20", "7"]));
+    let mut legacy = Cell::with_profile("legacy");
+    legacy.send(r#"{"reqType":"command","cmdData":["modifyCounter","2","7","20"]}"#);
+    assert!(legacy.frame().unwrap().contains(r#""cmdReply":["ok"]"#));
+    assert_eq!(legacy.text("counter-2"), "counter2[2][T:20][C:7]");
+}
+
+#[test]
+fn address_cur_mode() {
+    let mut cell = Cell::new();
+    assert_eq!(cell.text("curMode"), "7");
+    cell.ok(&["actionStop"]);
+    assert_eq!(cell.text("curMode"), "2");
+    cell.ok(&["actionSingleCycle"]);
+    assert_eq!(cell.text("curMode"), "2", "a single cycle of nothing is over at once");
+}
+
+#[test]
+fn address_board_io_num() {
+    let mut cell = Cell::new();
+    assert_eq!(cell.text("boardIOnum"), "2");
+    assert_eq!(cell.text("boardIONum"), "2", "the later manual's spelling");
+}
+
+#[test]
+fn address_input_n() {
+    let mut cell = Cell::new();
+    assert_eq!(cell.query(&["input-0", "input-1"]), [json!("0"), json!("0")]);
+    cell.controller.set_input(cell.now, 0, 31, true);
+    cell.controller.set_input(cell.now, 1, 0, true);
+    assert_eq!(cell.query(&["input-0", "input-1"]), [json!("2147483648"), json!("1")]);
+}
+
+#[test]
+fn address_output_n() {
+    let mut cell = Cell::new();
+    cell.ok(&["modifyOutput", "0", "3", "1"]);
+    cell.ok(&["modifyOutput", "1", "0", "1"]);
+    assert_eq!(cell.query(&["output-0", "output-1"]), [json!("8"), json!("1")]);
+    cell.ok(&["modifyOutput", "0", "3", "0"]);
+    assert_eq!(cell.text("output-0"), "0");
+}
+
+#[test]
+fn address_axis_num() {
+    assert_eq!(Cell::new().text("axisNum"), "6");
+}
+
+#[test]
+fn address_axis_n() {
+    let mut cell = Cell::new();
+    cell.run_ok(&json!([axis_move([10.0, -20.0, 30.0, 5.0, 40.0, -90.0], 100.0)]));
+    cell.pass(30.0);
+    assert_eq!(cell.text("axis-1"), "-20.000000", "six decimals, as captured");
+    assert_near(cell.axes(), [10.0, -20.0, 30.0, 5.0, 40.0, -90.0], 1e-6);
+    assert_eq!(cell.query(&["axis-6", "axis-7"]), [json!("0.000000"), json!("0.000000")]);
+}
+
+#[test]
+fn address_world_n() {
+    let mut cell = Cell::new();
+    // At all axes 0 the forearm points along +X of the world: reach 50 + 363 + 101.3 + 17, height 296.5 + 350 + 41.
+    let home = cell.world();
+    assert_near([home[0], home[1], home[2], 0.0, 0.0, 0.0], [531.3, 0.0, 687.5, 0.0, 0.0, 0.0], 1e-5);
+    cell.run_ok(&json!([axis_move([90.0, 0.0, 0.0, 0.0, 0.0, 0.0], 100.0)]));
+    cell.pass(10.0);
+    let turned = cell.world();
+    assert_near([turned[0], turned[1], turned[2], 0.0, 0.0, 0.0], [0.0, 531.3, 687.5, 0.0, 0.0, 0.0], 1e-5);
+    assert_eq!(cell.query(&["world-6", "world-7"]).len(), 2);
+}
+
+#[test]
+fn address_cur_alarm() {
+    let mut cell = Cell::new();
+    assert_eq!(cell.text("curAlarm"), "0");
+    // J6 beyond its soft limit of 340 degrees: 130 + 5 (confirmed live).
+    cell.run_ok(&json!([axis_move([0.0, 0.0, 0.0, 0.0, 0.0, 350.0], 50.0)]));
+    assert_eq!(cell.text("curAlarm"), "135");
+    cell.ok(&["clearAlarm"]);
+    assert_eq!(cell.text("curAlarm"), "0");
+}
+
+#[test]
+fn address_cur_cycle() {
+    let mut cell = Cell::new();
+    assert_eq!(cell.number("curCycle"), 0.0);
+    cell.run_ok(&json!([{"oneshot": "1", "action": "100", "type": "100", "limit": "5"}]));
+    cell.pass(2.0);
+    assert!((cell.number("curCycle") - 2.018).abs() < 1e-6);
+    cell.pass(10.0);
+    assert_eq!(cell.number("curCycle"), 0.0);
+}
+
+#[test]
+fn address_last_cycle() {
+    let mut cell = Cell::new();
+    cell.run_ok(&json!([{"oneshot": "1", "action": "100", "type": "100", "limit": "5"}]));
+    cell.pass(10.0);
+    assert!((cell.number("lastCycle") - 5.0).abs() < 1e-6);
+}
+
+#[test]
+fn address_machine_name() {
+    assert_eq!(Cell::new().text("machineName"), "r6 virtual BRTIRUS0707A");
+}
+
+#[test]
+fn address_cur_torque_n() {
+    let mut cell = Cell::new();
+    assert_eq!(cell.text("curTorque-0"), "0", "0 at rest (reported, unit A)");
+    cell.run_ok(&json!([axis_move([90.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0)]));
+    cell.pass(0.4);
+    let torque = cell.number("curTorque-0");
+    assert!((1.0..=2580.0).contains(&torque), "{torque}");
+    assert_eq!(cell.text("curTorque-1"), "0");
+    assert_eq!(
+        Cell::with_profile("r6-pendant").query(&["curTorque-0"]).len(),
+        0,
+        "only on the mainboard's port"
+    );
+}
+
+#[test]
+fn address_cur_speed_n() {
+    let mut cell = Cell::new();
+    assert_eq!(cell.text("curSpeed-0"), "0");
+    cell.run_ok(&json!([axis_move([90.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0)]));
+    cell.pass(0.4);
+    // J1 at 50 % of 220.8 deg/s, gear ratio 100: 110.4 × 100 / 6 RPM.
+    assert_eq!(cell.text("curSpeed-0"), "1840");
+    assert_eq!(
+        Cell::with_profile("r6-pendant").query(&["curSpeed-0"]).len(),
+        0,
+        "only on the mainboard's port"
+    );
+}
+
+#[test]
+fn address_cur_account() {
+    assert_eq!(Cell::new().query(&["curAccount"]).len(), 0, "not on the mainboard's port");
+    assert_eq!(Cell::with_profile("r6-pendant").text("curAccount"), "operator");
+}
+
+#[test]
+fn address_origin() {
+    assert_eq!(Cell::new().text("origin"), "1");
+}
+
+#[test]
+fn address_mold_list() {
+    assert_eq!(Cell::new().value("moldList"), json!(["default", "remote"]));
+}
+
+#[test]
+fn address_is_moving() {
+    let mut cell = Cell::new();
+    assert_eq!(cell.text("isMoving"), "0");
+    cell.add_rcc("1", &json!([axis_move([10.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0)]));
+    // Clients poll isMoving right behind the reply: it is 1 before the reply leaves.
+    assert_eq!(cell.text("isMoving"), "1");
+    cell.pass(5.0);
+    assert!(cell.frame().unwrap().contains("AddRCC"));
+    assert_eq!(cell.text("isMoving"), "0");
+}
+
+#[test]
+fn address_m_n() {
+    let mut cell = Cell::new();
+    cell.ok(&["modifyOutput", "4", "1", "1"]);
+    cell.ok(&["modifyOutput", "5", "0", "1"]);
+    assert_eq!(cell.query(&["M-0", "M-1"]), [json!("2"), json!("1")]);
+}
+
+#[test]
+fn address_addr_n() {
+    let mut cell = Cell::new();
+    cell.ok(&["rewriteDataList", "800", "6", "0", "0", "0", "-300000", "0", "0", "0"]);
+    let request = r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"900","queryAddr":["Addr-800","Addr-801","Addr-802","Addr-803","Addr-804","Addr-805"]}"#;
+    // Captured, unit C, byte for byte.
+    assert_eq!(
+        cell.ask(request),
+        r#"{"dsID":"www.hc-system.com.RemoteMonitor","packID":"900","queryAddr":["Addr-800","Addr-801","Addr-802","Addr-803","Addr-804","Addr-805"],"queryData":["0","0","-300000","0","0","0"],"reqType":"query"}"#
+    );
+    assert_eq!(cell.query(&["Addr-799", "Addr-901"]).len(), 0);
+}
+
+#[test]
+fn address_remote_cmd_len() {
+    let mut cell = Cell::new();
+    let step = axis_move([10.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0);
+    let back = axis_move([0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0);
+    cell.run_ok(&json!([step, back]));
+    assert_eq!(cell.text("RemoteCmdLen"), "2");
+    cell.pass(30.0);
+    assert_eq!(cell.text("RemoteCmdLen"), "0");
+}
+
+#[test]
+fn address_tool_coord() {
+    let mut cell = Cell::new();
+    cell.ok(&["switchTool", "3"]);
+    cell.ok(&["switchCoordinate", "2"]);
+    assert_eq!(cell.value("toolCoord"), json!(["3", "2", "0"]));
+}
+
+#[test]
+fn address_faxis_n() {
+    let mut cell = Cell::new();
+    cell.run_ok(&json!([axis_move([10.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0)]));
+    cell.pass(0.1);
+    assert_eq!(cell.text("faxis-0"), cell.text("axis-0"));
+    assert!(cell.number("faxis-0") > 0.0);
+}

@@ -1,0 +1,549 @@
+//! The PC's end of one connection, without I/O: requests in, frames out; bytes in, events out.
+//!
+//! A reply is matched by its `packID` where the firmware echoes it. Where it does not, by kind, by the command it
+//! names and by order; then a request that timed out may still be answered later, and no reply can be trusted to
+//! belong to the next request: the session says so ([`Event::OutOfStep`]) and the connection has to be made anew.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use crate::dialect::{DsIdForm, Envelope};
+use crate::error::{EncodeError, JsonError};
+use crate::frame::{FrameBuffer, FrameError, Limits};
+use crate::message::{Body, Decoder, Message, RequestType, TypeKey};
+use crate::request::Request;
+use crate::server::PARTIAL_FRAME_TIMEOUT;
+use crate::time::Instant;
+use crate::value::Values;
+
+/// How a client session behaves.
+#[derive(Clone, Copy, Debug)]
+pub struct ClientSettings {
+    /// How long a reply may take. Replies take up to 26 ms on real controllers; the default of 2 s leaves room
+    /// for a busy network and is shorter than a person's patience.
+    pub reply_timeout: Duration,
+    /// The longest frame that is sent. Controllers neither answer nor execute an AddRCC over 2 048 bytes.
+    pub max_frame_bytes: usize,
+    /// How many requests may wait for a reply at once.
+    pub max_in_flight: usize,
+    /// The key of the type: `cmdType` for the oldest firmware.
+    pub type_key: TypeKey,
+    /// The form of `dsID`.
+    pub ds_id: DsIdForm,
+    /// The number that the first request's `packID` has; a shell that reconnects counts on.
+    pub first_pack_id: u64,
+}
+
+impl Default for ClientSettings {
+    fn default() -> Self {
+        Self {
+            reply_timeout: Duration::from_secs(2),
+            max_frame_bytes: 2048,
+            max_in_flight: 64,
+            type_key: TypeKey::ReqType,
+            ds_id: DsIdForm::Long,
+            first_pack_id: 1,
+        }
+    }
+}
+
+/// Names one request of a session; its number is the request's `packID`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Ticket(u64);
+
+impl Ticket {
+    /// The number that stands in `packID`.
+    #[must_use]
+    pub fn number(self) -> u64 {
+        self.0
+    }
+}
+
+/// Why a request was not sent: nothing has reached the controller.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SendError {
+    /// A value that the wire cannot carry.
+    Encode(EncodeError),
+    /// The frame is longer than the controller takes.
+    TooLong {
+        /// Its length.
+        bytes: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// Too many requests wait for their replies.
+    TooManyInFlight {
+        /// The limit.
+        limit: usize,
+    },
+}
+
+impl std::fmt::Display for SendError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Encode(error) => error.fmt(f),
+            Self::TooLong { bytes, limit } => write!(
+                f,
+                "the frame has {bytes} bytes, but the controller takes {limit}: send fewer instructions in one list \
+                 and append the rest"
+            ),
+            Self::TooManyInFlight { limit } => write!(f, "{limit} requests wait for their replies already"),
+        }
+    }
+}
+
+impl std::error::Error for SendError {}
+
+/// What a client session tells.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// The reply to a request.
+    Reply {
+        /// The request.
+        ticket: Ticket,
+        /// The reply: a [`Body::QueryReply`], a [`Body::CommandReply`] or, if it cannot be understood, a [`Body::Rejected`].
+        message: Message<'a>,
+        /// How long it took.
+        after: Duration,
+    },
+    /// The controller asks for a photo: it was not asked for anything.
+    Photo {
+        /// The camera.
+        cam_id: i64,
+        /// The frame.
+        message: Message<'a>,
+    },
+    /// A frame that answers nothing that waits: late, repeated, contradictory, or of another kind.
+    Stray {
+        /// Why.
+        reason: StrayReason,
+        /// The frame.
+        message: Message<'a>,
+    },
+    /// Bytes that are no frame; what follows them is understood again.
+    BadFrame(FrameError),
+    /// A frame that is no JSON.
+    NotJson(JsonError),
+    /// No reply came in time: the controller may have acted.
+    TimedOut(Ticket),
+    /// The connection ended before the reply.
+    Lost {
+        /// The request.
+        ticket: Ticket,
+        /// Whether any byte of it was given to the connection: if not, sending it again is safe.
+        left: bool,
+    },
+    /// Replies can no longer be matched with certainty: close the connection and make a new one.
+    OutOfStep,
+}
+
+/// Why a frame was matched to no request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StrayReason {
+    /// Nothing that waits has this `packID`: late, repeated, or another client's.
+    UnknownPackId,
+    /// The `packID` fits, but the reply is of another kind, names another command or echoes other addresses.
+    Contradiction,
+    /// Nothing of this kind waits.
+    NothingWaits,
+    /// An echo of a request.
+    Echo,
+    /// After a time-out without `packID` nobody can tell what it answers.
+    OutOfStep,
+    /// It is no reply at all.
+    NoReply,
+}
+
+/// What the replies so far tell about the firmware's dialect; `None` where nothing told yet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LearnedDialect {
+    /// Replies carry the request's `packID`.
+    pub echoes_pack_id: Option<bool>,
+    /// Query replies carry the addresses.
+    pub echoes_query_addr: Option<bool>,
+    /// Command replies name the command (from 2.0.2.1 / 1.6.4 on).
+    pub names_command: Option<bool>,
+    /// Replies say `queryEcho` or `cmdEcho` (before 2.0.2.1).
+    pub echo_types: Option<bool>,
+}
+
+#[derive(Debug)]
+struct InFlight {
+    ticket: Ticket,
+    request: RequestType,
+    /// The command's word, or AddPoints or AddRCC.
+    word: &'static str,
+    /// A query's addresses, hashed: an echo must be theirs.
+    addresses: u64,
+    sent_at: Instant,
+    deadline: Instant,
+    /// Where its first byte stands in the output, counted from the session's start.
+    starts_at: u64,
+}
+
+/// The PC's end of one connection.
+#[derive(Debug)]
+pub struct ClientSession {
+    settings: ClientSettings,
+    frames: FrameBuffer,
+    decoder: Decoder,
+    last_byte: Instant,
+    output: Vec<u8>,
+    /// How much of `output` was transmitted, and how much before it.
+    transmitted: usize,
+    transmitted_before: u64,
+    next_ticket: u64,
+    in_flight: VecDeque<InFlight>,
+    timed_out: VecDeque<Ticket>,
+    lost: VecDeque<(Ticket, bool)>,
+    partial_error: Option<FrameError>,
+    learned: LearnedDialect,
+    out_of_step: OutOfStep,
+}
+
+/// Whether replies without `packID` can still be matched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum OutOfStep {
+    No,
+    /// A request timed out before it was known whether the firmware echoes `packID`.
+    IfNotEchoed,
+    /// They cannot; the event is due.
+    Due,
+    /// They cannot; it was said.
+    Said,
+}
+
+impl ClientSession {
+    /// A session on a fresh connection.
+    #[must_use]
+    pub fn new(settings: ClientSettings) -> Self {
+        Self {
+            settings,
+            frames: FrameBuffer::new(Limits::default()),
+            decoder: Decoder::new(),
+            last_byte: Instant::ORIGIN,
+            output: Vec::new(),
+            transmitted: 0,
+            transmitted_before: 0,
+            next_ticket: settings.first_pack_id,
+            in_flight: VecDeque::new(),
+            timed_out: VecDeque::new(),
+            lost: VecDeque::new(),
+            partial_error: None,
+            learned: LearnedDialect::default(),
+            out_of_step: OutOfStep::No,
+        }
+    }
+
+    /// Puts a request into the output.
+    ///
+    /// # Errors
+    /// [`SendError`]: nothing was put there.
+    pub fn send(&mut self, now: Instant, request: &Request<'_>) -> Result<Ticket, SendError> {
+        let waits = request.expects_reply();
+        if waits && self.in_flight.len() >= self.settings.max_in_flight {
+            return Err(SendError::TooManyInFlight { limit: self.settings.max_in_flight });
+        }
+        self.compact();
+        let ticket = Ticket(self.next_ticket);
+        let before = self.output.len();
+        let digits = ticket.0.to_string();
+        let envelope = Envelope {
+            ds_id: self.settings.ds_id,
+            type_key: self.settings.type_key,
+            pack_id: waits.then_some(digits.as_str()),
+        };
+        request.encode(&envelope, &mut self.output).map_err(SendError::Encode)?;
+        let bytes = self.output.len() - before;
+        if bytes > self.settings.max_frame_bytes {
+            self.output.truncate(before);
+            return Err(SendError::TooLong { bytes, limit: self.settings.max_frame_bytes });
+        }
+        self.next_ticket += 1;
+        if waits {
+            let (word, addresses) = match request {
+                Request::Query(addresses) => ("query", hash_of_addresses(addresses)),
+                Request::Command(command) => (command.name().word(), 0),
+                Request::AddRcc { .. }
+                | Request::AddPoints(_)
+                | Request::Heartbreak
+                | Request::PhotoAnswer(_) => (request.request_type().word(), 0),
+            };
+            self.in_flight.push_back(InFlight {
+                ticket,
+                request: request.request_type(),
+                word,
+                addresses,
+                sent_at: now,
+                deadline: now + self.settings.reply_timeout,
+                starts_at: self.transmitted_before + u64::try_from(before).unwrap_or(u64::MAX),
+            });
+        }
+        Ok(ticket)
+    }
+
+    fn compact(&mut self) {
+        if self.transmitted > 0 && self.transmitted == self.output.len() {
+            self.transmitted_before += u64::try_from(self.transmitted).unwrap_or(u64::MAX);
+            self.output.clear();
+            self.transmitted = 0;
+        }
+    }
+
+    /// The bytes that wait to be written to the connection.
+    #[must_use]
+    pub fn poll_transmit(&self) -> Option<&[u8]> {
+        self.output.get(self.transmitted..).filter(|rest| !rest.is_empty())
+    }
+
+    /// Tells that the first `bytes` of [`Self::poll_transmit`] were given to the connection.
+    pub fn transmitted(&mut self, bytes: usize) {
+        self.transmitted = (self.transmitted + bytes).min(self.output.len());
+    }
+
+    /// Takes bytes from the controller and tells how many there was room for; [`Self::poll_event`] tells what they
+    /// mean. Give it the others once that has returned `None`.
+    #[must_use = "bytes that were not taken have to be given again"]
+    pub fn handle_input(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        self.last_byte = now;
+        self.frames.push(bytes)
+    }
+
+    /// Tells the session what time it is: overdue requests time out, an incomplete frame is given up.
+    pub fn handle_timeout(&mut self, now: Instant) {
+        while let Some(at) = self.in_flight.iter().position(|waiting| waiting.deadline <= now) {
+            if let Some(waiting) = self.in_flight.remove(at) {
+                self.timed_out.push_back(waiting.ticket);
+                self.fall_out_of_step();
+            }
+        }
+        if self.partial_deadline().is_some_and(|due| due <= now) {
+            self.partial_error = self.frames.abandon_partial();
+        }
+    }
+
+    fn fall_out_of_step(&mut self) {
+        self.out_of_step = match (self.out_of_step, self.learned.echoes_pack_id) {
+            (OutOfStep::Said, _) => OutOfStep::Said,
+            (state, Some(true)) => state,
+            (_, Some(false)) => OutOfStep::Due,
+            (OutOfStep::Due, None) => OutOfStep::Due,
+            (OutOfStep::No | OutOfStep::IfNotEchoed, None) => OutOfStep::IfNotEchoed,
+        };
+    }
+
+    /// Tells the session that the connection ended: every request that waits is lost.
+    pub fn handle_disconnect(&mut self) {
+        let transmitted = self.transmitted_before + u64::try_from(self.transmitted).unwrap_or(u64::MAX);
+        for waiting in self.in_flight.drain(..) {
+            self.lost.push_back((waiting.ticket, waiting.starts_at < transmitted));
+        }
+        self.partial_error = self.frames.abandon_partial();
+    }
+
+    /// When [`Self::handle_timeout`] has to be called next.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Instant> {
+        let reply = self.in_flight.iter().map(|waiting| waiting.deadline).min();
+        [reply, self.partial_deadline()].into_iter().flatten().min()
+    }
+
+    fn partial_deadline(&self) -> Option<Instant> {
+        (self.frames.pending() > 0).then(|| self.last_byte + PARTIAL_FRAME_TIMEOUT)
+    }
+
+    /// What the replies so far tell about the firmware.
+    #[must_use]
+    pub fn learned(&self) -> LearnedDialect {
+        self.learned
+    }
+
+    /// The number that the next request's `packID` would have: where a new session counts on.
+    #[must_use]
+    pub fn next_pack_id(&self) -> u64 {
+        self.next_ticket
+    }
+
+    /// The next event; `None` once more bytes or time are needed. `now` measures how long a reply took.
+    pub fn poll_event(&mut self, now: Instant) -> Option<Event<'_>> {
+        if let Some(ticket) = self.timed_out.pop_front() {
+            return Some(Event::TimedOut(ticket));
+        }
+        if let Some(error) = self.partial_error.take() {
+            return Some(Event::BadFrame(error));
+        }
+        if self.out_of_step == OutOfStep::Due {
+            self.out_of_step = OutOfStep::Said;
+            return Some(Event::OutOfStep);
+        }
+        if let Some((ticket, left)) = self.lost.pop_front() {
+            return Some(Event::Lost { ticket, left });
+        }
+        let frame = match self.frames.next()? {
+            Ok(frame) => frame,
+            Err(error) => return Some(Event::BadFrame(error)),
+        };
+        let message = match self.decoder.decode(frame.bytes) {
+            Ok(message) => message,
+            Err(error) => return Some(Event::NotJson(error)),
+        };
+        let mut matcher = Matcher {
+            in_flight: &mut self.in_flight,
+            learned: &mut self.learned,
+            out_of_step: &mut self.out_of_step,
+        };
+        Some(match matcher.assign(&message) {
+            Assigned::Reply(waiting) => {
+                Event::Reply { ticket: waiting.ticket, message, after: now.since(waiting.sent_at) }
+            }
+            Assigned::Photo(cam_id) => Event::Photo { cam_id, message },
+            Assigned::Stray(reason) => Event::Stray { reason, message },
+        })
+    }
+}
+
+/// Finds the request that a frame answers.
+struct Matcher<'s> {
+    in_flight: &'s mut VecDeque<InFlight>,
+    learned: &'s mut LearnedDialect,
+    out_of_step: &'s mut OutOfStep,
+}
+
+enum Assigned {
+    Reply(InFlight),
+    Photo(i64),
+    Stray(StrayReason),
+}
+
+/// What a reply answers, as far as the reply itself tells.
+enum Answers<'a> {
+    Query {
+        addresses: Option<Values<'a>>,
+    },
+    /// A command, AddPoints or AddRCC; the word where the reply names it.
+    Named(Option<std::borrow::Cow<'a, str>>),
+    /// A reply of this type with a field that cannot be right.
+    Broken(RequestType),
+}
+
+impl Matcher<'_> {
+    fn assign(&mut self, message: &Message<'_>) -> Assigned {
+        let answers = match &message.body {
+            Body::QueryReply(reply) => Answers::Query { addresses: reply.addresses },
+            Body::CommandReply(reply) => Answers::Named(reply.command()),
+            Body::Rejected(rejection) => Answers::Broken(rejection.request),
+            Body::Photo(photo) => return Assigned::Photo(photo.cam_id),
+            Body::Query(_) | Body::Command(_) | Body::AddPoints(_) | Body::AddRcc(_) => {
+                return Assigned::Stray(StrayReason::Echo);
+            }
+            Body::Heartbreak | Body::PhotoAnswer(_) | Body::Unknown(_) => {
+                return Assigned::Stray(StrayReason::NoReply);
+            }
+        };
+        let found = match message.header.pack_id {
+            Some(pack_id) => self.by_pack_id(pack_id.integer(), &answers),
+            None => self.by_order(&answers),
+        };
+        match found.and_then(|at| self.in_flight.remove(at).ok_or(StrayReason::NothingWaits)) {
+            Ok(waiting) => {
+                self.learn(message);
+                Assigned::Reply(waiting)
+            }
+            Err(reason) => Assigned::Stray(reason),
+        }
+    }
+
+    fn by_pack_id(&self, pack_id: Option<i64>, answers: &Answers<'_>) -> Result<usize, StrayReason> {
+        let number = pack_id.and_then(|number| u64::try_from(number).ok());
+        let at = self
+            .in_flight
+            .iter()
+            .position(|waiting| Some(waiting.ticket.0) == number)
+            .ok_or(StrayReason::UnknownPackId)?;
+        match self.in_flight.get(at) {
+            Some(waiting) if waiting.may_be_answered_by(answers) => Ok(at),
+            Some(_) | None => Err(StrayReason::Contradiction),
+        }
+    }
+
+    fn by_order(&mut self, answers: &Answers<'_>) -> Result<usize, StrayReason> {
+        if self.learned.echoes_pack_id == Some(true) {
+            // This firmware always echoes: a frame without packID answers somebody else.
+            return Err(StrayReason::UnknownPackId);
+        }
+        match *self.out_of_step {
+            OutOfStep::No => {}
+            OutOfStep::IfNotEchoed => {
+                *self.out_of_step = OutOfStep::Due;
+                return Err(StrayReason::OutOfStep);
+            }
+            OutOfStep::Due | OutOfStep::Said => return Err(StrayReason::OutOfStep),
+        }
+        self.in_flight
+            .iter()
+            .position(|waiting| waiting.may_be_answered_by(answers))
+            .ok_or(StrayReason::NothingWaits)
+    }
+
+    fn learn(&mut self, message: &Message<'_>) {
+        self.learned.echoes_pack_id = Some(message.header.pack_id.is_some());
+        if let Body::QueryReply(reply) = &message.body {
+            self.learned.echoes_query_addr = Some(reply.addresses.is_some());
+        }
+        if let Body::CommandReply(reply) = &message.body {
+            self.learned.names_command = Some(reply.command().is_some());
+        }
+        if let Some(word) = message.header.type_word {
+            let echo = matches!(&*word.word(), b"queryEcho" | b"cmdEcho");
+            self.learned.echo_types = Some(echo);
+        }
+    }
+}
+
+impl InFlight {
+    fn may_be_answered_by(&self, answers: &Answers<'_>) -> bool {
+        match answers {
+            Answers::Query { addresses } => {
+                self.request == RequestType::Query
+                    && addresses.is_none_or(|addresses| hash_of_values(addresses) == self.addresses)
+            }
+            Answers::Named(Some(word)) => self.request != RequestType::Query && self.word == word,
+            Answers::Named(None) => self.request != RequestType::Query,
+            // Its type may be the template's "command" for AddPoints and AddRCC.
+            Answers::Broken(RequestType::Command) => self.request != RequestType::Query,
+            Answers::Broken(request) => self.request == *request,
+        }
+    }
+}
+
+/// FNV-1a over the addresses' names: enough to tell one's own query from another's.
+struct Hash(u64);
+
+impl Hash {
+    const START: Self = Self(0xcbf2_9ce4_8422_2325);
+
+    fn add(&mut self, name: &[u8]) {
+        for byte in name.iter().chain(b",") {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+}
+
+fn hash_of_addresses(addresses: &[crate::address::Address]) -> u64 {
+    let mut hash = Hash::START;
+    let mut name = Vec::new();
+    for address in addresses {
+        name.clear();
+        address.write_name(&mut name);
+        hash.add(&name);
+    }
+    hash.0
+}
+
+fn hash_of_values(addresses: Values<'_>) -> u64 {
+    let mut hash = Hash::START;
+    for address in addresses.iter() {
+        hash.add(&address.word());
+    }
+    hash.0
+}

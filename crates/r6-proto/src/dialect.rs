@@ -1,0 +1,155 @@
+//! What differs on the wire between firmwares.
+
+use crate::message::{RequestType, TypeKey};
+
+/// How one firmware writes its replies. What it reads is the same for all: everything, tolerantly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dialect {
+    /// In which order a reply's keys stand.
+    pub key_order: KeyOrder,
+    /// What a reply says its type is.
+    pub reply_type: ReplyType,
+    /// What `cmdReply` holds.
+    pub command_reply: CommandReplyForm,
+    /// Whether a request's `packID` comes back.
+    pub echo_pack_id: bool,
+    /// Whether a query's `queryAddr` comes back.
+    pub echo_query_addr: bool,
+    /// How a counter is written.
+    pub counter: CounterForm,
+}
+
+/// In which order a reply's keys stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KeyOrder {
+    /// Alphabetical, as every captured controller of unit C and D sends them.
+    Alphabetical,
+    /// `dsID`, the type, then the payload, as the manual prints them.
+    Manual,
+}
+
+/// What a reply says its type is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReplyType {
+    /// The request's (manual 2.1, note 3; captured).
+    AsSent,
+    /// The request's for queries and commands; `command` for AddPoints and AddRCC, as the templates of manual 5.2 and 6 print.
+    Templates,
+    /// `queryEcho` and `cmdEcho` (manual 8.2; captured, unit E), `command` for the rest.
+    Echo,
+}
+
+/// What `cmdReply` holds (manual 4.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CommandReplyForm {
+    /// `["ok"]` or `[""]`: before 2.0.2.1 / 1.6.4.
+    Verdict,
+    /// `[command, "ok"]` or `[command, "err", message]`: since.
+    NameAndVerdict,
+}
+
+/// How `counter-n` is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CounterForm {
+    /// `[4,0,373266]` (captured, unit C).
+    Numbers,
+    /// `["4","0","373266"]` (manual 4.1.1 #4).
+    Texts,
+    /// `"name[4][T:0][C:373266]"` (captured, unit E, older firmware).
+    OldText,
+}
+
+impl Dialect {
+    /// What captured controllers do: the default everywhere.
+    pub const HC1: Self = Self {
+        key_order: KeyOrder::Alphabetical,
+        reply_type: ReplyType::AsSent,
+        command_reply: CommandReplyForm::NameAndVerdict,
+        echo_pack_id: true,
+        echo_query_addr: true,
+        counter: CounterForm::Numbers,
+    };
+
+    /// Manual V6.0 to the letter, for firmware from 2.0.2.1 / 1.6.4 on.
+    pub const R6: Self = Self {
+        key_order: KeyOrder::Manual,
+        reply_type: ReplyType::Templates,
+        command_reply: CommandReplyForm::NameAndVerdict,
+        echo_pack_id: false,
+        echo_query_addr: false,
+        counter: CounterForm::Texts,
+    };
+
+    /// Before 2.0.2.1 / 1.6.4.
+    pub const LEGACY: Self = Self {
+        key_order: KeyOrder::Manual,
+        reply_type: ReplyType::Echo,
+        command_reply: CommandReplyForm::Verdict,
+        echo_pack_id: false,
+        echo_query_addr: false,
+        counter: CounterForm::OldText,
+    };
+
+    /// The word that a reply to this request has as its type, or `None` to repeat the word that was sent.
+    pub(crate) fn type_word(&self, request: RequestType) -> Option<&'static str> {
+        match (self.reply_type, request) {
+            (ReplyType::AsSent, _)
+            | (ReplyType::Templates, RequestType::Query | RequestType::Command | RequestType::Heartbreak) => {
+                None
+            }
+            (ReplyType::Echo, RequestType::Query) => Some("queryEcho"),
+            (ReplyType::Echo, RequestType::Command) => Some("cmdEcho"),
+            (
+                ReplyType::Templates | ReplyType::Echo,
+                RequestType::Photo | RequestType::AddPoints | RequestType::AddRcc | RequestType::Heartbreak,
+            ) => Some("command"),
+        }
+    }
+}
+
+/// The `dsID` of a request (manual 2.1 note 1, 3).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DsIdForm {
+    /// `www.hc-system.com.RemoteMonitor` and its like.
+    #[default]
+    Long,
+    /// `HCRemoteMonitor`, `HCRemoteCommand`: the older form, still accepted.
+    Short,
+}
+
+impl DsIdForm {
+    /// The `dsID` that a request of this type carries.
+    #[must_use]
+    pub fn ds_id(self, request: RequestType) -> &'static str {
+        match (request, self) {
+            (RequestType::Query | RequestType::Command | RequestType::Heartbreak, Self::Long) => {
+                "www.hc-system.com.RemoteMonitor"
+            }
+            (RequestType::Query | RequestType::Command | RequestType::Heartbreak, Self::Short) => {
+                "HCRemoteMonitor"
+            }
+            (RequestType::Photo | RequestType::AddPoints, Self::Long | Self::Short) => {
+                "www.hc-system.com.cam"
+            }
+            (RequestType::AddRcc, Self::Long) => "www.hc-system.com.HCRemoteCommand",
+            (RequestType::AddRcc, Self::Short) => "HCRemoteCommand",
+        }
+    }
+}
+
+/// How a request is addressed.
+#[derive(Clone, Copy, Debug)]
+pub struct Envelope<'a> {
+    /// The form of `dsID`.
+    pub ds_id: DsIdForm,
+    /// The key of the type; `Absent` sends none, and such a request gets no reply.
+    pub type_key: TypeKey,
+    /// `packID`, if any: comes back in the reply where the firmware does that.
+    pub pack_id: Option<&'a str>,
+}
+
+impl Default for Envelope<'_> {
+    fn default() -> Self {
+        Self { ds_id: DsIdForm::Long, type_key: TypeKey::ReqType, pack_id: None }
+    }
+}

@@ -1,0 +1,211 @@
+//! Numbers and words as the wire wants them, appended to the caller's buffer.
+
+use crate::error::EncodeError;
+use crate::text;
+
+/// Beyond this no coordinate, speed or time of a robot lies, and six decimals still fit a 64-bit integer.
+const LARGEST: f64 = 1e9;
+
+/// Appends a whole number.
+pub(crate) fn write_integer(out: &mut Vec<u8>, value: i64) {
+    let mut digits = [0_u8; 20];
+    let mut rest = value.unsigned_abs();
+    let mut used = 0;
+    for slot in digits.iter_mut().rev() {
+        *slot = b'0' + u8::try_from(rest % 10).unwrap_or(0);
+        rest /= 10;
+        used += 1;
+        if rest == 0 {
+            break;
+        }
+    }
+    if value < 0 {
+        out.push(b'-');
+    }
+    out.extend_from_slice(digits.get(digits.len() - used..).unwrap_or_default());
+}
+
+/// How many decimals a number gets: at least `least` (zeros are written), at most `most` (the rest is rounded).
+#[derive(Clone, Copy)]
+pub(crate) struct Decimals {
+    pub least: usize,
+    pub most: usize,
+}
+
+impl Decimals {
+    /// A position: 3 as the manual prints, up to 6 as controllers answer.
+    pub const POSITION: Self = Self { least: 3, most: 6 };
+    /// A speed in percent or a time in seconds: 1 as the manual prints; up to 3.
+    pub const TENTHS: Self = Self { least: 1, most: 3 };
+    /// As few as needed, up to 3.
+    pub const FEW: Self = Self { least: 0, most: 3 };
+    /// Exactly six, as captured controllers answer.
+    pub const SIX: Self = Self { least: 6, most: 6 };
+}
+
+/// Appends a decimal number, rounded half away from zero; `-0` is written as 0.
+///
+/// # Errors
+/// Nothing is written and `field` is named if the value is not finite or beyond ±1e9.
+pub(crate) fn write_fixed(
+    out: &mut Vec<u8>,
+    field: &'static str,
+    value: f64,
+    decimals: Decimals,
+) -> Result<(), EncodeError> {
+    const POWERS: [f64; 7] = [1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6];
+    if value.is_nan() || value.abs() > LARGEST {
+        return Err(EncodeError { field, wanted: "a finite number within ±1e9" });
+    }
+    let scale = POWERS.get(decimals.most).copied().unwrap_or(1e6);
+    #[expect(clippy::cast_possible_truncation, reason = "at most 1e15, well within 64 bits")]
+    let scaled = (value * scale).round() as i64;
+    let magnitude = scaled.unsigned_abs();
+    let mut digits = [b'0'; 24];
+    let mut rest = magnitude;
+    let mut used = 0;
+    for slot in digits.iter_mut().rev() {
+        if rest == 0 && used > decimals.most {
+            break;
+        }
+        *slot = b'0' + u8::try_from(rest % 10).unwrap_or(0);
+        rest /= 10;
+        used += 1;
+    }
+    let (whole, fraction) = digits.split_at(digits.len() - decimals.most);
+    let whole = whole.get(whole.len() + decimals.most - used..).unwrap_or_default();
+    let mut kept = decimals.most;
+    while kept > decimals.least && fraction.get(kept - 1) == Some(&b'0') {
+        kept -= 1;
+    }
+    if scaled < 0 {
+        out.push(b'-');
+    }
+    out.extend_from_slice(whole);
+    if kept > 0 {
+        out.push(b'.');
+        out.extend_from_slice(fraction.get(..kept).unwrap_or_default());
+    }
+    Ok(())
+}
+
+/// Writes one compact JSON object, member by member.
+pub(crate) struct ObjectWriter<'o> {
+    out: &'o mut Vec<u8>,
+    first: bool,
+}
+
+impl<'o> ObjectWriter<'o> {
+    pub fn begin(out: &'o mut Vec<u8>) -> Self {
+        out.push(b'{');
+        Self { out, first: true }
+    }
+
+    /// Writes the key and returns the buffer for the value.
+    pub fn key(&mut self, key: &str) -> &mut Vec<u8> {
+        if !self.first {
+            self.out.push(b',');
+        }
+        self.first = false;
+        self.out.push(b'"');
+        self.out.extend_from_slice(key.as_bytes());
+        self.out.extend_from_slice(b"\":");
+        self.out
+    }
+
+    pub fn text(&mut self, key: &str, value: &str) {
+        text::write_escaped(self.key(key), value);
+    }
+
+    /// A whole number in quotes.
+    pub fn quoted_integer(&mut self, key: &str, value: i64) {
+        let out = self.key(key);
+        out.push(b'"');
+        write_integer(out, value);
+        out.push(b'"');
+    }
+
+    /// A flag in quotes: "1" or "0".
+    pub fn quoted_flag(&mut self, key: &str, value: bool) {
+        self.key(key).extend_from_slice(if value { b"\"1\"" } else { b"\"0\"" });
+    }
+
+    /// A decimal number in quotes.
+    pub fn quoted_fixed(
+        &mut self,
+        key: &'static str,
+        value: f64,
+        decimals: Decimals,
+    ) -> Result<(), EncodeError> {
+        let out = self.key(key);
+        out.push(b'"');
+        write_fixed(out, key, value, decimals)?;
+        out.push(b'"');
+        Ok(())
+    }
+
+    /// A decimal number without quotes.
+    pub fn bare_fixed(
+        &mut self,
+        key: &'static str,
+        value: f64,
+        decimals: Decimals,
+    ) -> Result<(), EncodeError> {
+        write_fixed(self.key(key), key, value, decimals)
+    }
+
+    pub fn bare_integer(&mut self, key: &str, value: i64) {
+        write_integer(self.key(key), value);
+    }
+
+    pub fn end(self) {
+        self.out.push(b'}');
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fixed(value: f64, decimals: Decimals) -> String {
+        let mut out = Vec::new();
+        write_fixed(&mut out, "test", value, decimals).unwrap();
+        String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn decimals_are_kept_between_least_and_most() {
+        assert_eq!(fixed(0.0, Decimals::POSITION), "0.000");
+        assert_eq!(fixed(-90.0, Decimals::POSITION), "-90.000");
+        assert_eq!(fixed(10.123_456_7, Decimals::POSITION), "10.123457");
+        assert_eq!(fixed(-0.000_001, Decimals::POSITION), "-0.000001");
+        assert_eq!(fixed(-0.000_000_1, Decimals::POSITION), "0.000");
+        assert_eq!(fixed(0.000_5, Decimals::POSITION), "0.0005");
+        assert_eq!(fixed(80.0, Decimals::TENTHS), "80.0");
+        assert_eq!(fixed(0.05, Decimals::TENTHS), "0.05");
+        assert_eq!(fixed(10.0, Decimals::FEW), "10");
+        assert_eq!(fixed(999_999_999.5, Decimals::SIX), "999999999.500000");
+        assert_eq!(fixed(-137.563_782, Decimals::SIX), "-137.563782");
+    }
+
+    #[test]
+    fn what_is_no_number_is_refused() {
+        for value in [f64::NAN, f64::INFINITY, -1.1e9] {
+            let mut out = Vec::new();
+            assert_eq!(
+                write_fixed(&mut out, "m0", value, Decimals::POSITION).unwrap_err().to_string(),
+                "`m0` cannot be sent: it has to be a finite number within ±1e9"
+            );
+            assert!(out.is_empty());
+        }
+    }
+
+    #[test]
+    fn whole_numbers_of_all_sizes() {
+        for value in [0, 7, -7, 10, i64::MAX, i64::MIN] {
+            let mut out = Vec::new();
+            write_integer(&mut out, value);
+            assert_eq!(String::from_utf8(out).unwrap(), value.to_string());
+        }
+    }
+}

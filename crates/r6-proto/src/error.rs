@@ -1,0 +1,106 @@
+//! What was wrong with bytes that a peer sent: where, what was found, what was due, and the nearest right word.
+
+use std::fmt;
+
+/// A frame that is no JSON object.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct JsonError {
+    /// Where, in bytes from the start of the frame.
+    pub at: usize,
+    /// The byte found there; `None` at the end of the frame.
+    pub found: Option<u8>,
+    /// What is wrong.
+    pub fault: JsonFault,
+}
+
+/// How bytes fail to be JSON.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum JsonFault {
+    /// Something else was due.
+    Expected(&'static str),
+    /// A key is not followed by `:` and a value; the key, cut at 32 characters.
+    KeyWithoutValue(String),
+    /// A string has no closing quote.
+    StringNotClosed,
+    /// A raw control byte stands inside a string.
+    ControlByteInString,
+    /// An escape that JSON does not have.
+    BadEscape,
+    /// A number that a double cannot hold.
+    NumberOutOfRange,
+    /// More nested levels than [`crate::MAX_DEPTH`].
+    TooDeep,
+}
+
+impl fmt::Display for JsonError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let at = self.at;
+        match &self.fault {
+            JsonFault::Expected(wanted) => write!(f, "{wanted} was due at byte {at}")?,
+            JsonFault::KeyWithoutValue(key) => {
+                write!(f, "key `{key}` has no value: `:` was due at byte {at}")?
+            }
+            JsonFault::StringNotClosed => write!(f, "a string is not closed at byte {at}")?,
+            JsonFault::ControlByteInString => {
+                write!(f, "a raw control byte stands in a string at byte {at}")?
+            }
+            JsonFault::BadEscape => write!(f, "an escape that JSON does not have stands at byte {at}")?,
+            JsonFault::NumberOutOfRange => write!(f, "a number out of range stands at byte {at}")?,
+            JsonFault::TooDeep => {
+                write!(f, "more than {} nested levels at byte {at}", crate::json::MAX_DEPTH)?;
+            }
+        }
+        match self.found {
+            None => f.write_str(", where the frame ends"),
+            Some(byte @ 0x20..=0x7E) => write!(f, ", found `{}`", char::from(byte)),
+            Some(byte) => write!(f, ", found byte 0x{byte:02X}"),
+        }
+    }
+}
+
+impl std::error::Error for JsonError {}
+
+/// A field of a well-formed frame that cannot be what it has to be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FieldError {
+    /// The field, as a path from the top of the frame, for example `instructions[2].m3`.
+    pub path: String,
+    /// What stands there as on the wire, cut at 48 characters; `None` where the field is missing.
+    pub found: Option<String>,
+    /// What has to stand there.
+    pub wanted: &'static str,
+    /// The nearest word that would have been right.
+    pub nearest: Option<&'static str>,
+}
+
+impl fmt::Display for FieldError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.found {
+            None => write!(f, "`{}` is missing: it has to be {}", self.path, self.wanted)?,
+            Some(found) => write!(f, "`{}` is {found}, but has to be {}", self.path, self.wanted)?,
+        }
+        match self.nearest {
+            None => Ok(()),
+            Some(word) => write!(f, "; nearest: `{word}`"),
+        }
+    }
+}
+
+impl std::error::Error for FieldError {}
+
+/// A value that the wire cannot carry: nothing was encoded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EncodeError {
+    /// The field.
+    pub field: &'static str,
+    /// What it has to be.
+    pub wanted: &'static str,
+}
+
+impl fmt::Display for EncodeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "`{}` cannot be sent: it has to be {}", self.field, self.wanted)
+    }
+}
+
+impl std::error::Error for EncodeError {}

@@ -1,0 +1,36 @@
+//! The remote communication protocol of Huacheng R6 / HC1 robot controllers: JSON objects over TCP.
+//!
+//! Bytes become frames ([`frame`]), frames become messages ([`message`]); requests ([`request`]) and replies
+//! ([`reply`]) become bytes again. A [`client`] and a [`server`] session put this together for the two ends of a
+//! connection. There is no I/O, no clock and no task in this crate: bytes and points in time come in, bytes, events
+//! and deadlines go out.
+//!
+//! Decoding is tolerant (every form that clients and controllers are known to send), encoding is strict (one
+//! compact form). `docs/PROTOCOL.md` describes the protocol field by field.
+#![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
+pub mod address;
+pub mod alarm;
+pub mod axis;
+pub mod client;
+pub mod dialect;
+mod encode;
+pub mod error;
+pub mod frame;
+pub mod io_point;
+mod json;
+pub mod message;
+pub mod reply;
+pub mod request;
+pub mod server;
+mod spelling;
+mod text;
+pub mod time;
+pub mod value;
+
+pub use address::{ADDRESSES, Address, Port, RegisterIndex};
+pub use axis::{AXES, AxisIndex, AxisMask};
+pub use json::MAX_DEPTH;
+pub use message::{Body, Command, CommandName, Decoder, Message, Reading, RequestType};
+pub use request::Request;
+pub use spelling::nearest;

@@ -1,0 +1,310 @@
+//! Messages: what a frame says, both ways, decoded tolerantly.
+//!
+//! A [`Message`] is a view of the frame's bytes and of the [`Decoder`]'s reused buffers. What follows from
+//! a frame that is JSON but not well formed as a message is in the message too ([`Body::Rejected`]), because
+//! the header is still needed to answer it.
+
+pub mod command;
+mod decoder;
+mod extra;
+pub(crate) mod fields;
+pub mod instruction;
+pub mod query;
+pub mod reading;
+pub mod vision;
+
+use std::fmt;
+
+pub use command::{Command, CommandName, CommandReply, CommandWords};
+pub use decoder::Decoder;
+pub use extra::{Extra, ExtraKind, Place};
+pub use instruction::{Action, Instruction};
+pub use query::{LengthMismatch, Query, QueryReply};
+pub use reading::Reading;
+pub use vision::{Point, PointSet};
+
+use crate::error::FieldError;
+use crate::value::{Node, Value};
+
+/// The keys that can stand at the top of a frame.
+pub(crate) const TOP_KEYS: [&str; 13] = [
+    "dsID",
+    "reqType",
+    "cmdType",
+    "packID",
+    "queryAddr",
+    "queryData",
+    "cmdData",
+    "cmdReply",
+    "camID",
+    "ret",
+    "emptyList",
+    "instructions",
+    "dsData",
+];
+
+/// The six request types of manual 3.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum RequestType {
+    /// `query`: reads values.
+    Query,
+    /// `command`: acts at once.
+    Command,
+    /// `heartbreak`: feeds the controller's watchdog.
+    Heartbreak,
+    /// `photo`: the controller asks a camera for a photo, and the camera answers.
+    Photo,
+    /// `AddPoints`: a camera sends points.
+    AddPoints,
+    /// `AddRCC`: instructions for the instruction list.
+    AddRcc,
+}
+
+impl RequestType {
+    /// All six, in the manual's order.
+    pub const ALL: [Self; 6] =
+        [Self::Query, Self::Command, Self::Heartbreak, Self::Photo, Self::AddPoints, Self::AddRcc];
+
+    /// The word on the wire.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Query => "query",
+            Self::Command => "command",
+            Self::Heartbreak => "heartbreak",
+            Self::Photo => "photo",
+            Self::AddPoints => "AddPoints",
+            Self::AddRcc => "AddRCC",
+        }
+    }
+
+    /// The type a word means: one of the six, the reply types of older firmware, or the misprint `AddrCC`.
+    pub(crate) fn from_word(word: &[u8]) -> Option<Self> {
+        Some(match word {
+            b"query" | b"queryEcho" => Self::Query,
+            b"command" | b"cmdEcho" => Self::Command,
+            b"heartbreak" => Self::Heartbreak,
+            b"photo" => Self::Photo,
+            b"AddPoints" => Self::AddPoints,
+            b"AddRCC" | b"AddrCC" => Self::AddRcc,
+            _ => return None,
+        })
+    }
+}
+
+impl fmt::Display for RequestType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+/// Under which key a frame says its type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TypeKey {
+    /// `reqType`, since manual V2.0.
+    ReqType,
+    /// `cmdType`, before; still accepted (manual 2.1, note 2).
+    CmdType,
+    /// Under none: such a frame gets no reply (manual 5.2, 6).
+    Absent,
+}
+
+impl TypeKey {
+    /// The key on the wire, `reqType` where there was none.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::ReqType | Self::Absent => "reqType",
+            Self::CmdType => "cmdType",
+        }
+    }
+}
+
+/// The fields that every frame can have (manual 3; `packID` from later manuals).
+#[derive(Clone, Copy, Debug)]
+pub struct Header<'a> {
+    /// `dsID`, as sent: long or short form.
+    pub ds_id: Option<Value<'a>>,
+    /// Under which key the type stands.
+    pub type_key: TypeKey,
+    /// The type, as sent.
+    pub type_word: Option<Value<'a>>,
+    /// `packID`, the correlation id, as sent: quoted or not.
+    pub pack_id: Option<Value<'a>>,
+}
+
+/// One decoded frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Message<'a> {
+    /// The fields that every frame can have.
+    pub header: Header<'a>,
+    /// What it says.
+    pub body: Body<'a>,
+    bytes: &'a [u8],
+    extras: &'a [extra::ExtraNode],
+}
+
+impl<'a> Message<'a> {
+    /// Unknown, repeated, misspelt and misplaced members of the frame.
+    pub fn extras(&self) -> impl ExactSizeIterator<Item = Extra<'a>> + use<'a> {
+        let bytes = self.bytes;
+        self.extras.iter().map(move |node| Extra {
+            place: node.place,
+            key: Value::new(bytes, node.key),
+            value: Value::new(bytes, node.value),
+            kind: node.kind,
+        })
+    }
+
+    /// The whole frame.
+    #[must_use]
+    pub fn frame(&self) -> &'a [u8] {
+        self.bytes
+    }
+}
+
+/// What a frame says.
+#[derive(Clone, Copy, Debug)]
+pub enum Body<'a> {
+    /// PC → controller: read these addresses.
+    Query(Query<'a>),
+    /// Controller → PC: the values.
+    QueryReply(QueryReply<'a>),
+    /// PC → controller: act.
+    Command(CommandWords<'a>),
+    /// Controller → PC: the answer to a command, AddPoints or AddRCC.
+    CommandReply(CommandReply<'a>),
+    /// PC → controller: the PC is alive.
+    Heartbreak,
+    /// Controller → camera: take a photo.
+    Photo(Photo),
+    /// Camera → controller: the photo was taken, or not.
+    PhotoAnswer(PhotoAnswer),
+    /// Camera → controller: points.
+    AddPoints(AddPoints<'a>),
+    /// PC → controller: instructions.
+    AddRcc(AddRcc<'a>),
+    /// A type that nobody knows, or none at all with nothing to tell it by.
+    Unknown(UnknownType<'a>),
+    /// A known type with a field that cannot be right.
+    Rejected(Rejection<'a>),
+}
+
+/// A photo request (manual 5.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Photo {
+    /// `camID`.
+    pub cam_id: i64,
+}
+
+/// The answer to a photo request (manual 5.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PhotoAnswer {
+    /// `camID`.
+    pub cam_id: i64,
+    /// `ret`: 1 once the photo was taken.
+    pub ret: i64,
+}
+
+/// The points of one or more cameras (manual 5.2).
+#[derive(Clone, Copy, Debug)]
+pub struct AddPoints<'a> {
+    sets: &'a [PointSet],
+    points: &'a [Point],
+}
+
+impl<'a> AddPoints<'a> {
+    /// Each camera with its points, in the frame's order.
+    pub fn sets(&self) -> impl ExactSizeIterator<Item = (i64, &'a [Point])> + use<'a> {
+        let points = self.points;
+        self.sets.iter().map(move |set| (set.cam_id, points.get(set.first..set.end).unwrap_or_default()))
+    }
+
+    /// How many points there are in all.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there is no point at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+}
+
+/// Instructions for the instruction list (manual 6).
+#[derive(Clone, Copy, Debug)]
+pub struct AddRcc<'a> {
+    /// `emptyList`: `true` replaces the list, `false` appends to it; `None` where it was left out.
+    pub empty_list: Option<bool>,
+    /// The instructions, in order.
+    pub instructions: &'a [Instruction],
+    /// Whether the frame had the shape of 2020 (`dsData`, `xpos` …).
+    pub shape_2020: bool,
+    bytes: &'a [u8],
+    fields: &'a [(Node, Node)],
+}
+
+impl<'a> AddRcc<'a> {
+    /// The members of an unknown action, as (name, value) in the frame's order.
+    pub fn unknown_fields(
+        &self,
+        unknown: &instruction::UnknownAction,
+    ) -> impl ExactSizeIterator<Item = (Value<'a>, Value<'a>)> + use<'a> {
+        let (bytes, (first, end)) = (self.bytes, unknown.fields);
+        self.fields
+            .get(first as usize..end as usize)
+            .unwrap_or_default()
+            .iter()
+            .map(move |(name, value)| (Value::new(bytes, *name), Value::new(bytes, *value)))
+    }
+}
+
+/// A frame whose type nobody knows.
+#[derive(Clone, Copy, Debug)]
+pub struct UnknownType<'a> {
+    /// The type, as sent; `None` where the frame has no type and nothing to tell it by.
+    pub word: Option<Value<'a>>,
+}
+
+impl UnknownType<'_> {
+    /// The type that comes nearest.
+    #[must_use]
+    pub fn nearest(&self) -> Option<&'static str> {
+        let word = self.word?.text();
+        crate::spelling::nearest(&word, RequestType::ALL.map(RequestType::word))
+    }
+}
+
+impl fmt::Display for UnknownType<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.word {
+            None => f.write_str("the frame has neither `reqType` nor anything to tell its type by"),
+            Some(word) => {
+                let text = word.text();
+                write!(f, "`reqType` is `{}`, which is no request type", excerpt(&text))?;
+                if CommandName::exact(text.as_bytes()).is_some() {
+                    return f.write_str("; it is a command: send it as `reqType` \"command\" with `cmdData`");
+                }
+                match self.nearest() {
+                    None => Ok(()),
+                    Some(near) => write!(f, "; nearest: `{near}`"),
+                }
+            }
+        }
+    }
+}
+
+/// A frame of a known type that cannot be understood: the first field that is wrong.
+#[derive(Clone, Copy, Debug)]
+pub struct Rejection<'a> {
+    /// What the frame wanted to be.
+    pub request: RequestType,
+    /// What is wrong.
+    pub error: &'a FieldError,
+}
+
+fn excerpt(text: &str) -> String {
+    text.chars().take(48).collect()
+}

@@ -1,0 +1,656 @@
+//! The decoder: one pass over a frame, into buffers that are used again for the next.
+
+use crate::error::{FieldError, JsonError};
+use crate::json::Cursor;
+use crate::message::extra::{ExtraKind, ExtraNode, Place};
+use crate::message::fields::{FieldSet, FieldsView, excerpt};
+use crate::message::instruction::{Action, Instruction, UnknownAction};
+use crate::message::vision::{Point, PointSet};
+use crate::message::{
+    AddPoints, AddRcc, Body, CommandReply, CommandWords, Header, Message, Photo, PhotoAnswer, Query,
+    QueryReply, Rejection, RequestType, TypeKey, UnknownType,
+};
+use crate::value::{Kind, Node, Span, Value, Values};
+
+/// A key at the top of a frame; the number is its slot.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Top {
+    DsId,
+    ReqType,
+    CmdType,
+    PackId,
+    QueryAddr,
+    QueryData,
+    CmdData,
+    CmdReply,
+    CamId,
+    Ret,
+    EmptyList,
+    Instructions,
+    DsData,
+}
+
+impl Top {
+    fn of(key: &[u8]) -> Option<Self> {
+        Some(match key {
+            b"dsID" => Self::DsId,
+            b"reqType" => Self::ReqType,
+            b"cmdType" => Self::CmdType,
+            b"packID" => Self::PackId,
+            b"queryAddr" => Self::QueryAddr,
+            b"queryData" => Self::QueryData,
+            b"cmdData" => Self::CmdData,
+            b"cmdReply" => Self::CmdReply,
+            b"camID" => Self::CamId,
+            b"ret" => Self::Ret,
+            b"emptyList" => Self::EmptyList,
+            b"instructions" => Self::Instructions,
+            b"dsData" => Self::DsData,
+            _ => return None,
+        })
+    }
+}
+
+const TOP_COUNT: usize = super::TOP_KEYS.len();
+
+/// The members found at the top of a frame: key and value.
+#[derive(Clone, Copy)]
+struct TopNodes([Option<(Node, Node)>; TOP_COUNT]);
+
+impl TopNodes {
+    fn at(&self, top: Top) -> Option<Node> {
+        self.0.get(top as usize).copied().flatten().map(|(_, value)| value)
+    }
+
+    fn value<'a>(&self, top: Top, bytes: &'a [u8]) -> Option<Value<'a>> {
+        self.at(top).map(|node| Value::new(bytes, node))
+    }
+
+    fn has(&self, top: Top) -> bool {
+        self.at(top).is_some()
+    }
+}
+
+/// Decodes frames into messages; its buffers grow to the largest frame seen and are reused.
+///
+/// In the steady state decoding allocates nothing. One decoder serves one connection, or many in turn.
+#[derive(Debug, Default)]
+pub struct Decoder {
+    addresses: Vec<Node>,
+    data: Vec<Node>,
+    words: Vec<Node>,
+    reply: Vec<Node>,
+    instructions: Vec<Instruction>,
+    fields: Vec<(Node, Node)>,
+    sets: Vec<PointSet>,
+    points: Vec<Point>,
+    extras: Vec<ExtraNode>,
+    error: Option<FieldError>,
+}
+
+impl Decoder {
+    /// A decoder with empty buffers.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Decodes one frame: the bytes of one JSON object, as [`crate::frame::FrameBuffer`] delivers them.
+    ///
+    /// # Errors
+    /// [`JsonError`] if the bytes are no JSON object; a well-formed object with wrong fields is a
+    /// [`Body::Rejected`] instead.
+    pub fn decode<'a>(&'a mut self, bytes: &'a [u8]) -> Result<Message<'a>, JsonError> {
+        self.clear();
+        let mut top = self.members(bytes)?;
+        let (header, request) = self.header(bytes, &top);
+        let body = self.classify(bytes, &mut top, &header, request)?;
+        self.report_out_of_place(&top, body);
+        let body = self.view(bytes, &top, &header, body);
+        Ok(Message { header, body, bytes, extras: &self.extras })
+    }
+
+    fn clear(&mut self) {
+        self.addresses.clear();
+        self.data.clear();
+        self.words.clear();
+        self.reply.clear();
+        self.instructions.clear();
+        self.fields.clear();
+        self.sets.clear();
+        self.points.clear();
+        self.extras.clear();
+        self.error = None;
+    }
+
+    /// Reads every member at the top; lists of values go straight to their buffers.
+    fn members(&mut self, bytes: &[u8]) -> Result<TopNodes, JsonError> {
+        let mut top = TopNodes([None; TOP_COUNT]);
+        let mut cursor = Cursor::new(bytes, 0);
+        cursor.open_object()?;
+        let mut first = true;
+        while let Some(key) = cursor.next_key(first)? {
+            first = false;
+            let known = Top::of(&Value::new(bytes, key).word());
+            let value = match known {
+                Some(Top::QueryAddr) => list(&mut cursor, bytes, &mut self.addresses)?,
+                Some(Top::QueryData) => list(&mut cursor, bytes, &mut self.data)?,
+                Some(Top::CmdData) => list(&mut cursor, bytes, &mut self.words)?,
+                Some(Top::CmdReply) => list(&mut cursor, bytes, &mut self.reply)?,
+                Some(_) | None => cursor.value()?,
+            };
+            let slot = known.and_then(|known| top.0.get_mut(known as usize));
+            match slot {
+                None => {
+                    self.extras.push(ExtraNode {
+                        place: Place::Top,
+                        key,
+                        value,
+                        kind: ExtraKind::UnknownKey,
+                    });
+                }
+                Some(slot) => {
+                    if let Some((key, value)) = slot.replace((key, value)) {
+                        self.extras.push(ExtraNode {
+                            place: Place::Top,
+                            key,
+                            value,
+                            kind: ExtraKind::DuplicateKey,
+                        });
+                    }
+                }
+            }
+        }
+        cursor.end()?;
+        Ok(top)
+    }
+
+    fn header<'a>(&self, bytes: &'a [u8], top: &TopNodes) -> (Header<'a>, Option<RequestType>) {
+        let (type_key, type_word) = match (top.value(Top::ReqType, bytes), top.value(Top::CmdType, bytes)) {
+            (Some(word), _) => (TypeKey::ReqType, Some(word)),
+            (None, Some(word)) => (TypeKey::CmdType, Some(word)),
+            (None, None) => (TypeKey::Absent, None),
+        };
+        let request = match type_word {
+            Some(word) => RequestType::from_word(&word.word()),
+            None => guess(top),
+        };
+        let header = Header {
+            ds_id: top.value(Top::DsId, bytes),
+            type_key,
+            type_word,
+            pack_id: top.value(Top::PackId, bytes),
+        };
+        (header, request)
+    }
+
+    /// Decides what the frame is and reads the nested lists that this takes.
+    fn classify(
+        &mut self,
+        bytes: &[u8],
+        top: &mut TopNodes,
+        header: &Header<'_>,
+        request: Option<RequestType>,
+    ) -> Result<Shape, JsonError> {
+        let Some(request) = request else { return Ok(Shape::Unknown) };
+        let echo = header.type_word.is_some_and(|word| matches!(&*word.word(), b"queryEcho" | b"cmdEcho"));
+        let shape = match request {
+            _ if top.has(Top::CmdReply) && request != RequestType::Query => Shape::CommandReply,
+            RequestType::Query if top.has(Top::QueryData) || echo => Shape::QueryReply,
+            RequestType::Query => Shape::Query,
+            RequestType::Command if echo => Shape::CommandReply,
+            RequestType::Command => Shape::Command,
+            RequestType::Heartbreak => Shape::Heartbreak,
+            RequestType::Photo if top.has(Top::Ret) => Shape::PhotoAnswer,
+            RequestType::Photo => Shape::Photo,
+            RequestType::AddPoints => Shape::AddPoints,
+            RequestType::AddRcc if !top.has(Top::Instructions) && top.has(Top::DsData) => Shape::AddRcc2020,
+            RequestType::AddRcc => Shape::AddRcc,
+        };
+        let checked = match shape {
+            Shape::Query => require_list(bytes, top, Top::QueryAddr, "a list of query addresses"),
+            Shape::QueryReply => require_list(bytes, top, Top::QueryData, "a list of values"),
+            Shape::Command => {
+                require_list(bytes, top, Top::CmdData, "a list: the command's name and arguments")
+                    .and_then(|()| self.require_name(bytes))
+            }
+            Shape::CommandReply => require_reply(bytes, top),
+            Shape::Photo => require_integer(bytes, top, Top::CamId),
+            Shape::PhotoAnswer => {
+                require_integer(bytes, top, Top::CamId).and_then(|()| require_integer(bytes, top, Top::Ret))
+            }
+            Shape::AddPoints => {
+                match require_list(bytes, top, Top::DsData, "a list of cameras with their points") {
+                    Ok(()) => self.camera_sets(bytes, top)?,
+                    Err(error) => Err(error),
+                }
+            }
+            Shape::AddRcc => match require_list(bytes, top, Top::Instructions, "a list of instructions") {
+                Ok(()) => self.instruction_list(bytes, top)?,
+                Err(error) => Err(error),
+            },
+            Shape::AddRcc2020 => match require_list(bytes, top, Top::DsData, "a list of instructions") {
+                Ok(()) => self.instruction_sets_2020(bytes, top)?,
+                Err(error) => Err(error),
+            },
+            Shape::Heartbreak | Shape::Unknown | Shape::Rejected(_) => Ok(()),
+        };
+        Ok(match checked {
+            Ok(()) => shape,
+            Err(error) => {
+                self.error = Some(error);
+                Shape::Rejected(request)
+            }
+        })
+    }
+
+    fn require_name(&self, bytes: &[u8]) -> Result<(), FieldError> {
+        const WANTED: &str = "the name of a command";
+        match self.words.first().map(|node| Value::new(bytes, *node)) {
+            Some(name) if name.is_text() => Ok(()),
+            found => Err(FieldError {
+                path: "cmdData[0]".to_owned(),
+                found: found.map(excerpt),
+                wanted: WANTED,
+                nearest: None,
+            }),
+        }
+    }
+
+    fn instruction_list(
+        &mut self,
+        bytes: &[u8],
+        top: &TopNodes,
+    ) -> Result<Result<(), FieldError>, JsonError> {
+        let checked = require_flag(bytes, top);
+        let read = self.instructions_at(bytes, top.at(Top::Instructions), false)?;
+        Ok(checked.and(read))
+    }
+
+    /// `dsData: [{camID, data: [instruction …]}]`: the shape that clients of 2020 send.
+    fn instruction_sets_2020(
+        &mut self,
+        bytes: &[u8],
+        top: &TopNodes,
+    ) -> Result<Result<(), FieldError>, JsonError> {
+        let mut checked = require_flag(bytes, top);
+        let sets = top.value(Top::DsData, bytes).map(|sets| sets.items());
+        for set in sets.into_iter().flatten() {
+            let read = self.instructions_at(bytes, member(bytes, set, b"data")?, true)?;
+            checked = checked.and(read);
+        }
+        Ok(checked)
+    }
+
+    fn instructions_at(
+        &mut self,
+        bytes: &[u8],
+        list: Option<Node>,
+        shape_2020: bool,
+    ) -> Result<Result<(), FieldError>, JsonError> {
+        let Some(list) = list.filter(|list| list.kind == Kind::List) else {
+            return Ok(Err(FieldError {
+                path: "dsData[].data".to_owned(),
+                found: None,
+                wanted: "a list of instructions",
+                nearest: None,
+            }));
+        };
+        let mut cursor = Cursor::new(bytes, list.span.start as usize);
+        cursor.open_list()?;
+        let mut checked = Ok(());
+        let mut first = true;
+        while cursor.next_element(first)? {
+            first = false;
+            let number = u32::try_from(self.instructions.len()).unwrap_or(u32::MAX);
+            let place = Place::Instruction(number);
+            let start = cursor.at();
+            if bytes.get(start) != Some(&b'{') {
+                let found = Value::new(bytes, cursor.value()?);
+                checked = checked.and(Err(not_an_object(place, found)));
+                continue;
+            }
+            let mut set = FieldSet::read(&mut cursor, bytes, place, &mut self.extras)?;
+            if shape_2020 {
+                set.translate_2020();
+            }
+            match self.instruction(bytes, &set, place, start)? {
+                Ok(instruction) => self.instructions.push(instruction),
+                Err(error) => {
+                    checked = checked.and(Err(error));
+                }
+            }
+        }
+        Ok(checked)
+    }
+
+    fn instruction(
+        &mut self,
+        bytes: &[u8],
+        set: &FieldSet,
+        place: Place,
+        start: usize,
+    ) -> Result<Result<Instruction, FieldError>, JsonError> {
+        let mut view = FieldsView::new(bytes, set, place);
+        Ok(match Instruction::from_fields(&mut view) {
+            Err(error) => Err(error),
+            Ok(Some(instruction)) => {
+                for value in view.unused() {
+                    // The key stands right before its value; its text is found by walking back to the quotes.
+                    if let Some(key) = key_before(bytes, value) {
+                        self.extras.push(ExtraNode { place, key, value, kind: ExtraKind::OutOfPlace });
+                    }
+                }
+                Ok(instruction)
+            }
+            Ok(None) => {
+                // Of an action that nobody knows no key is unknown: they are its fields.
+                let own = self.extras.iter().rposition(|extra| extra.place != place).map_or(0, |at| at + 1);
+                self.extras.extract_if(own.., |extra| extra.kind != ExtraKind::DuplicateKey).for_each(drop);
+                let first = u32::try_from(self.fields.len()).unwrap_or(u32::MAX);
+                let mut cursor = Cursor::new(bytes, start);
+                cursor.open_object()?;
+                let mut before_first = true;
+                let mut oneshot = false;
+                let mut action = 0;
+                while let Some(key) = cursor.next_key(before_first)? {
+                    before_first = false;
+                    let node = cursor.value()?;
+                    let value = Value::new(bytes, node);
+                    match &*Value::new(bytes, key).word() {
+                        b"oneshot" => oneshot = value.flag().unwrap_or(false),
+                        b"action" => action = value.integer().unwrap_or(0),
+                        _ => self.fields.push((key, node)),
+                    }
+                }
+                let end = u32::try_from(self.fields.len()).unwrap_or(u32::MAX);
+                Ok(Instruction {
+                    oneshot,
+                    action: Action::Unknown(UnknownAction { action, fields: (first, end) }),
+                })
+            }
+        })
+    }
+
+    /// `dsData: [{camID, data: [point …]}]` (manual 5.2).
+    fn camera_sets(&mut self, bytes: &[u8], top: &TopNodes) -> Result<Result<(), FieldError>, JsonError> {
+        let Some(list) = top.at(Top::DsData) else { return Ok(Ok(())) };
+        let mut cursor = Cursor::new(bytes, list.span.start as usize);
+        cursor.open_list()?;
+        let mut checked = Ok(());
+        let mut first = true;
+        while cursor.next_element(first)? {
+            first = false;
+            let place = Place::Set(u32::try_from(self.sets.len()).unwrap_or(u32::MAX));
+            if bytes.get(cursor.at()) != Some(&b'{') {
+                let found = Value::new(bytes, cursor.value()?);
+                checked = checked.and(Err(not_an_object(place, found)));
+                continue;
+            }
+            let read = self.camera_set(&mut cursor, bytes, place)?;
+            checked = checked.and(read);
+        }
+        Ok(checked)
+    }
+
+    fn camera_set(
+        &mut self,
+        cursor: &mut Cursor<'_>,
+        bytes: &[u8],
+        place: Place,
+    ) -> Result<Result<(), FieldError>, JsonError> {
+        let start = self.points.len();
+        let mut cam_id = None;
+        let mut data = None;
+        let mut checked = Ok(());
+        cursor.open_object()?;
+        let mut first = true;
+        while let Some(key) = cursor.next_key(first)? {
+            first = false;
+            let name = Value::new(bytes, key).word();
+            let in_data = *name == *b"data" && bytes.get(cursor.at()) == Some(&b'[');
+            let value = if in_data {
+                if data.is_some() {
+                    self.points.truncate(start);
+                }
+                let at = cursor.at();
+                checked = self.camera_points(cursor, bytes)?;
+                Node { span: Span::new(at, cursor.at()), kind: Kind::List }
+            } else {
+                cursor.value()?
+            };
+            let earlier = match &*name {
+                b"camID" => cam_id.replace(value),
+                b"data" => data.replace(value),
+                _ => {
+                    self.extras.push(ExtraNode { place, key, value, kind: ExtraKind::UnknownKey });
+                    None
+                }
+            };
+            if let Some(value) = earlier {
+                self.extras.push(ExtraNode { place, key, value, kind: ExtraKind::DuplicateKey });
+            }
+        }
+        let wrong = |field: &str, node: Option<Node>, wanted| FieldError {
+            path: format!("{place}.{field}"),
+            found: node.map(|node| excerpt(Value::new(bytes, node))),
+            wanted,
+            nearest: None,
+        };
+        let id = cam_id.and_then(|node| Value::new(bytes, node).integer());
+        if data.is_none_or(|node| node.kind != Kind::List) {
+            return Ok(Err(wrong("data", data, "a list of points")));
+        }
+        let Some(cam_id) = id else {
+            return Ok(Err(wrong("camID", cam_id, "a whole number")));
+        };
+        self.sets.push(PointSet { cam_id, first: start, end: self.points.len() });
+        Ok(checked)
+    }
+
+    fn camera_points(
+        &mut self,
+        cursor: &mut Cursor<'_>,
+        bytes: &[u8],
+    ) -> Result<Result<(), FieldError>, JsonError> {
+        cursor.open_list()?;
+        let mut checked = Ok(());
+        let mut first = true;
+        while cursor.next_element(first)? {
+            first = false;
+            let place = Place::Point(u32::try_from(self.points.len()).unwrap_or(u32::MAX));
+            if bytes.get(cursor.at()) != Some(&b'{') {
+                let found = Value::new(bytes, cursor.value()?);
+                checked = checked.and(Err(not_an_object(place, found)));
+                continue;
+            }
+            let set = FieldSet::read(cursor, bytes, place, &mut self.extras)?;
+            match Point::from_fields(&mut FieldsView::new(bytes, &set, place)) {
+                Ok(point) => self.points.push(point),
+                Err(error) => checked = checked.and(Err(error)),
+            }
+        }
+        Ok(checked)
+    }
+
+    /// Members that are known but mean nothing in a frame of this shape.
+    fn report_out_of_place(&mut self, top: &TopNodes, shape: Shape) {
+        let used: &[Top] = match shape {
+            Shape::Query => &[Top::QueryAddr],
+            Shape::QueryReply => &[Top::QueryAddr, Top::QueryData],
+            Shape::Command => &[Top::CmdData],
+            Shape::CommandReply => &[Top::CmdReply],
+            Shape::Heartbreak => &[],
+            Shape::Photo => &[Top::CamId],
+            Shape::PhotoAnswer => &[Top::CamId, Top::Ret],
+            Shape::AddPoints => &[Top::DsData],
+            Shape::AddRcc => &[Top::EmptyList, Top::Instructions],
+            Shape::AddRcc2020 => &[Top::EmptyList, Top::DsData],
+            Shape::Unknown | Shape::Rejected(_) => return,
+        };
+        let common = [Top::DsId, Top::ReqType, Top::PackId];
+        let both_types = top.has(Top::ReqType) && top.has(Top::CmdType);
+        for (slot, member) in top.0.iter().enumerate() {
+            let Some((key, value)) = *member else { continue };
+            let is = |known: &Top| *known as usize == slot;
+            let type_key = slot == Top::CmdType as usize && !both_types;
+            if !type_key && !common.iter().any(is) && !used.iter().any(is) {
+                self.extras.push(ExtraNode { place: Place::Top, key, value, kind: ExtraKind::OutOfPlace });
+            }
+        }
+    }
+
+    fn view<'a>(&'a self, bytes: &'a [u8], top: &TopNodes, header: &Header<'a>, shape: Shape) -> Body<'a> {
+        let values = |nodes: &'a Vec<Node>| Values { bytes, nodes };
+        let integer = |key| top.value(key, bytes).and_then(|value| value.integer()).unwrap_or_default();
+        let empty_list = || top.value(Top::EmptyList, bytes).and_then(|value| value.flag());
+        let add_rcc = |shape_2020| AddRcc {
+            empty_list: empty_list(),
+            instructions: &self.instructions,
+            shape_2020,
+            bytes,
+            fields: &self.fields,
+        };
+        match shape {
+            Shape::Query => Body::Query(Query { addresses: values(&self.addresses) }),
+            Shape::QueryReply => Body::QueryReply(QueryReply {
+                addresses: top.has(Top::QueryAddr).then(|| values(&self.addresses)),
+                values: values(&self.data),
+            }),
+            Shape::Command => Body::Command(CommandWords { words: values(&self.words) }),
+            Shape::CommandReply => Body::CommandReply(match top.value(Top::CmdReply, bytes) {
+                Some(text) if !text.is_list() => CommandReply::of_text(text),
+                Some(_) | None => CommandReply::of_words(values(&self.reply)),
+            }),
+            Shape::Heartbreak => Body::Heartbreak,
+            Shape::Photo => Body::Photo(Photo { cam_id: integer(Top::CamId) }),
+            Shape::PhotoAnswer => {
+                Body::PhotoAnswer(PhotoAnswer { cam_id: integer(Top::CamId), ret: integer(Top::Ret) })
+            }
+            Shape::AddPoints => Body::AddPoints(AddPoints { sets: &self.sets, points: &self.points }),
+            Shape::AddRcc => Body::AddRcc(add_rcc(false)),
+            Shape::AddRcc2020 => Body::AddRcc(add_rcc(true)),
+            Shape::Unknown => Body::Unknown(UnknownType { word: header.type_word }),
+            Shape::Rejected(request) => match &self.error {
+                Some(error) => Body::Rejected(Rejection { request, error }),
+                None => Body::Unknown(UnknownType { word: header.type_word }),
+            },
+        }
+    }
+}
+
+/// What a frame turned out to be.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Shape {
+    Query,
+    QueryReply,
+    Command,
+    CommandReply,
+    Heartbreak,
+    Photo,
+    PhotoAnswer,
+    AddPoints,
+    AddRcc,
+    AddRcc2020,
+    Unknown,
+    Rejected(RequestType),
+}
+
+/// The type of a frame that does not say it, by what it holds.
+fn guess(top: &TopNodes) -> Option<RequestType> {
+    let told_by = [
+        (Top::QueryData, RequestType::Query),
+        (Top::QueryAddr, RequestType::Query),
+        (Top::CmdReply, RequestType::Command),
+        (Top::CmdData, RequestType::Command),
+        (Top::Instructions, RequestType::AddRcc),
+        (Top::EmptyList, RequestType::AddRcc),
+        (Top::DsData, RequestType::AddPoints),
+    ];
+    told_by.into_iter().find(|(key, _)| top.has(*key)).map(|(_, request)| request)
+}
+
+/// Reads a list into `nodes`; a value that is no list is read and left to the check that follows.
+#[inline]
+fn list(cursor: &mut Cursor<'_>, bytes: &[u8], nodes: &mut Vec<Node>) -> Result<Node, JsonError> {
+    nodes.clear();
+    let start = cursor.at();
+    if bytes.get(start) != Some(&b'[') {
+        return cursor.value();
+    }
+    cursor.open_list()?;
+    let mut first = true;
+    while cursor.next_element(first)? {
+        first = false;
+        nodes.push(cursor.value()?);
+    }
+    Ok(Node { span: Span::new(start, cursor.at()), kind: Kind::List })
+}
+
+/// The member of an object that was checked before.
+fn member(bytes: &[u8], object: Value<'_>, name: &[u8]) -> Result<Option<Node>, JsonError> {
+    if object.node.kind != Kind::Object {
+        return Ok(None);
+    }
+    let mut cursor = Cursor::new(bytes, object.node.span.start as usize);
+    cursor.open_object()?;
+    let mut found = None;
+    let mut first = true;
+    while let Some(key) = cursor.next_key(first)? {
+        first = false;
+        let value = cursor.value()?;
+        if *Value::new(bytes, key).word() == *name {
+            found = Some(value);
+        }
+    }
+    Ok(found)
+}
+
+/// The key of a member whose value is known, in a frame that was checked before.
+fn key_before(bytes: &[u8], value: Node) -> Option<Node> {
+    let quote = usize::from(matches!(value.kind, Kind::Text { .. }));
+    let before = bytes.get(..(value.span.start as usize).checked_sub(quote)?)?;
+    let end = before.iter().rposition(|byte| *byte == b'"')?;
+    let start = before.get(..end)?.iter().rposition(|byte| *byte == b'"')? + 1;
+    Some(Node { span: Span::new(start, end), kind: Kind::Text { has_escape: false, utf8: true } })
+}
+
+fn not_an_object(place: Place, found: Value<'_>) -> FieldError {
+    FieldError { path: place.to_string(), found: Some(excerpt(found)), wanted: "an object", nearest: None }
+}
+
+fn top_error(top: &TopNodes, bytes: &[u8], key: Top, wanted: &'static str) -> FieldError {
+    let name = super::TOP_KEYS.get(key as usize).copied().unwrap_or("?");
+    FieldError { path: name.to_owned(), found: top.value(key, bytes).map(excerpt), wanted, nearest: None }
+}
+
+fn require_list(bytes: &[u8], top: &TopNodes, key: Top, wanted: &'static str) -> Result<(), FieldError> {
+    match top.at(key) {
+        Some(Node { kind: Kind::List, .. }) => Ok(()),
+        Some(_) | None => Err(top_error(top, bytes, key, wanted)),
+    }
+}
+
+/// A reply is a list of words; before 2.0.2.1 a failed command may answer with a bare text.
+fn require_reply(bytes: &[u8], top: &TopNodes) -> Result<(), FieldError> {
+    match top.at(Top::CmdReply).map(|node| node.kind) {
+        Some(Kind::List | Kind::Text { .. }) => Ok(()),
+        Some(_) | None => Err(top_error(top, bytes, Top::CmdReply, "a list of words")),
+    }
+}
+
+fn require_integer(bytes: &[u8], top: &TopNodes, key: Top) -> Result<(), FieldError> {
+    match top.value(key, bytes).and_then(|value| value.integer()) {
+        Some(_) => Ok(()),
+        None => Err(top_error(top, bytes, key, "a whole number")),
+    }
+}
+
+fn require_flag(bytes: &[u8], top: &TopNodes) -> Result<(), FieldError> {
+    match top.value(Top::EmptyList, bytes) {
+        Some(value) if value.flag().is_none() => {
+            Err(top_error(top, bytes, Top::EmptyList, "1 (replace the list) or 0 (append to it)"))
+        }
+        Some(_) | None => Ok(()),
+    }
+}

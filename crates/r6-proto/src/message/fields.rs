@@ -1,0 +1,268 @@
+//! The members of an instruction or a point: collected in any order first, read by meaning afterwards.
+
+use crate::axis::AXES;
+use crate::error::{FieldError, JsonError};
+use crate::json::Cursor;
+use crate::message::extra::{ExtraKind, ExtraNode, Place};
+use crate::value::{Node, Value};
+
+/// Every member that an instruction or a point can have, by slot.
+pub(crate) struct Fields;
+
+/// The names, in the order of the slots.
+const NAMES: [&str; 50] = [
+    "m0",
+    "m1",
+    "m2",
+    "m3",
+    "m4",
+    "m5",
+    "m6",
+    "m7",
+    "m0_p",
+    "m1_p",
+    "m2_p",
+    "m3_p",
+    "m4_p",
+    "m5_p",
+    "m6_p",
+    "m7_p",
+    "oneshot",
+    "action",
+    "ckStatus",
+    "speed",
+    "delay",
+    "smooth",
+    "tool",
+    "coord",
+    "isUse",
+    "ioNumber",
+    "io_status",
+    "type",
+    "point",
+    "point2",
+    "limit",
+    "isUnlimit",
+    "cnt_id",
+    "xpos",
+    "ypos",
+    "zpos",
+    "upos",
+    "vpos",
+    "wpos",
+    "ModelID",
+    "X",
+    "Y",
+    "Z",
+    "U",
+    "V",
+    "Angel",
+    "Similarity",
+    "Color",
+    "Rel",
+    "camID",
+];
+
+impl Fields {
+    pub const M: [usize; AXES] = [0, 1, 2, 3, 4, 5, 6, 7];
+    pub const M_P: [usize; AXES] = [8, 9, 10, 11, 12, 13, 14, 15];
+    pub const ONESHOT: usize = 16;
+    pub const ACTION: usize = 17;
+    pub const CK_STATUS: usize = 18;
+    pub const SPEED: usize = 19;
+    pub const DELAY: usize = 20;
+    pub const SMOOTH: usize = 21;
+    pub const TOOL: usize = 22;
+    pub const COORD: usize = 23;
+    pub const IS_USE: usize = 24;
+    pub const IO_NUMBER: usize = 25;
+    pub const IO_STATUS: usize = 26;
+    pub const TYPE: usize = 27;
+    pub const POINT: usize = 28;
+    pub const POINT2: usize = 29;
+    pub const LIMIT: usize = 30;
+    pub const IS_UNLIMIT: usize = 31;
+    pub const CNT_ID: usize = 32;
+    /// `xpos` … `wpos` of the 2020 shape: they stand for `m0` … `m5`.
+    pub const POS: [usize; 6] = [33, 34, 35, 36, 37, 38];
+    pub const MODEL_ID: usize = 39;
+    pub const X: usize = 40;
+    pub const Y: usize = 41;
+    pub const Z: usize = 42;
+    pub const U: usize = 43;
+    pub const V: usize = 44;
+    pub const ANGEL: usize = 45;
+    pub const SIMILARITY: usize = 46;
+    pub const COLOR: usize = 47;
+    pub const REL: usize = 48;
+
+    const COUNT: usize = NAMES.len();
+
+    /// The name of a slot as the manual writes it.
+    pub fn name(slot: usize) -> &'static str {
+        NAMES.get(slot).copied().unwrap_or("?")
+    }
+
+    /// All names, for the nearest word.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        NAMES.into_iter()
+    }
+
+    /// The slot of a name, with the accepted spelling `Angle`.
+    fn slot(name: &[u8]) -> Option<usize> {
+        match name {
+            [b'm', digit @ b'0'..=b'7'] => Some(usize::from(digit - b'0')),
+            [b'm', digit @ b'0'..=b'7', b'_', b'p'] => Some(usize::from(digit - b'0') + AXES),
+            b"Angle" => Some(Self::ANGEL),
+            _ => {
+                NAMES.iter().skip(2 * AXES).position(|known| known.as_bytes() == name).map(|at| at + 2 * AXES)
+            }
+        }
+    }
+}
+
+/// The collected members of one object.
+pub(crate) struct FieldSet {
+    nodes: [Option<Node>; Fields::COUNT],
+    present: u64,
+}
+
+impl FieldSet {
+    /// Reads one object; unknown, repeated and differently spelt keys go to `extras`.
+    pub fn read(
+        cursor: &mut Cursor<'_>,
+        bytes: &[u8],
+        place: Place,
+        extras: &mut Vec<ExtraNode>,
+    ) -> Result<Self, JsonError> {
+        let mut set = Self { nodes: [None; Fields::COUNT], present: 0 };
+        cursor.open_object()?;
+        let mut first = true;
+        while let Some(key) = cursor.next_key(first)? {
+            first = false;
+            let value = cursor.value()?;
+            let name = &*Value::new(bytes, key).word();
+            let slot = Fields::slot(name).and_then(|slot| Some((slot, set.nodes.get_mut(slot)?)));
+            match slot {
+                None => extras.push(ExtraNode { place, key, value, kind: ExtraKind::UnknownKey }),
+                Some((slot, node)) => {
+                    if let Some(earlier) = node.replace(value) {
+                        extras.push(ExtraNode { place, key, value: earlier, kind: ExtraKind::DuplicateKey });
+                    }
+                    if Fields::name(slot).as_bytes() != name {
+                        extras.push(ExtraNode { place, key, value, kind: ExtraKind::OtherSpelling });
+                    }
+                    set.present |= 1 << slot;
+                }
+            }
+        }
+        Ok(set)
+    }
+
+    /// Lets the members `xpos` … `wpos` of the 2020 shape stand for `m0` … `m5`.
+    pub fn translate_2020(&mut self) {
+        for (pos, m) in Fields::POS.into_iter().zip(Fields::M) {
+            let node = self.nodes.get_mut(pos).and_then(Option::take);
+            if let (Some(node), Some(slot)) = (node, self.nodes.get_mut(m)) {
+                *slot = Some(node);
+                self.present = (self.present & !(1 << pos)) | 1 << m;
+            }
+        }
+    }
+}
+
+/// A field set being read: it remembers what was used, so that the rest can be reported.
+pub(crate) struct FieldsView<'a> {
+    pub bytes: &'a [u8],
+    pub set: &'a FieldSet,
+    pub place: Place,
+    used: u64,
+}
+
+impl<'a> FieldsView<'a> {
+    pub fn new(bytes: &'a [u8], set: &'a FieldSet, place: Place) -> Self {
+        Self { bytes, set, place, used: 0 }
+    }
+
+    /// Reads the field with `read`, or `None` where it is absent.
+    pub fn optional<T>(
+        &mut self,
+        field: usize,
+        wanted: &'static str,
+        read: impl FnOnce(Value<'a>) -> Option<T>,
+    ) -> Result<Option<T>, FieldError> {
+        self.used |= 1 << field;
+        let Some(node) = self.set.nodes.get(field).copied().flatten() else { return Ok(None) };
+        let value = Value::new(self.bytes, node);
+        match read(value) {
+            Some(read) => Ok(Some(read)),
+            None => {
+                Err(FieldError { path: self.path(field), found: Some(excerpt(value)), wanted, nearest: None })
+            }
+        }
+    }
+
+    /// Reads the field with `read`; it must be there.
+    pub fn required<T>(
+        &mut self,
+        field: usize,
+        wanted: &'static str,
+        read: impl FnOnce(Value<'a>) -> Option<T>,
+    ) -> Result<T, FieldError> {
+        self.optional(field, wanted, read)?.ok_or_else(|| self.missing(field, wanted))
+    }
+
+    /// A whole number that must be there.
+    pub fn integer(&mut self, field: usize, wanted: &'static str) -> Result<i64, FieldError> {
+        self.required(field, wanted, |value| value.integer())
+    }
+
+    /// The error that the field is missing.
+    pub fn missing(&self, field: usize, wanted: &'static str) -> FieldError {
+        FieldError { path: self.path(field), found: None, wanted, nearest: None }
+    }
+
+    /// Members that are known but were not used for what this object is.
+    pub fn unused(&self) -> impl Iterator<Item = Node> {
+        let unused = self.set.present & !self.used;
+        self.set.nodes.iter().enumerate().filter_map(
+            move |(slot, node)| {
+                if unused & 1 << slot == 0 { None } else { *node }
+            },
+        )
+    }
+
+    fn path(&self, field: usize) -> String {
+        format!("{}.{}", self.place, Fields::name(field))
+    }
+}
+
+/// A value as on the wire, cut at 48 characters, for an error message.
+pub(crate) fn excerpt(value: Value<'_>) -> String {
+    let text = String::from_utf8_lossy(value.wire());
+    if text.chars().count() > 48 { text.chars().take(47).chain(['…']).collect() } else { text.into_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_finds_its_own_slot() {
+        for (slot, name) in NAMES.into_iter().enumerate() {
+            assert_eq!(Fields::slot(name.as_bytes()), Some(slot), "{name}");
+        }
+        assert_eq!(Fields::slot(b"m8"), None);
+        assert_eq!(Fields::slot(b"Angle"), Some(Fields::ANGEL));
+        let named = [
+            (Fields::ONESHOT, "oneshot"),
+            (Fields::CNT_ID, "cnt_id"),
+            (Fields::POS[5], "wpos"),
+            (Fields::MODEL_ID, "ModelID"),
+            (Fields::REL, "Rel"),
+        ];
+        for (slot, name) in named {
+            assert_eq!(Fields::name(slot), name);
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Queries and their replies (manual 4.1).
+
+use std::fmt;
+
+use crate::address::{Address, UnknownAddress};
+use crate::value::{Value, Values};
+
+/// A read request.
+#[derive(Clone, Copy, Debug)]
+pub struct Query<'a> {
+    /// The addresses, as sent.
+    pub addresses: Values<'a>,
+}
+
+impl<'a> Query<'a> {
+    /// Each address as sent, with what it means.
+    pub fn resolved(
+        &self,
+    ) -> impl ExactSizeIterator<Item = (Value<'a>, Result<Address, UnknownAddress>)> + use<'a> {
+        self.addresses.iter().map(|word| (word, resolve(word)))
+    }
+}
+
+fn resolve(word: Value<'_>) -> Result<Address, UnknownAddress> {
+    match Address::exact(&word.word()) {
+        Some(address) if word.is_text() => Ok(address),
+        Some(_) | None => Address::parse(&word.text()),
+    }
+}
+
+/// The values that answer a query.
+///
+/// Controllers drop what they do not support from the values but not from the echoed addresses (captured,
+/// unit C), so the two lists are never paired unless their lengths agree.
+#[derive(Clone, Copy, Debug)]
+pub struct QueryReply<'a> {
+    /// The echo of the addresses, where the firmware sends one.
+    pub addresses: Option<Values<'a>>,
+    /// The values.
+    pub values: Values<'a>,
+}
+
+impl<'a> QueryReply<'a> {
+    /// The values, if there are as many as were asked for.
+    ///
+    /// # Errors
+    /// [`LengthMismatch`] if not: which value belongs to which address is then unknown.
+    pub fn aligned(&self, asked: usize) -> Result<Values<'a>, LengthMismatch> {
+        if self.values.len() == asked {
+            Ok(self.values)
+        } else {
+            Err(LengthMismatch { asked, answered: self.values.len() })
+        }
+    }
+}
+
+/// A reply with more or fewer values than addresses were asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LengthMismatch {
+    /// How many addresses were asked for.
+    pub asked: usize,
+    /// How many values came.
+    pub answered: usize,
+}
+
+impl fmt::Display for LengthMismatch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} addresses were asked for and {} values came: the controller leaves out what it does not know, \
+             so none of them can be assigned; ask for the addresses one by one",
+            self.asked, self.answered
+        )
+    }
+}
+
+impl std::error::Error for LengthMismatch {}

@@ -1,0 +1,161 @@
+//! Requests, encoded strictly: one compact form, every number within its range.
+
+use crate::address::Address;
+use crate::dialect::Envelope;
+use crate::encode::ObjectWriter;
+use crate::error::EncodeError;
+use crate::message::{Command, Instruction, PhotoAnswer, Point, RequestType, TypeKey};
+use crate::text;
+
+/// What a PC or a camera sends to a controller.
+#[derive(Clone, Copy, Debug)]
+pub enum Request<'a> {
+    /// Reads these addresses (manual 4.1).
+    Query(&'a [Address]),
+    /// Acts at once (manual 4.2).
+    Command(&'a Command<'a>),
+    /// Puts instructions into the instruction list (manual 6).
+    AddRcc {
+        /// `true` replaces the list, `false` appends.
+        empty_list: bool,
+        /// The instructions; none, with `empty_list`, clears the list.
+        instructions: &'a [Instruction],
+    },
+    /// Sends points, for each camera its own (manual 5.2).
+    AddPoints(&'a [CameraPoints<'a>]),
+    /// Feeds the controller's watchdog, and arms it the first time (manual 7). It is not answered.
+    Heartbreak,
+    /// Answers a photo request (manual 5.1). It is not answered.
+    PhotoAnswer(PhotoAnswer),
+}
+
+/// The points of one camera.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraPoints<'a> {
+    /// `camID`.
+    pub cam_id: i64,
+    /// Its points.
+    pub points: &'a [Point],
+}
+
+impl Request<'_> {
+    /// The type of the request.
+    #[must_use]
+    pub fn request_type(&self) -> RequestType {
+        match self {
+            Self::Query(_) => RequestType::Query,
+            Self::Command(_) => RequestType::Command,
+            Self::AddRcc { .. } => RequestType::AddRcc,
+            Self::AddPoints(_) => RequestType::AddPoints,
+            Self::Heartbreak => RequestType::Heartbreak,
+            Self::PhotoAnswer(_) => RequestType::Photo,
+        }
+    }
+
+    /// Whether a controller answers it.
+    #[must_use]
+    pub fn expects_reply(&self) -> bool {
+        match self {
+            Self::Query(_) | Self::Command(_) | Self::AddRcc { .. } | Self::AddPoints(_) => true,
+            Self::Heartbreak | Self::PhotoAnswer(_) => false,
+        }
+    }
+
+    /// Appends the frame to `out`.
+    ///
+    /// # Errors
+    /// [`EncodeError`] names the field that the wire cannot carry; `out` is then as before.
+    pub fn encode(&self, envelope: &Envelope<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
+        let before = out.len();
+        let encoded = self.encode_members(envelope, out);
+        if encoded.is_err() {
+            out.truncate(before);
+        }
+        encoded
+    }
+
+    fn encode_members(&self, envelope: &Envelope<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
+        let request = self.request_type();
+        let mut frame = ObjectWriter::begin(out);
+        frame.text("dsID", envelope.ds_id.ds_id(request));
+        match envelope.type_key {
+            TypeKey::Absent => {}
+            TypeKey::ReqType | TypeKey::CmdType => frame.text(envelope.type_key.word(), request.word()),
+        }
+        if let Some(pack_id) = envelope.pack_id {
+            frame.text("packID", pack_id);
+        }
+        match self {
+            Self::Query(addresses) => {
+                let mut list = ListWriter::begin(frame.key("queryAddr"));
+                for address in *addresses {
+                    let out = list.item();
+                    out.push(b'"');
+                    address.write_name(out);
+                    out.push(b'"');
+                }
+                list.end();
+            }
+            Self::Command(command) => command.encode_data(frame.key("cmdData"))?,
+            Self::AddRcc { empty_list, instructions } => {
+                frame.quoted_flag("emptyList", *empty_list);
+                let mut list = ListWriter::begin(frame.key("instructions"));
+                for instruction in *instructions {
+                    instruction.encode(list.item())?;
+                }
+                list.end();
+            }
+            Self::AddPoints(cameras) => {
+                let mut list = ListWriter::begin(frame.key("dsData"));
+                for camera in *cameras {
+                    let mut set = ObjectWriter::begin(list.item());
+                    set.bare_integer("camID", camera.cam_id);
+                    let mut points = ListWriter::begin(set.key("data"));
+                    for point in camera.points {
+                        point.encode(points.item())?;
+                    }
+                    points.end();
+                    set.end();
+                }
+                list.end();
+            }
+            Self::Heartbreak => {}
+            Self::PhotoAnswer(answer) => {
+                frame.bare_integer("camID", answer.cam_id);
+                frame.bare_integer("ret", answer.ret);
+            }
+        }
+        frame.end();
+        Ok(())
+    }
+}
+
+/// Writes one compact JSON list, item by item.
+pub(crate) struct ListWriter<'o> {
+    out: &'o mut Vec<u8>,
+    first: bool,
+}
+
+impl<'o> ListWriter<'o> {
+    pub fn begin(out: &'o mut Vec<u8>) -> Self {
+        out.push(b'[');
+        Self { out, first: true }
+    }
+
+    /// Returns the buffer for the next item.
+    pub fn item(&mut self) -> &mut Vec<u8> {
+        if !self.first {
+            self.out.push(b',');
+        }
+        self.first = false;
+        self.out
+    }
+
+    pub fn text(&mut self, value: &str) {
+        text::write_escaped(self.item(), value);
+    }
+
+    pub fn end(self) {
+        self.out.push(b']');
+    }
+}

@@ -1,0 +1,222 @@
+//! The controller's end of one connection, without I/O: bytes in, messages out; replies in, frames out.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use crate::error::JsonError;
+use crate::frame::{FrameBuffer, FrameError, Limits};
+use crate::message::{Decoder, Message};
+use crate::time::Instant;
+
+/// A frame that stays incomplete this long after its last byte is given up, so that what follows is understood again.
+///
+/// Long enough for a peer that sends one byte a second; short enough that a cut-off frame does not eat
+/// the next attempt of a person who watches.
+pub const PARTIAL_FRAME_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Replies that a peer does not read pile up to this many bytes; then the connection is given up.
+///
+/// A reply is below 4 KiB and clients keep a handful of requests in flight: a peer this far behind reads nothing.
+pub const MAX_UNSENT_BYTES: usize = 1 << 20;
+
+/// The controller's end of one connection.
+#[derive(Debug)]
+pub struct ServerSession {
+    inbox: Inbox,
+    outbox: Outbox,
+}
+
+/// Bytes in, messages out.
+#[derive(Debug)]
+pub struct Inbox {
+    frames: FrameBuffer,
+    decoder: Decoder,
+    last_byte: Instant,
+}
+
+/// Why bytes did not become a message.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum InputError {
+    /// The bytes hold no complete JSON object where one should stand.
+    Frame(FrameError),
+    /// The object is not well-formed JSON.
+    Json(JsonError),
+}
+
+impl std::fmt::Display for InputError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Frame(error) => error.fmt(f),
+            Self::Json(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for InputError {}
+
+impl ServerSession {
+    /// A session on a fresh connection.
+    #[must_use]
+    pub fn new(limits: Limits) -> Self {
+        Self {
+            inbox: Inbox {
+                frames: FrameBuffer::new(limits),
+                decoder: Decoder::new(),
+                last_byte: Instant::ORIGIN,
+            },
+            outbox: Outbox::default(),
+        }
+    }
+
+    /// Both halves, so that a reply can be written while its request is still being looked at.
+    pub fn split(&mut self) -> (&mut Inbox, &mut Outbox) {
+        (&mut self.inbox, &mut self.outbox)
+    }
+
+    /// When [`Inbox::handle_timeout`] is due.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Instant> {
+        self.inbox.poll_timeout()
+    }
+
+    /// When the next frame that is held back may leave.
+    #[must_use]
+    pub fn next_transmit(&self) -> Option<Instant> {
+        self.outbox.delayed.front().map(|(due, _)| *due)
+    }
+}
+
+impl Inbox {
+    /// Takes bytes from the peer and tells how many there was room for; push the others again once
+    /// [`Self::next_message`] has returned `None`.
+    #[must_use = "bytes that were not taken have to be pushed again"]
+    pub fn push(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        self.last_byte = now;
+        self.frames.push(bytes)
+    }
+
+    /// The next message or the next error; `None` once more bytes are needed.
+    pub fn next_message(&mut self) -> Option<Result<Message<'_>, InputError>> {
+        Some(match self.frames.next()? {
+            Err(error) => Err(InputError::Frame(error)),
+            Ok(frame) => self.decoder.decode(frame.bytes).map_err(InputError::Json),
+        })
+    }
+
+    /// Gives up a frame that has stayed incomplete for [`PARTIAL_FRAME_TIMEOUT`].
+    pub fn handle_timeout(&mut self, now: Instant) -> Option<FrameError> {
+        if self.poll_timeout().is_some_and(|due| due <= now) { self.frames.abandon_partial() } else { None }
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        (self.frames.pending() > 0).then(|| self.last_byte + PARTIAL_FRAME_TIMEOUT)
+    }
+}
+
+/// Frames on their way to the peer: at once, or at a later point in time.
+#[derive(Debug, Default)]
+pub struct Outbox {
+    /// Frames that may leave now, one behind the other.
+    ready: Vec<u8>,
+    /// How far `ready` was taken.
+    taken: usize,
+    /// Where each frame in `ready` ends.
+    ends: VecDeque<usize>,
+    /// Frames that leave later, the earliest first.
+    delayed: VecDeque<(Instant, Vec<u8>)>,
+    delayed_bytes: usize,
+}
+
+impl Outbox {
+    /// Lets `write` append one frame that leaves at once.
+    pub fn send(&mut self, write: impl FnOnce(&mut Vec<u8>)) {
+        if self.taken == self.ready.len() {
+            self.ready.clear();
+            self.taken = 0;
+        }
+        let before = self.ready.len();
+        write(&mut self.ready);
+        if self.ready.len() > before {
+            self.ends.push_back(self.ready.len());
+        }
+    }
+
+    /// Lets `write` make one frame that leaves at `due`. Frames due at the same time leave in the order of the calls.
+    pub fn send_at(&mut self, due: Instant, write: impl FnOnce(&mut Vec<u8>)) {
+        let mut frame = Vec::new();
+        write(&mut frame);
+        self.delayed_bytes += frame.len();
+        let at = self.delayed.partition_point(|(other, _)| *other <= due);
+        self.delayed.insert(at, (due, frame));
+    }
+
+    /// The next frame to write to the peer, whole; it counts as taken.
+    pub fn poll_transmit(&mut self, now: Instant) -> Option<&[u8]> {
+        while self.delayed.front().is_some_and(|(due, _)| *due <= now) {
+            if let Some((_, frame)) = self.delayed.pop_front() {
+                self.delayed_bytes -= frame.len();
+                self.send(|out| out.extend_from_slice(&frame));
+            }
+        }
+        let end = self.ends.pop_front()?;
+        let start = std::mem::replace(&mut self.taken, end);
+        self.ready.get(start..end)
+    }
+
+    /// Whether the peer is so far behind that the connection has to be given up ([`MAX_UNSENT_BYTES`]).
+    #[must_use]
+    pub fn is_overfull(&self) -> bool {
+        self.ready.len() - self.taken + self.delayed_bytes > MAX_UNSENT_BYTES
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn session() -> ServerSession {
+        ServerSession::new(Limits::default())
+    }
+
+    fn at(ms: u64) -> Instant {
+        Instant::ORIGIN + Duration::from_millis(ms)
+    }
+
+    #[test]
+    fn frames_leave_one_by_one_in_order_of_their_time() {
+        let mut session = session();
+        let (_, out) = session.split();
+        out.send_at(at(18), |out| out.extend_from_slice(b"{\"late\":1}"));
+        out.send(|out| out.extend_from_slice(b"{\"a\":1}"));
+        out.send(|out| out.extend_from_slice(b"{\"b\":1}"));
+        assert_eq!(out.poll_transmit(at(0)), Some(&b"{\"a\":1}"[..]));
+        assert_eq!(out.poll_transmit(at(0)), Some(&b"{\"b\":1}"[..]));
+        assert_eq!(out.poll_transmit(at(17)), None);
+        assert_eq!(session.next_transmit(), Some(at(18)));
+        assert_eq!(session.split().1.poll_transmit(at(18)), Some(&b"{\"late\":1}"[..]));
+        assert_eq!(session.next_transmit(), None);
+    }
+
+    #[test]
+    fn a_frame_that_stays_incomplete_is_given_up() {
+        let mut session = session();
+        let (inbox, _) = session.split();
+        assert_eq!(inbox.push(at(0), b"{\"reqType\":\"query\""), 18);
+        assert!(inbox.next_message().is_none());
+        assert!(inbox.handle_timeout(at(4_999)).is_none());
+        assert!(inbox.handle_timeout(at(5_000)).is_some());
+        assert_eq!(inbox.push(at(5_001), b"{\"reqType\":\"heartbreak\"}"), 24);
+        assert!(matches!(inbox.next_message(), Some(Ok(_))));
+        assert!(inbox.next_message().is_none());
+    }
+
+    #[test]
+    fn a_peer_that_reads_nothing_is_noticed() {
+        let mut session = session();
+        let (_, out) = session.split();
+        out.send_at(at(1), |out| out.resize(MAX_UNSENT_BYTES, b' '));
+        assert!(!out.is_overfull());
+        out.send(|out| out.push(b' '));
+        assert!(out.is_overfull());
+    }
+}

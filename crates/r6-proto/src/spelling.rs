@@ -1,0 +1,46 @@
+//! The nearest known word to one that nobody knows, for error messages.
+
+/// Words longer than this are not compared: no word of the protocol comes near it, and the comparison is quadratic.
+const LONGEST_COMPARED: usize = 64;
+
+/// The word of `known` that `word` most probably meant, or `None` where nothing is near.
+///
+/// Case and separators (`-`, `_`, space) do not count; beyond that about one wrong letter in three is forgiven.
+pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
+    if word.is_empty() || word.len() > LONGEST_COMPARED {
+        return None;
+    }
+    let folded = fold(word);
+    known
+        .into_iter()
+        .map(|candidate| (strsim::damerau_levenshtein(&folded, &fold(candidate)), candidate))
+        .min_by_key(|(distance, candidate)| (*distance, candidate.len().abs_diff(word.len())))
+        .filter(|(distance, candidate)| *distance * 3 <= candidate.len().max(folded.len()))
+        .map(|(_, candidate)| candidate)
+}
+
+fn fold(word: &str) -> String {
+    word.chars().filter(|c| !matches!(c, '-' | '_' | ' ')).flat_map(char::to_lowercase).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WORDS: [&str; 4] = ["actionStop", "actionPause", "modifyStackData", "heartbreak"];
+
+    #[test]
+    fn a_slip_is_recognised() {
+        assert_eq!(nearest("actoinStop", WORDS), Some("actionStop"));
+        assert_eq!(nearest("ACTION_STOP", WORDS), Some("actionStop"));
+        assert_eq!(nearest("modifyStack", WORDS), Some("modifyStackData"));
+        assert_eq!(nearest("heartbeat", WORDS), Some("heartbreak"));
+    }
+
+    #[test]
+    fn a_stranger_is_not() {
+        assert_eq!(nearest("logout", WORDS), None);
+        assert_eq!(nearest("", WORDS), None);
+        assert_eq!(nearest(&"a".repeat(1000), WORDS), None);
+    }
+}

@@ -1,0 +1,448 @@
+//! Strings inside a frame: where one ends, and what it says, in UTF-8 or in GBK.
+//!
+//! Old firmware sends names in GBK, whose two-byte characters may have `\` (0x5C), `[`, `]`, `{` or `}` as their
+//! second byte. Nothing announces the encoding, so one rule decides it for each string: its bytes are UTF-8 as long
+//! as they are valid UTF-8; at the first byte that is not, the whole string turns out to be GBK, and what was taken
+//! for an escape is read anew in that light. A quote that was passed before that byte stays inside the string: in a
+//! GBK frame nothing but ASCII can stand between a closing quote and the next opening one, so such a quote cannot
+//! have closed it. That keeps every search within one pass, whatever the bytes are.
+
+use std::borrow::Cow;
+
+use encoding_rs::GB18030;
+
+mod state;
+
+pub use state::{Progress, StringState};
+use state::{is_gbk_lead, is_gbk_trail};
+
+/// What is known of a string once its closing quote is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StringEnd {
+    /// Offset of the closing quote in the bytes that were scanned.
+    pub end: usize,
+    /// Whether there is any escape to resolve.
+    pub has_escape: bool,
+    /// Whether every byte is ASCII.
+    pub ascii: bool,
+    /// Whether the bytes are UTF-8; GBK if not.
+    pub utf8: bool,
+}
+
+/// Why bytes are no JSON string.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StringFault {
+    /// Offset of the offending byte in the bytes that were scanned; their length where the closing quote is missing.
+    pub at: usize,
+    /// What is wrong there.
+    pub kind: StringFaultKind,
+}
+
+/// What can be wrong inside a string.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StringFaultKind {
+    /// The bytes end before the closing quote.
+    Unterminated,
+    /// A raw byte below 0x20, which JSON allows only escaped.
+    ControlByte(u8),
+    /// A `\` that begins no JSON escape, or half of a surrogate pair.
+    BadEscape,
+}
+
+/// Finds the end of the string whose first byte after the opening quote is at `start`, and checks its escapes.
+///
+/// For UTF-8 it accepts exactly what `serde_json` accepts.
+///
+/// # Errors
+/// The first thing that is wrong with the string, in the encoding that it turns out to have.
+#[inline]
+pub fn scan_string(bytes: &[u8], start: usize) -> Result<StringEnd, StringFault> {
+    let mut at = start;
+    let mut has_escape = false;
+    loop {
+        at = plain_end(bytes, at);
+        match bytes.get(at) {
+            Some(b'"') => return Ok(StringEnd { end: at, has_escape, ascii: true, utf8: true }),
+            Some(b'\\') => {
+                at += escape_length(bytes, at)?;
+                has_escape = true;
+            }
+            Some(0x80..) => return scan_beyond_ascii(bytes, start),
+            Some(&byte) => return Err(StringFault { at, kind: StringFaultKind::ControlByte(byte) }),
+            None => return Err(StringFault { at: bytes.len(), kind: StringFaultKind::Unterminated }),
+        }
+    }
+}
+
+/// The same for a string that has a byte beyond ASCII: first its end and with it the encoding, then the escapes.
+fn scan_beyond_ascii(bytes: &[u8], start: usize) -> Result<StringEnd, StringFault> {
+    let mut state = StringState::default();
+    let end = match state.advance(bytes, start) {
+        Progress::Closed(quote) => quote,
+        Progress::ControlByte(at, byte) => {
+            return Err(StringFault { at, kind: StringFaultKind::ControlByte(byte) });
+        }
+        Progress::Open => return Err(StringFault { at: bytes.len(), kind: StringFaultKind::Unterminated }),
+    };
+    let utf8 = state.is_utf8();
+    let body = bytes.get(..end).unwrap_or_default();
+    let mut has_escape = false;
+    let mut at = start;
+    while let Some(escape) = next_escape(body, at, utf8) {
+        has_escape = true;
+        at = escape + escape_length(body, escape)?;
+    }
+    Ok(StringEnd { end, has_escape, ascii: false, utf8 })
+}
+
+/// The text of a string: `body` is what stands between its quotes, `end` what [`scan_string`] said of it.
+///
+/// It never fails: what is no character becomes U+FFFD. Nothing is copied for plain UTF-8. Of `end` only the
+/// encoding and the presence of escapes are used.
+#[must_use]
+pub fn unescape<'a>(body: &'a [u8], end: &StringEnd) -> Cow<'a, str> {
+    if !end.has_escape {
+        return decode(body, end.utf8);
+    }
+    let mut text = String::with_capacity(body.len());
+    let mut at = 0;
+    while let Some(escape) = next_escape(body, at, end.utf8) {
+        text.push_str(&decode(body.get(at..escape).unwrap_or_default(), end.utf8));
+        let (character, length) = escape_at(body, escape).unwrap_or((char::REPLACEMENT_CHARACTER, 1));
+        text.push(character);
+        at = escape + length;
+    }
+    text.push_str(&decode(body.get(at..).unwrap_or_default(), end.utf8));
+    Cow::Owned(text)
+}
+
+/// Appends the text as a compact JSON string in quotes, UTF-8, with no more escapes than JSON demands.
+pub fn write_escaped(out: &mut Vec<u8>, text: &str) {
+    out.push(b'"');
+    let mut rest = text.as_bytes();
+    while let Some(special) = rest.iter().position(|byte| matches!(byte, 0..0x20 | b'"' | b'\\')) {
+        let (plain, from_special) = rest.split_at(special);
+        out.extend_from_slice(plain);
+        let Some((&byte, behind)) = from_special.split_first() else { break };
+        match byte {
+            b'"' | b'\\' => out.extend_from_slice(&[b'\\', byte]),
+            0x08 => out.extend_from_slice(b"\\b"),
+            0x0C => out.extend_from_slice(b"\\f"),
+            b'\n' => out.extend_from_slice(b"\\n"),
+            b'\r' => out.extend_from_slice(b"\\r"),
+            b'\t' => out.extend_from_slice(b"\\t"),
+            _ => {
+                out.extend_from_slice(b"\\u00");
+                out.extend(
+                    [byte >> 4, byte & 0x0F].map(|digit| digit + if digit < 10 { b'0' } else { b'a' - 10 }),
+                );
+            }
+        }
+        rest = behind;
+    }
+    out.extend_from_slice(rest);
+    out.push(b'"');
+}
+
+/// The offset of the first byte from `from` on that is not plain: a quote, a `\`, a control byte or beyond ASCII.
+#[inline]
+pub(crate) fn plain_end(bytes: &[u8], from: usize) -> usize {
+    let mut at = from;
+    // Eight bytes a step; most strings of the protocol need one or two steps.
+    while let Some(eight) = bytes.get(at..).and_then(|rest| rest.first_chunk::<8>()) {
+        let special = special_bytes(u64::from_le_bytes(*eight));
+        if special != 0 {
+            return at + (special.trailing_zeros() / 8) as usize;
+        }
+        at += 8;
+    }
+    while let Some(0x20..=0x21 | 0x23..=0x5B | 0x5D..=0x7F) = bytes.get(at) {
+        at += 1;
+    }
+    at
+}
+
+/// Sets the top bit of each byte that is not plain; exact up to and including the lowest such byte.
+#[inline]
+fn special_bytes(eight: u64) -> u64 {
+    const ONES: u64 = 0x0101_0101_0101_0101;
+    const TOPS: u64 = ONES << 7;
+    let below = |word: u64, limit: u64| word.wrapping_sub(ONES * limit) & !word;
+    let control = below(eight, 0x20);
+    let quote = below(eight ^ (ONES * b'"' as u64), 1);
+    let backslash = below(eight ^ (ONES * b'\\' as u64), 1);
+    (control | quote | backslash | eight) & TOPS
+}
+
+/// The next `\` from `from` on that begins an escape; in GBK one that is no second byte.
+fn next_escape(body: &[u8], from: usize, utf8: bool) -> Option<usize> {
+    let mut lead = false;
+    body.iter().enumerate().skip(from).find_map(|(at, &byte)| {
+        let trail = std::mem::replace(&mut lead, false) && is_gbk_trail(byte);
+        lead = !utf8 && !trail && is_gbk_lead(byte);
+        (byte == b'\\' && !trail).then_some(at)
+    })
+}
+
+/// How many bytes the escape at `at` has, two for a surrogate pair's halves together.
+fn escape_length(bytes: &[u8], at: usize) -> Result<usize, StringFault> {
+    match escape_at(bytes, at) {
+        Some((_, length)) => Ok(length),
+        None if at + 1 >= bytes.len() => {
+            Err(StringFault { at: bytes.len(), kind: StringFaultKind::Unterminated })
+        }
+        None => Err(StringFault { at, kind: StringFaultKind::BadEscape }),
+    }
+}
+
+/// The character that the escape at `at` stands for, and how many bytes the escape has.
+fn escape_at(bytes: &[u8], at: usize) -> Option<(char, usize)> {
+    let character = match bytes.get(at + 1)? {
+        b'"' => '"',
+        b'\\' => '\\',
+        b'/' => '/',
+        b'b' => '\u{8}',
+        b'f' => '\u{c}',
+        b'n' => '\n',
+        b'r' => '\r',
+        b't' => '\t',
+        b'u' => {
+            let unit = hex_unit(bytes, at)?;
+            let high = u32::from(unit);
+            if !(0xD800..0xDC00).contains(&high) {
+                return char::from_u32(high).map(|character| (character, 6));
+            }
+            let low = u32::from(hex_unit(bytes, at + 6)?).checked_sub(0xDC00).filter(|low| *low < 0x400)?;
+            return char::from_u32(0x1_0000 + ((high - 0xD800) << 10) + low).map(|character| (character, 12));
+        }
+        _ => return None,
+    };
+    Some((character, 2))
+}
+
+/// The number in `\uXXXX` at `at`.
+fn hex_unit(bytes: &[u8], at: usize) -> Option<u16> {
+    let digits = bytes.get(at..at + 6)?.strip_prefix(b"\\u")?;
+    digits.iter().try_fold(0, |unit, &digit| {
+        let digit = char::from(digit).to_digit(16)?;
+        Some(unit << 4 | u16::try_from(digit).ok()?)
+    })
+}
+
+fn decode(bytes: &[u8], utf8: bool) -> Cow<'_, str> {
+    if utf8 { String::from_utf8_lossy(bytes) } else { GB18030.decode_without_bom_handling(bytes).0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The text of the string literal that the bytes begin with, behind its opening quote.
+    fn text_of(literal: &[u8]) -> Result<String, StringFault> {
+        let end = scan_string(literal, 1)?;
+        Ok(unescape(&literal[1..end.end], &end).into_owned())
+    }
+
+    /// The module's rule word by word: the encoding from the library's own UTF-8 check, then one walk.
+    fn end_by_the_rule(body: &[u8]) -> Option<(usize, bool)> {
+        let end = |gbk: bool, not_before: usize| {
+            let mut at = 0;
+            while at < body.len() {
+                let pair =
+                    gbk && is_gbk_lead(body[at]) && body.get(at + 1).is_some_and(|next| is_gbk_trail(*next));
+                match body[at] {
+                    b'"' if at >= not_before => return Some(at),
+                    b'\\' if body.get(at + 1).is_some_and(u8::is_ascii) => at += 2,
+                    _ => at += if pair { 2 } else { 1 },
+                }
+            }
+            None
+        };
+        let valid = std::str::from_utf8(body).map_or_else(|error| error.valid_up_to(), |_| body.len());
+        match end(false, 0) {
+            Some(quote) if quote < valid => Some((quote, true)),
+            _ => end(true, valid).map(|quote| (quote, false)),
+        }
+    }
+
+    #[test]
+    fn a_gbk_character_may_end_in_a_backslash_or_a_brace() {
+        // 乗 is 81 5C; 亄 is 81 7B; 亇 is 81 7D is not, so the pairs are named by their bytes.
+        for (trail, known) in [(0x5C, Some('乗')), (0x5B, None), (0x5D, None), (0x7B, None), (0x7D, None)] {
+            let literal = [b'"', b'a', 0x81, trail, b'"', b',', b'"'];
+            let end = scan_string(&literal, 1).unwrap();
+            assert_eq!(
+                end,
+                StringEnd { end: 4, has_escape: false, ascii: false, utf8: false },
+                "{trail:02X}"
+            );
+            let text = text_of(&literal).unwrap();
+            assert_eq!(text.chars().count(), 2, "{text}");
+            assert!(!text.contains('\u{FFFD}'), "{text}");
+            if let Some(known) = known {
+                assert_eq!(text, format!("a{known}"));
+            }
+        }
+    }
+
+    #[test]
+    fn an_escape_in_gbk_is_resolved_beside_a_trail_that_looks_like_one() {
+        assert_eq!(text_of(b"\"\x81\x5C\\\"\\u4e58\xD6\xD0\"").unwrap(), "乗\"乘中");
+        assert_eq!(text_of(b"\"\xBC\xC6\xCA\xFD\xC6\xF7[0]\"").unwrap(), "计数器[0]");
+    }
+
+    #[test]
+    fn a_lone_lead_byte_stands_alone() {
+        // 0xFF leads nothing, 0x81 takes no quote.
+        assert_eq!(text_of(b"\"\xFF\\n\"").unwrap(), "\u{FFFD}\n");
+        assert_eq!(text_of(b"\"\x81\"").unwrap(), "\u{FFFD}");
+    }
+
+    #[test]
+    fn a_quote_passed_before_the_first_byte_of_gbk_stays_inside() {
+        // Up to 0xFF this is UTF-8, and its quotes are escaped; as GBK the `\\` are second bytes.
+        let literal = "\"中\\\"中\\\"".as_bytes();
+        let literal = [literal, b"\xFF\""].concat();
+        assert_eq!(scan_string(&literal, 1).unwrap().end, literal.len() - 1);
+    }
+
+    #[test]
+    fn utf8_is_told_from_gbk_as_the_standard_library_tells_it() {
+        for first in 0x80..=0xFF {
+            for second in 0x80..=0xFF {
+                for length in 1..=4 {
+                    let literal = [&[first, second, 0x80, 0x80][..length], b"\""].concat();
+                    let end = scan_string(&literal, 0).unwrap();
+                    let body = &literal[..length];
+                    assert_eq!(end.utf8, std::str::from_utf8(body).is_ok(), "{}", body.escape_ascii());
+                    assert_eq!(end.end, length);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn faults_are_named_where_they_stand() {
+        let cases: [(&[u8], usize, StringFaultKind); 8] = [
+            (b"\"abc", 4, StringFaultKind::Unterminated),
+            (b"\"abc\\", 5, StringFaultKind::Unterminated),
+            (b"\"a\nb\"", 2, StringFaultKind::ControlByte(b'\n')),
+            (b"\"a\xFFb\0c\"", 4, StringFaultKind::ControlByte(0)),
+            (b"\"a\\x\"", 2, StringFaultKind::BadEscape),
+            (b"\"a\\u12G4\"", 2, StringFaultKind::BadEscape),
+            (b"\"\\ud83d\"", 1, StringFaultKind::BadEscape),
+            (b"\"\\ud83d\\u0041\"", 1, StringFaultKind::BadEscape),
+        ];
+        for (literal, at, kind) in cases {
+            assert_eq!(scan_string(literal, 1), Err(StringFault { at, kind }), "{}", literal.escape_ascii());
+        }
+    }
+
+    #[test]
+    fn plain_text_is_borrowed() {
+        for literal in ["\"curMode\"", "\"计数器\""] {
+            let end = scan_string(literal.as_bytes(), 1).unwrap();
+            let body = &literal.as_bytes()[1..end.end];
+            assert!(matches!(unescape(body, &end), Cow::Borrowed(text) if text.as_bytes() == body));
+        }
+    }
+
+    /// Bytes that are often significant to a string.
+    fn hostile() -> impl Strategy<Value = Vec<u8>> {
+        const TEXTS: [&str; 10] = [
+            "中",
+            "é",
+            "😀",
+            r"\ud83d",
+            r"\ude00",
+            r"\udbff\udfff",
+            r"\udc00",
+            r"\u00e9",
+            r#"\""#,
+            "plain text",
+        ];
+        // Each ends or spoils a sequence at a border of what UTF-8 allows.
+        const SPOILED: [&[u8]; 8] =
+            [b"\xC1", b"\xE0\x9F", b"\xED\xA0", b"\xF0\x8F", b"\xF4\x90", b"\xF5", b"\xE4\xB8", b"\x81\x5C"];
+        let piece = prop_oneof![
+            4 => prop::sample::select(b"\"\\unb/dD8c0a {}[]".to_vec()).prop_map(|byte| vec![byte]),
+            2 => prop::sample::select(b"\x81\xFE\xFF\x80\xBF\xAD\x7F".to_vec()).prop_map(|byte| vec![byte]),
+            2 => prop::sample::select(TEXTS.to_vec()).prop_map(|text| text.as_bytes().to_vec()),
+            1 => prop::sample::select(SPOILED.to_vec()).prop_map(<[u8]>::to_vec),
+            1 => any::<u8>().prop_map(|byte| vec![byte]),
+        ];
+        prop::collection::vec(piece, 0..24).prop_map(|pieces| pieces.concat())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        #[test]
+        fn utf8_is_accepted_and_read_as_serde_json_does(body in hostile()) {
+            let body: String = String::from_utf8_lossy(&body).into_owned();
+            let literal = format!("\"{body}");
+            let mut values = serde_json::Deserializer::from_str(&literal).into_iter::<serde_json::Value>();
+            match (text_of(literal.as_bytes()), values.next()) {
+                (Ok(ours), Some(Ok(serde_json::Value::String(theirs)))) => {
+                    prop_assert_eq!(ours, theirs);
+                    prop_assert_eq!(scan_string(literal.as_bytes(), 1).map(|end| end.end + 1), Ok(values.byte_offset()));
+                }
+                (Err(_), Some(Err(_))) => {}
+                (ours, theirs) => prop_assert!(false, "{ours:?} but {theirs:?}"),
+            }
+        }
+
+        #[test]
+        fn any_split_finds_the_same_end(body in hostile(), cuts in prop::collection::vec(0_usize..64, 0..6)) {
+            let mut whole = StringState::default();
+            let expected = whole.advance(&body, 0);
+            let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(body.len())).collect();
+            cuts.push(body.len());
+            cuts.sort_unstable();
+            let mut pieces = StringState::default();
+            let mut from = 0;
+            let mut found = Progress::Open;
+            for cut in cuts {
+                found = pieces.advance(&body[..cut], from);
+                from = cut;
+                if found != Progress::Open {
+                    break;
+                }
+            }
+            prop_assert_eq!(found, expected);
+            prop_assert_eq!(pieces, whole);
+        }
+
+        #[test]
+        fn the_end_is_that_of_the_rule(body in hostile()) {
+            let body: Vec<u8> = body.into_iter().map(|byte| byte.max(0x20)).collect();
+            let mut state = StringState::default();
+            let found = match state.advance(&body, 0) {
+                Progress::Closed(quote) => Some((quote, state.is_utf8())),
+                Progress::Open => None,
+                Progress::ControlByte(..) => return Err(TestCaseError::fail("there is no control byte")),
+            };
+            prop_assert_eq!(found, end_by_the_rule(&body));
+            if let Ok(end) = scan_string(&body, 0) {
+                prop_assert_eq!(Some((end.end, end.utf8)), found);
+                prop_assert_eq!(end.ascii, body[..end.end].is_ascii());
+            }
+        }
+
+        #[test]
+        fn texts_are_written_as_serde_json_writes_them(text in any::<String>()) {
+            let mut out = Vec::new();
+            write_escaped(&mut out, &text);
+            prop_assert_eq!(String::from_utf8(out.clone()).ok(), serde_json::to_string(&text).ok());
+            prop_assert_eq!(text_of(&out), Ok(text));
+        }
+
+        #[test]
+        fn no_bytes_are_beyond_reading(body in hostile(), has_escape: bool, ascii: bool, utf8: bool) {
+            let end = StringEnd { end: body.len(), has_escape, ascii, utf8 };
+            prop_assert!(unescape(&body, &end).len() <= body.len() * 3);
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! One TCP connection to a virtual controller.
+
+use std::io;
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_controller::ConnectionId;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::sync::Notify;
+use tracing::{debug, trace};
+
+use crate::handle::ControllerHandle;
+
+/// One read of the socket.
+const READ_BYTES: usize = 4096;
+
+/// How long a write may be stuck before the connection is given up: the peer does not read.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// Why a connection ended.
+enum End {
+    /// The peer closed it.
+    Closed,
+    /// It has to be reset: the controller would.
+    Reset,
+}
+
+/// Serves a connection until it ends.
+pub(crate) async fn serve(controller: ControllerHandle, mut stream: TcpStream) {
+    let (id, notice) = controller.connect();
+    debug!(connection = id.number(), "connected");
+    match run(&controller, &mut stream, id, &notice).await {
+        Ok(End::Closed) => debug!(connection = id.number(), "closed by the peer"),
+        Ok(End::Reset) => {
+            reset(&stream);
+            debug!(connection = id.number(), "reset");
+        }
+        Err(error) => debug!(connection = id.number(), %error, "lost"),
+    }
+    controller.disconnect(id);
+}
+
+async fn run(
+    controller: &ControllerHandle,
+    stream: &mut TcpStream,
+    id: ConnectionId,
+    notice: &Arc<Notify>,
+) -> io::Result<End> {
+    // Each frame leaves at once and by itself: clients read with one call and small buffers.
+    stream.set_nodelay(true)?;
+    let mut input = vec![0; READ_BYTES];
+    let mut frame = Vec::new();
+    loop {
+        while next_frame(controller, id, &mut frame) {
+            trace!(connection = id.number(), frame = %String::from_utf8_lossy(&frame), "sent");
+            tokio::time::timeout(WRITE_TIMEOUT, stream.write_all(&frame)).await??;
+        }
+        if controller.with(|controller, _| controller.is_over(id)) {
+            return Ok(End::Reset);
+        }
+        let due = controller.with(|controller, _| controller.next_transmit(id));
+        let delay = due.map_or(Duration::MAX, |due| controller.until(due));
+        tokio::select! {
+            read = stream.read(&mut input) => {
+                let bytes = input.get(..read?).unwrap_or_default();
+                if bytes.is_empty() {
+                    return Ok(End::Closed);
+                }
+                trace!(connection = id.number(), bytes = %String::from_utf8_lossy(bytes), "received");
+                controller.with(|controller, now| controller.handle_input(now, id, bytes));
+            }
+            () = notice.notified() => {}
+            () = tokio::time::sleep(delay), if due.is_some() => {}
+        }
+    }
+}
+
+/// Copies the next frame that is due into `frame`.
+fn next_frame(controller: &ControllerHandle, id: ConnectionId, frame: &mut Vec<u8>) -> bool {
+    frame.clear();
+    controller.with(|controller, now| {
+        if let Some(next) = controller.poll_transmit(now, id) {
+            frame.extend_from_slice(next);
+        }
+    });
+    !frame.is_empty()
+}
+
+/// Lets the connection end with a reset instead of an orderly close.
+fn reset(stream: &TcpStream) {
+    if let Err(error) = socket2::SockRef::from(stream).set_linger(Some(Duration::ZERO)) {
+        debug!(%error, "the connection is closed instead of reset");
+    }
+}

@@ -1,0 +1,21 @@
+//! Virtual R6 / HC1 controllers on TCP ports.
+//!
+//! This is the shell around [`r6_controller::Controller`]: listeners, one task for each connection, one for the
+//! timers of each controller. It holds no robot logic.
+//!
+//! ```
+//! # tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(async {
+//! let simulation = r6_sim::Simulation::start(r6_sim::SimSettings::default()).await?;
+//! println!("listening on {}", simulation.controllers()[0].address());
+//! simulation.shutdown().await;
+//! # Ok::<(), r6_sim::SimError>(()) }).unwrap();
+//! ```
+
+mod connection;
+mod handle;
+mod settings;
+mod simulation;
+
+pub use handle::ControllerHandle;
+pub use settings::{SimError, SimSettings};
+pub use simulation::Simulation;

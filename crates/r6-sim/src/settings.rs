@@ -1,0 +1,104 @@
+//! How many controllers, where, and of what kind.
+
+use std::fmt;
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr};
+
+use r6_controller::{Profile, RobotModel, StartState};
+
+/// The most controllers in one process. Each takes a listening socket and a port of its own.
+pub const MAX_CONTROLLERS: usize = 10_000;
+
+/// What [`crate::Simulation::start`] starts.
+#[derive(Clone, Debug)]
+pub struct SimSettings {
+    /// Where to listen; port 0 takes any free port.
+    pub listen: Vec<SocketAddr>,
+    /// How many controllers for each address, on ports that follow one another.
+    pub count: u16,
+    /// The firmware they play.
+    pub profile: Profile,
+    /// The name of the robot model.
+    pub model: String,
+    /// How they stand when they are switched on.
+    pub start: StartState,
+    /// The seed; controller n has seed + n.
+    pub seed: u64,
+}
+
+impl Default for SimSettings {
+    /// One `hc1` controller with a BRTIRUS0707A, waiting for remote commands, on a free port of 127.0.0.1.
+    fn default() -> Self {
+        Self {
+            listen: vec![SocketAddr::from((Ipv4Addr::LOCALHOST, 0))],
+            count: 1,
+            profile: Profile::hc1(),
+            model: "BRTIRUS0707A".to_owned(),
+            start: StartState::Waiting,
+            seed: 0,
+        }
+    }
+}
+
+/// Why a simulation could not be started: nothing is left running.
+#[derive(Debug)]
+pub enum SimError {
+    /// There is no robot model of this name.
+    UnknownModel {
+        /// The name.
+        name: String,
+        /// The name that comes nearest.
+        nearest: Option<&'static str>,
+    },
+    /// No address to listen on, no controller, or more than fit.
+    BadCount {
+        /// How many controllers were asked for.
+        controllers: usize,
+    },
+    /// The ports that follow the first one end before all controllers have one.
+    NoSuchPort {
+        /// The first address.
+        first: SocketAddr,
+        /// How many ports were needed.
+        count: u16,
+    },
+    /// The system did not let us listen there.
+    Listen {
+        /// Where.
+        address: SocketAddr,
+        /// Why not.
+        error: io::Error,
+    },
+}
+
+impl fmt::Display for SimError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UnknownModel { name, nearest } => {
+                write!(f, "there is no robot model `{name}`")?;
+                match nearest {
+                    Some(near) => write!(f, "; nearest: `{near}`"),
+                    None => {
+                        let names: Vec<_> = RobotModel::names().collect();
+                        write!(f, "; there is: {}", names.join(", "))
+                    }
+                }
+            }
+            Self::BadCount { controllers } => {
+                write!(
+                    f,
+                    "{controllers} controllers were asked for: from 1 to {MAX_CONTROLLERS} are possible"
+                )
+            }
+            Self::NoSuchPort { first, count } => {
+                write!(f, "{count} ports from {first} on go beyond 65535: begin with a lower port")
+            }
+            Self::Listen { address, error } if error.kind() == io::ErrorKind::AddrInUse => {
+                write!(f, "{address} is taken by another program: choose another address with --listen")
+            }
+            Self::Listen { address, error } => write!(f, "cannot listen on {address}: {error}"),
+        }
+    }
+}
+
+impl std::error::Error for SimError {}

@@ -1,0 +1,103 @@
+//! A number of virtual controllers, started and ended together.
+
+use std::net::SocketAddr;
+
+use r6_controller::{Controller, ControllerSettings, RobotModel};
+use r6_proto::time::Instant;
+use tokio::net::TcpListener;
+use tokio::task::JoinSet;
+use tracing::warn;
+
+use crate::connection;
+use crate::handle::ControllerHandle;
+use crate::settings::{MAX_CONTROLLERS, SimError, SimSettings};
+
+/// Running virtual controllers; they end when this is dropped.
+#[derive(Debug)]
+pub struct Simulation {
+    controllers: Vec<ControllerHandle>,
+    tasks: JoinSet<()>,
+}
+
+impl Simulation {
+    /// Starts the controllers; when this returns, all of them listen.
+    ///
+    /// # Errors
+    /// [`SimError`]: nothing is left running.
+    pub async fn start(settings: SimSettings) -> Result<Self, SimError> {
+        let model = RobotModel::named(&settings.model).ok_or_else(|| SimError::UnknownModel {
+            nearest: r6_proto::nearest(&settings.model, RobotModel::names()),
+            name: settings.model.clone(),
+        })?;
+        let addresses = addresses(&settings)?;
+        let started = tokio::time::Instant::now();
+        let mut simulation = Self { controllers: Vec::with_capacity(addresses.len()), tasks: JoinSet::new() };
+        for (number, address) in (0_u64..).zip(addresses) {
+            let failed = |error| SimError::Listen { address, error };
+            let listener = TcpListener::bind(address).await.map_err(failed)?;
+            let bound = listener.local_addr().map_err(failed)?;
+            let controller = ControllerSettings {
+                start: settings.start,
+                seed: settings.seed.wrapping_add(number),
+                ..ControllerSettings::new(settings.profile.clone(), *model)
+            };
+            let handle = ControllerHandle::new(bound, started, Controller::new(controller, Instant::ORIGIN));
+            simulation.tasks.spawn(handle.clone().run_timers());
+            simulation.tasks.spawn(accept(listener, handle.clone()));
+            simulation.controllers.push(handle);
+        }
+        Ok(simulation)
+    }
+
+    /// The controllers, in the order of their addresses.
+    #[must_use]
+    pub fn controllers(&self) -> &[ControllerHandle] {
+        &self.controllers
+    }
+
+    /// Ends all controllers and their connections.
+    pub async fn shutdown(mut self) {
+        self.tasks.shutdown().await;
+    }
+}
+
+/// Every address that a controller listens on.
+fn addresses(settings: &SimSettings) -> Result<Vec<SocketAddr>, SimError> {
+    let controllers = settings.listen.len() * usize::from(settings.count);
+    if controllers == 0 || controllers > MAX_CONTROLLERS {
+        return Err(SimError::BadCount { controllers });
+    }
+    let mut addresses = Vec::with_capacity(controllers);
+    for first in &settings.listen {
+        for offset in 0..settings.count {
+            let port = match first.port() {
+                0 => 0,
+                port => port
+                    .checked_add(offset)
+                    .ok_or(SimError::NoSuchPort { first: *first, count: settings.count })?,
+            };
+            addresses.push(SocketAddr::new(first.ip(), port));
+        }
+    }
+    Ok(addresses)
+}
+
+/// Accepts connections; they end with this task.
+async fn accept(listener: TcpListener, controller: ControllerHandle) {
+    let mut connections = JoinSet::new();
+    loop {
+        tokio::select! {
+            accepted = listener.accept() => match accepted {
+                Ok((stream, _)) => {
+                    connections.spawn(connection::serve(controller.clone(), stream));
+                }
+                Err(error) => {
+                    // Most likely too many open files: give the connections a moment to end.
+                    warn!(controller = %controller.address(), %error, "a connection could not be accepted");
+                    tokio::time::sleep(std::time::Duration::from_millis(100)).await;
+                }
+            },
+            Some(_) = connections.join_next() => {}
+        }
+    }
+}
