@@ -4,7 +4,7 @@ use crate::error::{JsonError, JsonFault};
 use crate::text::{self, StringFaultKind};
 use crate::value::{Kind, Node, Span};
 
-/// The deepest nesting that is read. The deepest frame of the manual nests four levels (AddPoints); a
+/// The deepest nesting that is read. The deepest frame of the manual nests five levels (AddPoints); a
 /// greater depth serves nobody but an attacker, and an explicit limit keeps the reader's own state fixed.
 pub const MAX_DEPTH: usize = 32;
 

@@ -1,0 +1,51 @@
+//! `docs/PROFILES.md` against the code.
+
+use std::collections::BTreeSet;
+
+use r6_controller::Profile;
+
+const PAGE: &str = include_str!("../../../docs/PROFILES.md");
+
+/// The rows of the table of settings: the cells without their quotes.
+fn rows() -> Vec<Vec<String>> {
+    let table = PAGE.split("## Settings").nth(1).unwrap();
+    table
+        .lines()
+        .filter(|line| line.starts_with("| `"))
+        .map(|line| line.trim_matches('|').split('|').map(|cell| cell.trim().replace('`', "")).collect())
+        .collect()
+}
+
+/// The settings that a file may have, as the reader itself lists them.
+fn settings() -> BTreeSet<String> {
+    let error = Profile::from_toml("no_such_setting = 1").unwrap_err().to_string();
+    let list = error.split("expected one of").nth(1).unwrap();
+    list.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+#[test]
+fn every_setting_has_a_row_and_every_row_is_a_setting() {
+    let documented: BTreeSet<String> = rows().into_iter().map(|row| row[0].clone()).collect();
+    assert_eq!(documented, settings());
+}
+
+#[test]
+fn the_documented_values_are_those_of_the_profiles() {
+    let listed = ["base", "name", "unsupported_addresses", "unsupported_commands", "unsupported_actions"];
+    for row in rows().iter().filter(|row| !listed.contains(&row[0].as_str())) {
+        for (name, value) in Profile::names().into_iter().zip(&row[2..6]) {
+            let plain = value == "true" || value == "false" || value.chars().all(|c| c.is_ascii_digit());
+            let toml_value = if plain { value.clone() } else { format!("\"{value}\"") };
+            let file = format!("base = \"{name}\"\n{} = {toml_value}", row[0]);
+            let read = Profile::from_toml(&file).unwrap_or_else(|error| panic!("{file}: {error}"));
+            assert_eq!(Some(read), Profile::named(name), "{file}");
+        }
+    }
+}
+
+#[test]
+fn the_example_of_the_page_works() {
+    let example = PAGE.split("```toml").nth(1).unwrap().split("```").next().unwrap();
+    let profile = Profile::from_toml(example).unwrap();
+    assert_eq!((profile.name.as_str(), profile.max_connections, profile.action_stop_alarm), ("my-cell", 2, 42));
+}
