@@ -1,0 +1,84 @@
+//! The waits between attempts to connect.
+
+use std::time::Duration;
+
+use crate::settings::Reconnect;
+
+/// Waits that double up to a cap, each jittered within its upper half.
+#[derive(Debug)]
+pub(crate) struct Backoff {
+    first: Duration,
+    cap: Duration,
+    next: Duration,
+    jitter: u64,
+}
+
+impl Backoff {
+    /// `seed` serves where the settings have none.
+    pub fn new(settings: Reconnect, seed: impl FnOnce() -> u64) -> Self {
+        let first = settings.first_wait.min(settings.cap);
+        Self { first, cap: settings.cap, next: first, jitter: settings.jitter_seed.unwrap_or_else(seed) }
+    }
+
+    /// The wait before the next attempt.
+    pub fn next_wait(&mut self) -> Duration {
+        let wait = self.next;
+        self.next = wait.saturating_mul(2).min(self.cap);
+        wait.mul_f64(0.5 + 0.5 * self.draw())
+    }
+
+    /// The controller answered: the next outage begins with the first wait again.
+    pub fn reset(&mut self) {
+        self.next = self.first;
+    }
+
+    /// A number from 0 to 1 (splitmix64).
+    fn draw(&mut self) -> f64 {
+        self.jitter = self.jitter.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut bits = self.jitter;
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        bits ^= bits >> 31;
+        f64::from(u32::try_from(bits >> 32).unwrap_or(u32::MAX)) / f64::from(u32::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn waits(seed: u64) -> Vec<Duration> {
+        let settings = Reconnect {
+            first_wait: Duration::from_millis(100),
+            cap: Duration::from_secs(1),
+            jitter_seed: Some(seed),
+        };
+        let mut backoff = Backoff::new(settings, || unreachable!("the settings have a seed"));
+        (0..8).map(|_| backoff.next_wait()).collect()
+    }
+
+    #[test]
+    fn waits_double_up_to_the_cap_within_their_upper_half() {
+        for (wait, full) in waits(7).into_iter().zip([100, 200, 400, 800, 1000, 1000, 1000, 1000]) {
+            let full = Duration::from_millis(full);
+            assert!(wait >= full / 2 && wait <= full, "{wait:?} is not within the upper half of {full:?}");
+        }
+    }
+
+    #[test]
+    fn the_seed_decides() {
+        assert_eq!(waits(7), waits(7));
+        assert_ne!(waits(7), waits(8));
+    }
+
+    #[test]
+    fn a_reset_begins_anew() {
+        let settings = Reconnect { jitter_seed: Some(1), ..Reconnect::default() };
+        let mut backoff = Backoff::new(settings, || 0);
+        for _ in 0..5 {
+            backoff.next_wait();
+        }
+        backoff.reset();
+        assert!(backoff.next_wait() <= settings.first_wait);
+    }
+}

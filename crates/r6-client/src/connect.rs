@@ -1,0 +1,128 @@
+//! From an address to a connected socket.
+
+use std::fmt;
+use std::net::Ipv6Addr;
+use std::time::Duration;
+
+use tokio::net::TcpStream;
+
+use crate::error::NotSent;
+
+/// The port that controllers listen on unless the pendant says otherwise.
+pub const DEFAULT_PORT: u16 = 9760;
+
+/// Where a controller is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Target {
+    host: String,
+    port: u16,
+}
+
+impl Target {
+    /// Reads `host`, `host:port`, `[v6]`, `[v6]:port` or a bare IPv6 address.
+    pub fn parse(address: &str) -> Result<Self, NotSent> {
+        let bad = |problem| NotSent::BadAddress { address: address.chars().take(256).collect(), problem };
+        let (host, port) = match address.strip_prefix('[') {
+            Some(rest) => {
+                let (host, rest) = rest.split_once(']').ok_or_else(|| bad("`]` is missing"))?;
+                match rest {
+                    "" => (host, None),
+                    rest => (
+                        host,
+                        Some(rest.strip_prefix(':').ok_or_else(|| bad("after `]` only :port can follow"))?),
+                    ),
+                }
+            }
+            None if address.parse::<Ipv6Addr>().is_ok() => (address, None),
+            None => match address.split_once(':') {
+                Some((host, port)) => (host, Some(port)),
+                None => (address, None),
+            },
+        };
+        if host.is_empty() {
+            return Err(bad("the host is missing"));
+        }
+        if host.contains(|c: char| c.is_whitespace() || c == '/') {
+            return Err(bad("a host has no blanks and no slashes"));
+        }
+        let port = match port {
+            None => DEFAULT_PORT,
+            Some(port) => port
+                .parse()
+                .ok()
+                .filter(|port| *port != 0)
+                .ok_or_else(|| bad("the port is a number from 1 to 65535"))?,
+        };
+        Ok(Self { host: host.to_owned(), port })
+    }
+
+    /// A new connection, with small frames sent at once.
+    pub async fn connect(&self, within: Duration) -> Result<TcpStream, NotSent> {
+        let attempt = TcpStream::connect((self.host.as_str(), self.port));
+        let unreachable = |error: std::io::Error| NotSent::Unreachable {
+            address: self.to_string(),
+            kind: error.kind(),
+            detail: error.to_string(),
+        };
+        let stream = match tokio::time::timeout(within, attempt).await {
+            Ok(connected) => connected.map_err(unreachable)?,
+            Err(_elapsed) => {
+                return Err(NotSent::ConnectTimedOut { address: self.to_string(), after: within });
+            }
+        };
+        // A frame that waits for the acknowledgement of the one before costs up to 200 ms.
+        stream.set_nodelay(true).map_err(unreachable)?;
+        Ok(stream)
+    }
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.host.contains(':') {
+            write!(f, "[{}]:{}", self.host, self.port)
+        } else {
+            write!(f, "{}:{}", self.host, self.port)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_come_with_and_without_port() {
+        for (given, meant) in [
+            ("192.168.1.10", "192.168.1.10:9760"),
+            ("192.168.1.10:9700", "192.168.1.10:9700"),
+            ("robot-3", "robot-3:9760"),
+            ("::1", "[::1]:9760"),
+            ("[::1]", "[::1]:9760"),
+            ("[fe80::1%eth0]:502", "[fe80::1%eth0]:502"),
+        ] {
+            assert_eq!(
+                Target::parse(given).map(|target| target.to_string()),
+                Ok(meant.to_owned()),
+                "{given}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_no_address_is_refused() {
+        for given in [
+            "",
+            ":9760",
+            "robot:",
+            "robot:0",
+            "robot:65536",
+            "robot:x",
+            "[::1",
+            "[::1]9760",
+            "http://robot",
+            "a b",
+        ] {
+            assert!(matches!(Target::parse(given), Err(NotSent::BadAddress { .. })), "{given}");
+        }
+    }
+}

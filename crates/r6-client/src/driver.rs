@@ -1,0 +1,333 @@
+//! The task behind a handle: one loop that carries bytes, time and jobs between the handles, the session and the socket.
+
+use std::collections::VecDeque;
+use std::io;
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_proto::time::Instant;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::{sleep, sleep_until, timeout};
+
+use crate::backoff::Backoff;
+use crate::connect::Target;
+use crate::error::{Effect, NotSent};
+use crate::job::Job;
+use crate::link::{Lane, Link};
+use crate::pushed::{LostReason, Pushed};
+use crate::robot::Hub;
+use crate::settings::RobotSettings;
+
+/// Replies are below 4 KiB; a longer one is read in pieces.
+const READ_BUFFER: usize = 4096;
+
+/// How long a closing connection may take to write what waits, and then to say that it has read everything. A
+/// controller that gets a reset instead of an orderly end may keep the connection's slot for good.
+const CLOSE_WAIT: Duration = Duration::from_millis(500);
+
+/// Maps the runtime's clock to the session's: nanoseconds since the driver began.
+#[derive(Clone, Copy, Debug)]
+struct Clock(tokio::time::Instant);
+
+impl Clock {
+    fn now(self) -> Instant {
+        Instant::ORIGIN + self.0.elapsed()
+    }
+
+    /// A deadline in the runtime's time; without one, far away.
+    fn at(self, deadline: Option<Instant>) -> tokio::time::Instant {
+        const FAR: Duration = Duration::from_secs(86_400);
+        match deadline {
+            Some(deadline) => self.0 + deadline.since(Instant::ORIGIN),
+            None => tokio::time::Instant::now() + FAR,
+        }
+    }
+}
+
+/// What comes through the urgent lane.
+#[derive(Debug)]
+pub(crate) enum Urgent {
+    Job(Job),
+    /// End the connection, then answer.
+    Close(oneshot::Sender<()>),
+}
+
+/// Why the loop over one connection ended.
+enum Ended {
+    /// The connection broke.
+    Lost(LostReason),
+    /// No handle is left, or one asked for the end.
+    Closed(Option<oneshot::Sender<()>>),
+}
+
+/// What the loop over one connection was woken by.
+enum Woken {
+    Urgent(Option<Urgent>),
+    Written(io::Result<usize>),
+    Time,
+    Ordinary(Option<Job>),
+    Read(io::Result<usize>),
+}
+
+/// The task behind a handle.
+#[derive(Debug)]
+pub(crate) struct Driver {
+    pub target: Target,
+    pub settings: RobotSettings,
+    pub urgent: mpsc::Receiver<Urgent>,
+    pub ordinary: mpsc::Receiver<Job>,
+    pub hub: Arc<Hub>,
+    pub backoff: Backoff,
+    clock: Clock,
+    /// Jobs for the next connection: the one that asked for it, and queries that the last one lost.
+    held: VecDeque<Job>,
+    next_pack_id: u64,
+}
+
+impl Driver {
+    pub fn new(
+        target: Target,
+        settings: RobotSettings,
+        urgent: mpsc::Receiver<Urgent>,
+        ordinary: mpsc::Receiver<Job>,
+        hub: Arc<Hub>,
+        backoff: Backoff,
+    ) -> Self {
+        let clock = Clock(tokio::time::Instant::now());
+        Self {
+            target,
+            settings,
+            urgent,
+            ordinary,
+            hub,
+            backoff,
+            clock,
+            held: VecDeque::new(),
+            next_pack_id: 1,
+        }
+    }
+
+    /// Serves the handles until the last is gone.
+    pub async fn run(mut self, first: TcpStream) {
+        let mut link = Link::new(&self.settings, true, self.next_pack_id, self.clock.now());
+        let mut stream = first;
+        loop {
+            let ended = self.serve(&mut stream, &mut link).await;
+            let reason = match &ended {
+                Ended::Lost(reason) => *reason,
+                Ended::Closed(_) => LostReason::ClosedHere,
+            };
+            if reason == LostReason::ClosedHere {
+                close(&mut stream, &mut link).await;
+            }
+            drop(stream);
+            tracing::info!(controller = %self.target, %reason, "connection ended");
+            let (again, next_pack_id) = link.abandon(reason, self.clock.now());
+            self.held.extend(again);
+            self.next_pack_id = next_pack_id;
+            if let Ended::Closed(done) = ended {
+                return self.refuse_all(&NotSent::Closed, done);
+            }
+            self.hub.connection_lost(reason);
+            stream = match self.reconnect().await {
+                Ok(stream) => stream,
+                Err(done) => return self.refuse_all(&NotSent::Closed, done),
+            };
+            link = Link::new(&self.settings, false, self.next_pack_id, self.clock.now());
+            tracing::info!(controller = %self.target, "connected anew");
+            self.hub.push(Pushed::Reconnected);
+        }
+    }
+
+    /// One connection, from its first byte to its end.
+    async fn serve(&mut self, stream: &mut TcpStream, link: &mut Link) -> Ended {
+        let (mut reader, mut writer) = stream.split();
+        let mut buffer = [0; READ_BUFFER];
+        loop {
+            while link.has_room(Lane::Ordinary)
+                && let Some(job) = self.held.pop_front()
+            {
+                link.hand_over(job, self.clock.now());
+            }
+            let deadline = self.clock.at(link.deadline());
+            // In this order: a stop before all, writing before reading, so that no flood of input delays a stop.
+            let woken = tokio::select! {
+                biased;
+                urgent = self.urgent.recv(), if link.has_room(Lane::Urgent) => Woken::Urgent(urgent),
+                written = writer.write(link.output()), if !link.output().is_empty() => Woken::Written(written),
+                () = sleep_until(deadline) => Woken::Time,
+                job = self.ordinary.recv(), if link.has_room(Lane::Ordinary) => Woken::Ordinary(job),
+                read = reader.read(&mut buffer) => Woken::Read(read),
+            };
+            let now = self.clock.now();
+            let mut alive = Ok(());
+            match woken {
+                Woken::Urgent(Some(Urgent::Job(job))) => link.hand_over(job, now),
+                Woken::Urgent(Some(Urgent::Close(done))) => return Ended::Closed(Some(done)),
+                Woken::Urgent(None) | Woken::Ordinary(None) => return Ended::Closed(None),
+                Woken::Ordinary(Some(job)) => self.hand_over_unless_stale(job, link),
+                Woken::Written(Ok(0)) => return Ended::Lost(LostReason::ClosedByPeer),
+                Woken::Written(Ok(bytes)) => link.written(bytes),
+                Woken::Read(Ok(0)) => return Ended::Lost(LostReason::ClosedByPeer),
+                Woken::Read(Ok(bytes)) => {
+                    alive = link.received(buffer.get(..bytes).unwrap_or_default(), now, &self.hub);
+                }
+                Woken::Written(Err(error)) | Woken::Read(Err(error)) => {
+                    return Ended::Lost(LostReason::Io(error.kind()));
+                }
+                Woken::Time => alive = link.tick(now, &self.hub),
+            }
+            if let Err(reason) = alive {
+                return Ended::Lost(reason);
+            }
+            if link.answered() {
+                self.backoff.reset();
+            }
+        }
+    }
+
+    /// A command that waited long must not leave as a surprise; a query may.
+    fn hand_over_unless_stale(&self, job: Job, link: &mut Link) {
+        let waited = job.asked_at.elapsed();
+        match job.work.sent().effect {
+            Effect::Changes | Effect::Moves if waited > self.settings.reply_timeout => {
+                job.not_sent(NotSent::Busy { waited });
+            }
+            Effect::Changes | Effect::Moves | Effect::Reads | Effect::Stops => {
+                link.hand_over(job, self.clock.now())
+            }
+        }
+    }
+
+    /// Waits until a query or a stop wants a connection, then makes one. `Err`: it is time to end.
+    async fn reconnect(&mut self) -> Result<TcpStream, Option<oneshot::Sender<()>>> {
+        loop {
+            while self.held.is_empty() {
+                tokio::select! {
+                    biased;
+                    urgent = self.urgent.recv() => self.hold_urgent(urgent)?,
+                    job = self.ordinary.recv() => self.hold(job.ok_or(None)?),
+                }
+            }
+            // A stop does not wait for the end of the backoff; it is sent again at its own pace.
+            let backoff = sleep(self.backoff.next_wait());
+            tokio::pin!(backoff);
+            while !self.held.iter().any(|job| job.work.sent().effect == Effect::Stops) {
+                tokio::select! {
+                    biased;
+                    urgent = self.urgent.recv() => self.hold_urgent(urgent)?,
+                    () = &mut backoff => break,
+                }
+            }
+            match self.target.connect(self.settings.connect_timeout).await {
+                Ok(stream) => return Ok(stream),
+                // One attempt answers everybody who waited for it.
+                Err(error) => self.refuse_waiting(&error),
+            }
+        }
+    }
+
+    fn hold_urgent(&mut self, urgent: Option<Urgent>) -> Result<(), Option<oneshot::Sender<()>>> {
+        match urgent {
+            Some(Urgent::Job(job)) => self.hold(job),
+            Some(Urgent::Close(done)) => return Err(Some(done)),
+            None => return Err(None),
+        }
+        Ok(())
+    }
+
+    /// Keeps a job that is worth a new connection, refuses any other: what a command was meant for may have changed.
+    /// Stops come first.
+    fn hold(&mut self, job: Job) {
+        if job.is_moot() {
+            return;
+        }
+        match job.work.sent().effect {
+            Effect::Stops => self.held.push_front(job),
+            Effect::Reads => self.held.push_back(job),
+            Effect::Changes | Effect::Moves => job.not_sent(NotSent::Disconnected),
+        }
+    }
+
+    fn refuse_waiting(&mut self, error: &NotSent) {
+        tracing::info!(controller = %self.target, %error, "no connection");
+        for job in self.held.drain(..) {
+            job.not_sent(error.clone());
+        }
+        while let Ok(job) = self.ordinary.try_recv() {
+            job.not_sent(error.clone());
+        }
+    }
+
+    fn refuse_all(mut self, error: &NotSent, done: Option<oneshot::Sender<()>>) {
+        self.urgent.close();
+        self.ordinary.close();
+        self.refuse_waiting(error);
+        let mut done: Vec<_> = done.into_iter().collect();
+        while let Ok(urgent) = self.urgent.try_recv() {
+            match urgent {
+                Urgent::Job(job) => job.not_sent(error.clone()),
+                Urgent::Close(also) => done.push(also),
+            }
+        }
+        for done in done {
+            done.send(()).ok();
+        }
+    }
+}
+
+/// Ends a connection in order: what waits is written, our end is closed, what still comes is read.
+async fn close(stream: &mut TcpStream, link: &mut Link) {
+    let goodbye = async {
+        while !link.output().is_empty() {
+            let bytes = stream.write(link.output()).await?;
+            link.written(bytes);
+        }
+        stream.shutdown().await?;
+        let mut rest = [0; READ_BUFFER];
+        while stream.read(&mut rest).await? > 0 {}
+        io::Result::Ok(())
+    };
+    // Whatever goes wrong here, the socket is closed next.
+    drop(timeout(CLOSE_WAIT, goodbye).await);
+}
+
+#[cfg(test)]
+mod tests {
+    use r6_proto::address::Address;
+    use r6_proto::message::Command;
+
+    use super::*;
+    use crate::job::Work;
+
+    #[tokio::test]
+    async fn a_command_that_waited_long_does_not_leave_and_a_query_does() {
+        let settings = RobotSettings::default();
+        let (_urgent, urgent) = mpsc::channel(1);
+        let (_ordinary, ordinary) = mpsc::channel(1);
+        let backoff = Backoff::new(settings.reconnect, || 0);
+        let target = Target::parse("robot").unwrap();
+        let mut link = Link::new(&settings, true, 1, Instant::ORIGIN);
+        let driver = Driver::new(target, settings, urgent, ordinary, Arc::default(), backoff);
+
+        let waited = Duration::from_millis(2001);
+        let job = |work| {
+            let (reply, answer) = oneshot::channel();
+            let mut job = Job::new(work, reply);
+            job.asked_at -= waited;
+            (job, answer)
+        };
+        let (start, answer) = job(Work::Command(Command::StartButton));
+        driver.hand_over_unless_stale(start, &mut link);
+        assert!(link.output().is_empty());
+        match answer.await.unwrap().unwrap_err() {
+            crate::RequestError::NotSent(NotSent::Busy { waited: told }) => assert!(told >= waited),
+            other => panic!("{other:?}"),
+        }
+        let (query, _answer) = job(Work::Query(vec![Address::CurMode]));
+        driver.hand_over_unless_stale(query, &mut link);
+        assert!(!link.output().is_empty());
+    }
+}

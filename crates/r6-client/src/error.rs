@@ -1,0 +1,287 @@
+//! Why a request failed, sorted by what the caller must do.
+
+use std::fmt;
+use std::io;
+use std::time::Duration;
+
+use r6_proto::CommandName;
+use r6_proto::client::SendError;
+use r6_proto::error::FieldError;
+
+use crate::pushed::LostReason;
+
+/// Why a request failed, sorted by what the caller must do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RequestError {
+    /// Nothing reached the controller: sending again is safe.
+    NotSent(NotSent),
+    /// The controller understood and said no.
+    Refused(Refused),
+    /// It left and no usable reply came back: the controller may have acted.
+    OutcomeUnknown(OutcomeUnknown),
+}
+
+impl RequestError {
+    /// Whether the same request may be sent again without knowing more: nothing left, or it can do no harm twice
+    /// (a query, a stop).
+    #[must_use]
+    pub fn may_send_again(&self) -> bool {
+        match self {
+            Self::NotSent(_) => true,
+            Self::Refused(_) => false,
+            Self::OutcomeUnknown(unknown) => match unknown.request().effect {
+                Effect::Reads | Effect::Stops => true,
+                Effect::Changes | Effect::Moves => false,
+            },
+        }
+    }
+}
+
+/// Why nothing reached the controller.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NotSent {
+    /// The address is none.
+    BadAddress {
+        /// As given.
+        address: String,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+    /// No connection could be made.
+    Unreachable {
+        /// Host and port.
+        address: String,
+        /// What the operating system calls it.
+        kind: io::ErrorKind,
+        /// What the operating system says.
+        detail: String,
+    },
+    /// The connection was not made in time.
+    ConnectTimedOut {
+        /// Host and port.
+        address: String,
+        /// The time it was given.
+        after: Duration,
+    },
+    /// There is no connection. A query or a stop makes a new one; nothing else does.
+    Disconnected,
+    /// The connection was made anew, and the state of the machine was not read since.
+    StateNotRead,
+    /// It waited too long behind other requests.
+    Busy {
+        /// How long.
+        waited: Duration,
+    },
+    /// The request cannot be a frame: too long, or a value that the wire cannot carry.
+    Wire(SendError),
+    /// The handle was closed.
+    Closed,
+}
+
+/// A controller's no.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Refused {
+    /// To a command.
+    Command {
+        /// The command.
+        command: CommandName,
+        /// The controller's reason, where it gives one.
+        reason: Option<String>,
+    },
+    /// To a change of the instruction list. Controllers have answered so and run the list all the same.
+    InstructionList {
+        /// The controller's reason, where it gives one.
+        reason: Option<String>,
+    },
+    /// To points of a camera.
+    Points {
+        /// The controller's reason, where it gives one.
+        reason: Option<String>,
+    },
+}
+
+/// Why nobody knows whether the controller acted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum OutcomeUnknown {
+    /// No reply came in time.
+    TimedOut {
+        /// What was sent.
+        request: Sent,
+        /// The time it was given.
+        after: Duration,
+    },
+    /// The connection ended before the reply.
+    ConnectionLost {
+        /// What was sent, in whole or in part.
+        request: Sent,
+        /// How it ended.
+        reason: LostReason,
+    },
+    /// A reply came that cannot be understood.
+    Unreadable {
+        /// What was sent.
+        request: Sent,
+        /// What is wrong with the reply.
+        error: FieldError,
+    },
+    /// A reply came that says neither yes nor no.
+    Unclear {
+        /// What was sent.
+        request: Sent,
+        /// What it says, cut at 48 characters.
+        answer: String,
+    },
+}
+
+impl OutcomeUnknown {
+    /// What was sent.
+    #[must_use]
+    pub fn request(&self) -> Sent {
+        match self {
+            Self::TimedOut { request, .. }
+            | Self::ConnectionLost { request, .. }
+            | Self::Unreadable { request, .. }
+            | Self::Unclear { request, .. } => *request,
+        }
+    }
+}
+
+/// A request that left: its word on the wire and what it can do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sent {
+    /// The command's word, or the type of any other request.
+    pub word: &'static str,
+    /// What it can do.
+    pub effect: Effect,
+}
+
+/// What a request can do to the machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// Nothing: it reads.
+    Reads,
+    /// It changes a value or an output.
+    Changes,
+    /// It can set the arm in motion.
+    Moves,
+    /// It can only end a motion.
+    Stops,
+}
+
+impl From<NotSent> for RequestError {
+    fn from(error: NotSent) -> Self {
+        Self::NotSent(error)
+    }
+}
+
+impl From<Refused> for RequestError {
+    fn from(error: Refused) -> Self {
+        Self::Refused(error)
+    }
+}
+
+impl From<OutcomeUnknown> for RequestError {
+    fn from(error: OutcomeUnknown) -> Self {
+        Self::OutcomeUnknown(error)
+    }
+}
+
+impl fmt::Display for RequestError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotSent(error) => error.fmt(f),
+            Self::Refused(error) => error.fmt(f),
+            Self::OutcomeUnknown(error) => error.fmt(f),
+        }
+    }
+}
+
+impl fmt::Display for NotSent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("nothing was sent: ")?;
+        match self {
+            Self::BadAddress { address, problem } => {
+                write!(f, "`{address}` is no address: {problem}; write host or host:port")
+            }
+            Self::Unreachable { address, detail, .. } => write!(
+                f,
+                "{address} cannot be reached ({detail}); check the address, the cable, and on the pendant that its \
+                 network page is set to server mode and this port"
+            ),
+            Self::ConnectTimedOut { address, after } => write!(
+                f,
+                "{address} did not take a connection within {after:?}; check the address and the cable, and close \
+                 other programs that are connected: controllers take very few connections"
+            ),
+            Self::Disconnected => {
+                f.write_str("the connection is lost; read the status, which connects anew, then decide whether to send it")
+            }
+            Self::StateNotRead => f.write_str(
+                "the connection was lost and made anew, and nobody has looked at the machine since; read the status \
+                 first, then decide whether to send it",
+            ),
+            Self::Busy { waited } => {
+                write!(f, "it waited {waited:?} behind other requests; send less, then send it again")
+            }
+            Self::Wire(error) => error.fmt(f),
+            Self::Closed => f.write_str("the handle is closed; connect again"),
+        }
+    }
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (what, reason) = match self {
+            Self::Command { command, reason } => (command.word(), reason),
+            Self::InstructionList { reason } => ("the instruction list", reason),
+            Self::Points { reason } => ("the points", reason),
+        };
+        write!(f, "the controller refused {what}")?;
+        match reason {
+            Some(reason) => write!(f, ": {reason}")?,
+            None => f.write_str(" and gave no reason")?,
+        }
+        match self {
+            Self::Command { .. } => f.write_str("; look at mode and alarm, then send it again"),
+            Self::InstructionList { .. } => f.write_str(
+                "; look at the arm before anything else, because controllers have run lists that they refused; the list \
+                 is taken in mode 7, without alarm",
+            ),
+            Self::Points { .. } => {
+                f.write_str("; check that the running program waits for points of this camera")
+            }
+        }
+    }
+}
+
+impl fmt::Display for OutcomeUnknown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let request = self.request();
+        match self {
+            Self::TimedOut { after, .. } => write!(f, "{}: no reply within {after:?}", request.word)?,
+            Self::ConnectionLost { reason, .. } => {
+                write!(f, "{}: the connection was lost before the reply ({reason})", request.word)?;
+            }
+            Self::Unreadable { error, .. } => {
+                write!(f, "{}: the reply cannot be understood: {error}", request.word)?;
+            }
+            Self::Unclear { answer, .. } => {
+                write!(f, "{}: the reply is neither ok nor err: `{answer}`", request.word)?;
+            }
+        }
+        f.write_str(match request.effect {
+            Effect::Reads => "; it only reads, so ask again",
+            Effect::Changes => "; it may have acted: read the value back before sending it again",
+            Effect::Moves => {
+                "; the arm may move, now or at the next start. Do not send it again: look at the arm, stop it, clear the \
+                 list, and begin anew"
+            }
+            Effect::Stops => "; the arm may still move: send it again until the arm is seen to stand",
+        })
+    }
+}
+
+impl std::error::Error for RequestError {}
+impl std::error::Error for NotSent {}
+impl std::error::Error for Refused {}
+impl std::error::Error for OutcomeUnknown {}

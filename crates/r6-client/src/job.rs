@@ -1,0 +1,199 @@
+//! What handles give to the driver: a request and the place where its answer goes.
+
+use std::time::Duration;
+
+use r6_proto::address::Address;
+use r6_proto::client::{ClientSession, SendError, Ticket};
+use r6_proto::error::FieldError;
+use r6_proto::message::command::Outcome;
+use r6_proto::message::{
+    Body, Command, CommandName, CommandReply, Instruction, Message, PhotoAnswer, Point, QueryReply, Reading,
+};
+use r6_proto::request::{CameraPoints, Request};
+use r6_proto::time::Instant;
+use tokio::sync::oneshot;
+
+use crate::error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+use crate::pushed::LostReason;
+use crate::robot::Accepted;
+
+/// The points that one camera found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraSet {
+    /// `camID`.
+    pub cam_id: i64,
+    /// Its points.
+    pub points: Vec<Point>,
+}
+
+/// A request that owns what it sends.
+#[derive(Clone, Debug)]
+pub(crate) enum Work {
+    Query(Vec<Address>),
+    Command(Command<'static>),
+    AddRcc { replace: bool, instructions: Vec<Instruction> },
+    AddPoints(Vec<CameraSet>),
+    PhotoAnswer(PhotoAnswer),
+}
+
+/// What came back.
+#[derive(Debug)]
+pub(crate) enum Answer {
+    /// One value for each address.
+    Values { values: Vec<Result<Reading, FieldError>>, after: Duration },
+    /// Another number of values than addresses: nobody knows which is which.
+    Mismatch { answered: usize, after: Duration },
+    /// The controller took it.
+    Accepted(Accepted),
+    /// It left; the controller does not answer such a request.
+    Left,
+}
+
+/// One request on its way.
+#[derive(Debug)]
+pub(crate) struct Job {
+    pub work: Work,
+    pub asked_at: tokio::time::Instant,
+    /// How the connection ended that it left on, if it did before.
+    pub lost: Option<LostReason>,
+    /// Whether it is being sent for the second time: a query, over a new connection.
+    pub retried: bool,
+    reply: oneshot::Sender<Result<Answer, RequestError>>,
+}
+
+impl Work {
+    /// What to call it, and what it can do.
+    pub fn sent(&self) -> Sent {
+        let (word, effect) = match self {
+            Self::Query(_) => ("query", Effect::Reads),
+            Self::Command(command) => (command.name().word(), effect_of(command.name())),
+            Self::AddRcc { instructions, .. } if instructions.is_empty() => ("AddRCC", Effect::Changes),
+            Self::AddRcc { .. } => ("AddRCC", Effect::Moves),
+            // A program may wait for nothing but these points.
+            Self::AddPoints(_) => ("AddPoints", Effect::Moves),
+            Self::PhotoAnswer(_) => ("photo", Effect::Changes),
+        };
+        Sent { word, effect }
+    }
+
+    /// Whether somebody has to have read mode and alarm on a connection that was made anew before it may leave.
+    pub fn needs_known_state(&self) -> bool {
+        match self {
+            Self::Query(_) | Self::PhotoAnswer(_) => false,
+            Self::Command(_) | Self::AddRcc { .. } | Self::AddPoints(_) => {
+                self.sent().effect != Effect::Stops
+            }
+        }
+    }
+
+    /// Puts it into the session's output. `None` if no reply will come.
+    pub fn send(&self, session: &mut ClientSession, now: Instant) -> Result<Option<Ticket>, SendError> {
+        let cameras: Vec<CameraPoints<'_>>;
+        let request = match self {
+            Self::Query(addresses) => Request::Query(addresses),
+            Self::Command(command) => Request::Command(command),
+            Self::AddRcc { replace, instructions } => Request::AddRcc { empty_list: *replace, instructions },
+            Self::AddPoints(sets) => {
+                cameras =
+                    sets.iter().map(|set| CameraPoints { cam_id: set.cam_id, points: &set.points }).collect();
+                Request::AddPoints(&cameras)
+            }
+            Self::PhotoAnswer(answer) => Request::PhotoAnswer(*answer),
+        };
+        session.send(now, &request).map(|ticket| request.expects_reply().then_some(ticket))
+    }
+
+    /// What the reply says.
+    pub fn answer(&self, message: &Message<'_>, after: Duration) -> Result<Answer, RequestError> {
+        let request = self.sent();
+        match (self, &message.body) {
+            (Self::Query(addresses), Body::QueryReply(reply)) => Ok(values(addresses, reply, after)),
+            (_, Body::CommandReply(reply)) => self.verdict(reply, after),
+            (_, Body::Rejected(rejection)) => {
+                Err(OutcomeUnknown::Unreadable { request, error: rejection.error.clone() }.into())
+            }
+            (_, body) => {
+                let answer = format!("{body:?}").chars().take(48).collect();
+                Err(OutcomeUnknown::Unclear { request, answer }.into())
+            }
+        }
+    }
+
+    fn verdict(&self, reply: &CommandReply<'_>, after: Duration) -> Result<Answer, RequestError> {
+        match reply.outcome() {
+            Outcome::Ok => Ok(Answer::Accepted(Accepted { after, points: None })),
+            Outcome::Points(points) => Ok(Answer::Accepted(Accepted { after, points: Some(points) })),
+            Outcome::Unclear(answer) => Err(OutcomeUnknown::Unclear { request: self.sent(), answer }.into()),
+            Outcome::Refused(reason) => Err(match self {
+                Self::Command(command) => Refused::Command { command: command.name(), reason }.into(),
+                Self::AddRcc { .. } => Refused::InstructionList { reason }.into(),
+                Self::AddPoints(_) => Refused::Points { reason }.into(),
+                Self::Query(_) | Self::PhotoAnswer(_) => {
+                    let answer = reason.unwrap_or_default();
+                    OutcomeUnknown::Unclear { request: self.sent(), answer }.into()
+                }
+            }),
+        }
+    }
+}
+
+fn values(addresses: &[Address], reply: &QueryReply<'_>, after: Duration) -> Answer {
+    match reply.aligned(addresses.len()) {
+        Ok(values) => Answer::Values {
+            values: addresses
+                .iter()
+                .zip(values.iter())
+                .map(|(address, value)| Reading::of(*address, value))
+                .collect(),
+            after,
+        },
+        Err(mismatch) => Answer::Mismatch { answered: mismatch.answered, after },
+    }
+}
+
+fn effect_of(command: CommandName) -> Effect {
+    match command {
+        CommandName::ActionStop | CommandName::ActionPause | CommandName::StopButton => Effect::Stops,
+        CommandName::ActionSingleCycle
+        | CommandName::StartButton
+        | CommandName::ClearAlarmRunNext
+        | CommandName::ClearAlarmContinue => Effect::Moves,
+        CommandName::SwitchMold
+        | CommandName::ModifyCounter
+        | CommandName::ModifyOutput
+        | CommandName::ModifyStackData
+        | CommandName::ModifyGspd
+        | CommandName::RewriteData
+        | CommandName::RewriteDataList
+        | CommandName::ModifyAccDec
+        | CommandName::SwitchTool
+        | CommandName::ModifyTool
+        | CommandName::SwitchCoordinate
+        | CommandName::ClearAlarm => Effect::Changes,
+    }
+}
+
+impl Job {
+    pub fn new(work: Work, reply: oneshot::Sender<Result<Answer, RequestError>>) -> Self {
+        Self { work, asked_at: tokio::time::Instant::now(), lost: None, retried: false, reply }
+    }
+
+    /// Whether nobody waits for the answer any more. A stop is wanted all the same.
+    pub fn is_moot(&self) -> bool {
+        self.reply.is_closed() && self.work.sent().effect != Effect::Stops
+    }
+
+    /// Gives the answer. A caller that is gone does not need it.
+    pub fn finish(self, answer: Result<Answer, RequestError>) {
+        self.reply.send(answer).ok();
+    }
+
+    /// It did not leave this time; whether it ever did decides what the caller is told.
+    pub fn not_sent(self, error: NotSent) {
+        let error = match self.lost {
+            None => error.into(),
+            Some(reason) => OutcomeUnknown::ConnectionLost { request: self.work.sent(), reason }.into(),
+        };
+        self.finish(Err(error));
+    }
+}

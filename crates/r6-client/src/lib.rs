@@ -1,0 +1,38 @@
+//! A robot behind one TCP connection: typed queries, commands and instructions for Huacheng R6 / HC1 controllers.
+//!
+//! [`Robot`] is the handle; its clones share one connection, which one task serves (`driver.rs`). That task carries
+//! bytes and time between the socket and [`r6_proto::client::ClientSession`], which knows the protocol.
+//!
+//! Errors are sorted by what the caller must do ([`RequestError`]): nothing left, the controller said no, or nobody
+//! knows. Only queries are ever repeated by this crate. "ok" means accepted, not done: whether the arm moved is read
+//! from its state ([`Robot::wait_until_done`], [`Robot::stop`]).
+//!
+//! A stop sent from here is an ordinary command on a network. It is no emergency stop.
+#![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::expect_used, clippy::panic))]
+
+mod backoff;
+mod connect;
+mod driver;
+mod error;
+mod job;
+mod link;
+mod mode;
+mod motion;
+mod pushed;
+mod query;
+mod robot;
+mod settings;
+mod status;
+mod stop;
+
+pub use connect::DEFAULT_PORT;
+pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+pub use job::CameraSet;
+pub use mode::OperationMode;
+pub use motion::{Done, WaitError, WaitOptions};
+pub use pushed::{LostReason, Pushed};
+pub use query::{NoReading, QueryResult};
+pub use robot::{Accepted, Robot};
+pub use settings::{Heartbeat, Reconnect, RobotSettings};
+pub use status::{Status, Unmet};
+pub use stop::{ListAfterStop, NotTried, StopReport};

@@ -1,0 +1,389 @@
+//! One connection, without the socket: which jobs are under way on it, and what its session says about them.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use r6_proto::Reading;
+use r6_proto::address::Address;
+use r6_proto::client::{ClientSession, ClientSettings, Event, Ticket};
+use r6_proto::request::Request;
+use r6_proto::time::Instant;
+
+use crate::error::{NotSent, OutcomeUnknown};
+use crate::job::{Answer, Job, Work};
+use crate::pushed::{LostReason, Pushed};
+use crate::robot::Hub;
+use crate::settings::{Heartbeat, RobotSettings};
+
+/// Ordinary requests that may wait for their replies at once: enough to keep a connection busy, few enough that
+/// a controller whose replies take 20 ms is at most 160 ms behind.
+const MAX_IN_FLIGHT: usize = 8;
+
+/// Room beyond [`MAX_IN_FLIGHT`] that only stops, and the queries that confirm them, may take.
+const RESERVED_FOR_STOPS: usize = 8;
+
+/// Time-outs in a row, without a reply in between, after which the connection counts as dead. One list that is
+/// too long for a controller gets no reply either, so one is not enough.
+const SILENT_TIMEOUTS: u32 = 3;
+
+/// No heartbeat is sent more often.
+const SHORTEST_HEARTBEAT: Duration = Duration::from_millis(100);
+
+/// One connection's session and the jobs that wait on it.
+#[derive(Debug)]
+pub(crate) struct Link {
+    session: ClientSession,
+    in_flight: BTreeMap<Ticket, Job>,
+    /// A job that is done once its bytes have left.
+    leaving: Option<Job>,
+    /// Whether any byte of `leaving` was given to the socket.
+    leaving_began: bool,
+    /// Since when there has been something to write.
+    output_since: Option<Instant>,
+    /// How long a reply may take, and a frame to leave.
+    reply_timeout: Duration,
+    heartbeat: Option<(Duration, Instant)>,
+    silent: u32,
+    /// Whether the controller ever answered on this connection.
+    answered: bool,
+    /// Whether commands may leave: the state was read, or had no chance to change behind our back.
+    state_read: bool,
+}
+
+/// The two lanes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lane {
+    /// One frame at a time, behind those that wait for a reply.
+    Ordinary,
+    /// Stops and what confirms them: ahead of everything that is not already being written.
+    Urgent,
+}
+
+impl Link {
+    /// `first` tells whether this is the handle's first connection; on a later one the state has to be read before
+    /// a command leaves.
+    pub fn new(settings: &RobotSettings, first: bool, first_pack_id: u64, now: Instant) -> Self {
+        let heartbeat = match settings.heartbeat {
+            Heartbeat::Off => None,
+            Heartbeat::Managed { every } => Some((every.max(SHORTEST_HEARTBEAT), now)),
+        };
+        let session = ClientSession::new(ClientSettings {
+            reply_timeout: settings.reply_timeout,
+            max_frame_bytes: settings.max_frame_bytes,
+            max_in_flight: MAX_IN_FLIGHT + RESERVED_FOR_STOPS,
+            type_key: settings.type_key,
+            ds_id: settings.ds_id,
+            first_pack_id,
+        });
+        Self {
+            session,
+            in_flight: BTreeMap::new(),
+            leaving: None,
+            leaving_began: false,
+            output_since: None,
+            reply_timeout: settings.reply_timeout,
+            heartbeat,
+            silent: 0,
+            answered: false,
+            state_read: first,
+        }
+    }
+
+    /// Whether a job of this lane may be handed over now.
+    ///
+    /// Ordinary frames are handed over one at a time, so that a stop waits for one frame at most.
+    pub fn has_room(&self, lane: Lane) -> bool {
+        match lane {
+            Lane::Urgent => self.in_flight.len() < MAX_IN_FLIGHT + RESERVED_FOR_STOPS,
+            Lane::Ordinary => self.in_flight.len() < MAX_IN_FLIGHT && self.output().is_empty(),
+        }
+    }
+
+    /// Sends the job's request, or says at once why not.
+    pub fn hand_over(&mut self, job: Job, now: Instant) {
+        if job.is_moot() {
+            return;
+        }
+        if job.work.needs_known_state() && !self.state_read {
+            return job.not_sent(NotSent::StateNotRead);
+        }
+        match job.work.send(&mut self.session, now) {
+            Err(error) => return job.not_sent(NotSent::Wire(error)),
+            Ok(Some(ticket)) => {
+                self.in_flight.insert(ticket, job);
+            }
+            Ok(None) => {
+                self.leaving = Some(job);
+                self.leaving_began = false;
+            }
+        }
+        self.output_since.get_or_insert(now);
+    }
+
+    /// The bytes that wait to be written.
+    pub fn output(&self) -> &[u8] {
+        self.session.poll_transmit().unwrap_or_default()
+    }
+
+    /// The first `bytes` of the output were given to the socket.
+    pub fn written(&mut self, bytes: usize) {
+        tracing::trace!(sent = %String::from_utf8_lossy(self.output().get(..bytes).unwrap_or_default()));
+        self.session.transmitted(bytes);
+        self.leaving_began = true;
+        if self.output().is_empty() {
+            self.output_since = None;
+            if let Some(job) = self.leaving.take() {
+                job.finish(Ok(Answer::Left));
+            }
+        }
+    }
+
+    /// Bytes came from the controller.
+    pub fn received(&mut self, bytes: &[u8], now: Instant, hub: &Hub) -> Result<(), LostReason> {
+        tracing::trace!(received = %String::from_utf8_lossy(bytes));
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let taken = self.session.handle_input(now, rest);
+            self.settle(now, hub)?;
+            rest = match rest.get(taken..) {
+                Some(rest) if taken > 0 => rest,
+                // The session has read all it had and still has no room: what follows would make no sense.
+                Some(_) | None => return Err(LostReason::OutOfStep),
+            };
+        }
+        Ok(())
+    }
+
+    /// When [`Self::tick`] is due.
+    pub fn deadline(&self) -> Option<Instant> {
+        let stalled = self.output_since.map(|since| since + self.reply_timeout);
+        // Behind bytes that do not leave, another heartbeat is of no use.
+        let beat = self.heartbeat.filter(|_| self.output().is_empty()).map(|(_, due)| due);
+        [self.session.poll_timeout(), stalled, beat].into_iter().flatten().min()
+    }
+
+    /// Time passed: heartbeats, overdue replies, bytes that do not leave.
+    pub fn tick(&mut self, now: Instant, hub: &Hub) -> Result<(), LostReason> {
+        if self.output_since.is_some_and(|since| since + self.reply_timeout <= now) {
+            return Err(LostReason::Stalled);
+        }
+        if let Some((every, due)) = self.heartbeat
+            && due <= now
+            && self.output().is_empty()
+        {
+            self.heartbeat = Some((every, now + every));
+            if self.session.send(now, &Request::Heartbreak).is_ok() {
+                self.output_since.get_or_insert(now);
+            }
+        }
+        self.session.handle_timeout(now);
+        self.settle(now, hub)
+    }
+
+    /// Tells the waiting jobs and the subscribers what the session has to say.
+    fn settle(&mut self, now: Instant, hub: &Hub) -> Result<(), LostReason> {
+        let mut replied = false;
+        let mut lost = None;
+        while let Some(event) = self.session.poll_event(now) {
+            match event {
+                Event::Reply { ticket, message, after } => {
+                    replied = true;
+                    self.silent = 0;
+                    if let Some(job) = self.in_flight.remove(&ticket) {
+                        let answer = job.work.answer(&message, after);
+                        self.state_read |= reads_state(&job.work, &answer);
+                        job.finish(answer);
+                    }
+                }
+                Event::TimedOut(ticket) => {
+                    self.silent += 1;
+                    if let Some(job) = self.in_flight.remove(&ticket) {
+                        let (request, after) = (job.work.sent(), self.reply_timeout);
+                        tracing::info!(request = request.word, ?after, "no reply in time");
+                        job.finish(Err(OutcomeUnknown::TimedOut { request, after }.into()));
+                    }
+                }
+                Event::Photo { cam_id, .. } => hub.push(Pushed::Photo { cam_id }),
+                Event::Stray { reason, message } => hub.push(Pushed::stray(reason, message.frame())),
+                Event::BadFrame(error) => hub.push(Pushed::BadFrame(error)),
+                Event::NotJson(error) => hub.push(Pushed::NotJson(error)),
+                // Only after `abandon`.
+                Event::Lost { .. } => {}
+                Event::OutOfStep => lost = Some(LostReason::OutOfStep),
+            }
+        }
+        if replied {
+            self.answered = true;
+            hub.learn(self.session.learned());
+        }
+        if self.silent >= SILENT_TIMEOUTS {
+            lost = lost.or(Some(LostReason::Unresponsive));
+        }
+        lost.map_or(Ok(()), Err)
+    }
+
+    /// Whether the controller ever answered on this connection.
+    pub fn answered(&self) -> bool {
+        self.answered
+    }
+
+    /// The connection ended: what never left says so, queries that left once are handed back, all else is unknown.
+    ///
+    /// Returns the queries that are to be asked again and the number that the next session's first request has.
+    pub fn abandon(mut self, reason: LostReason, now: Instant) -> (Vec<Job>, u64) {
+        let mut again = Vec::new();
+        self.session.handle_disconnect();
+        while let Some(event) = self.session.poll_event(now) {
+            let Event::Lost { ticket, left } = event else { continue };
+            let Some(mut job) = self.in_flight.remove(&ticket) else { continue };
+            if left {
+                job.lost = Some(reason);
+            }
+            match &job.work {
+                Work::Query(_) if !job.retried => {
+                    job.retried = true;
+                    again.push(job);
+                }
+                Work::Query(_)
+                | Work::Command(_)
+                | Work::AddRcc { .. }
+                | Work::AddPoints(_)
+                | Work::PhotoAnswer(_) => {
+                    job.not_sent(NotSent::Disconnected);
+                }
+            }
+        }
+        if let Some(mut job) = self.leaving.take() {
+            job.lost = self.leaving_began.then_some(reason);
+            job.not_sent(NotSent::Disconnected);
+        }
+        (again, self.session.next_pack_id())
+    }
+}
+
+/// Whether this answer tells mode and alarm.
+fn reads_state(work: &Work, answer: &Result<Answer, crate::error::RequestError>) -> bool {
+    let (Work::Query(addresses), Ok(Answer::Values { values, .. })) = (work, answer) else { return false };
+    let reads = |wanted: Address| {
+        addresses
+            .iter()
+            .zip(values)
+            .any(|(address, value)| *address == wanted && matches!(value, Ok(Reading::Integer(_))))
+    };
+    reads(Address::CurMode) && reads(Address::CurAlarm)
+}
+
+#[cfg(test)]
+mod tests {
+    use r6_proto::message::{Command, PhotoAnswer};
+    use tokio::sync::oneshot;
+    use tokio::sync::oneshot::Receiver;
+
+    use super::*;
+    use crate::error::RequestError;
+
+    type Answered = Receiver<Result<Answer, RequestError>>;
+
+    fn at(ms: u64) -> Instant {
+        Instant::ORIGIN + Duration::from_millis(ms)
+    }
+
+    fn link(heartbeat: Heartbeat) -> Link {
+        let settings =
+            RobotSettings { reply_timeout: Duration::from_secs(2), heartbeat, ..RobotSettings::default() };
+        Link::new(&settings, true, 1, at(0))
+    }
+
+    fn hand_over(link: &mut Link, work: Work) -> Answered {
+        let (reply, answer) = oneshot::channel();
+        link.hand_over(Job::new(work, reply), at(0));
+        answer
+    }
+
+    fn error(mut answer: Answered) -> RequestError {
+        answer.try_recv().expect("an answer").expect_err("an error")
+    }
+
+    #[test]
+    fn a_frame_that_never_left_was_not_sent() {
+        let mut link = link(Heartbeat::Off);
+        let answer = hand_over(&mut link, Work::Command(Command::StartButton));
+        let (again, _) = link.abandon(LostReason::ClosedByPeer, at(1));
+        assert!(again.is_empty());
+        assert_eq!(error(answer), NotSent::Disconnected.into());
+    }
+
+    #[test]
+    fn a_frame_of_which_one_byte_left_has_an_unknown_outcome() {
+        for work in [
+            Work::Command(Command::StartButton),
+            Work::AddRcc { replace: true, instructions: Vec::new() },
+            Work::PhotoAnswer(PhotoAnswer { cam_id: 0, ret: 1 }),
+        ] {
+            let mut link = link(Heartbeat::Off);
+            let request = work.sent();
+            let answer = hand_over(&mut link, work);
+            link.written(1);
+            let reason = LostReason::Io(std::io::ErrorKind::ConnectionReset);
+            let (again, _) = link.abandon(reason, at(1));
+            assert!(again.is_empty());
+            assert_eq!(error(answer), OutcomeUnknown::ConnectionLost { request, reason }.into());
+        }
+    }
+
+    #[test]
+    fn a_lost_query_is_handed_back_once() {
+        let mut first = link(Heartbeat::Off);
+        let answer = hand_over(&mut first, Work::Query(vec![Address::CurMode]));
+        first.written(1);
+        let (mut again, next_pack_id) = first.abandon(LostReason::ClosedByPeer, at(1));
+        assert_eq!((again.len(), next_pack_id), (1, 2));
+        let mut second = link(Heartbeat::Off);
+        second.hand_over(again.remove(0), at(2));
+        let (again, _) = second.abandon(LostReason::ClosedByPeer, at(3));
+        assert!(again.is_empty());
+        // It never left the second time, but it did the first time.
+        assert!(matches!(error(answer), RequestError::OutcomeUnknown(OutcomeUnknown::ConnectionLost { .. })));
+    }
+
+    #[test]
+    fn a_frame_that_cannot_leave_ends_the_connection() {
+        let hub = Hub::default();
+        let mut link = link(Heartbeat::Managed { every: Duration::from_secs(1) });
+        assert_eq!(link.tick(at(0), &hub), Ok(()));
+        let bytes = link.output().len();
+        link.written(bytes - 1);
+        // The next heartbeat is due at 1 s, but stands behind the first: no deadline lies in the past.
+        assert_eq!(link.deadline(), Some(at(2000)));
+        assert_eq!(link.tick(at(1999), &hub), Ok(()));
+        assert_eq!(link.tick(at(2000), &hub), Err(LostReason::Stalled));
+    }
+
+    #[test]
+    fn heartbeats_keep_their_time() {
+        let hub = Hub::default();
+        let mut link = link(Heartbeat::Managed { every: Duration::from_secs(3) });
+        for due in [0, 3000, 6000] {
+            assert_eq!(link.deadline(), Some(at(due)));
+            assert_eq!(link.tick(at(due), &hub), Ok(()));
+            let frame = String::from_utf8(link.output().to_vec()).unwrap();
+            assert_eq!(frame, "{\"dsID\":\"www.hc-system.com.RemoteMonitor\",\"reqType\":\"heartbreak\"}");
+            link.written(frame.len());
+        }
+    }
+
+    #[test]
+    fn eight_may_wait_for_replies_and_a_stop_besides() {
+        let mut link = link(Heartbeat::Off);
+        let mut answers = Vec::new();
+        while link.has_room(Lane::Ordinary) {
+            answers.push(hand_over(&mut link, Work::Query(vec![Address::CurMode])));
+            assert!(!link.has_room(Lane::Ordinary), "one frame at a time");
+            assert!(link.has_room(Lane::Urgent));
+            link.written(link.output().len());
+        }
+        assert_eq!(answers.len(), MAX_IN_FLIGHT);
+        let _stop = hand_over(&mut link, Work::Command(Command::ActionStop));
+        assert!(String::from_utf8_lossy(link.output()).contains("actionStop"));
+    }
+}

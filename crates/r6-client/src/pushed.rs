@@ -1,0 +1,76 @@
+//! What happens on a connection without being asked for.
+
+use std::fmt;
+use std::io;
+use std::sync::Arc;
+
+use r6_proto::client::StrayReason;
+use r6_proto::error::JsonError;
+use r6_proto::frame::FrameError;
+
+/// How many of them are kept for a subscriber that lags behind; then it misses the oldest and is told how many.
+pub(crate) const KEPT_FOR_SUBSCRIBERS: usize = 64;
+
+/// A stray frame is kept up to this many bytes: no frame that a controller is known to send is longer.
+const KEPT_OF_A_FRAME: usize = 4096;
+
+/// Something that happened on the connection without being asked for.
+#[derive(Clone, Debug)]
+pub enum Pushed {
+    /// The controller asks for a photo (manual 5.1); answer it with [`crate::Robot::answer_photo`].
+    Photo {
+        /// The camera.
+        cam_id: i64,
+    },
+    /// A frame that answers nothing that waits.
+    Stray {
+        /// Why it answers nothing.
+        reason: StrayReason,
+        /// Its bytes, cut at 4 096.
+        frame: Arc<[u8]>,
+    },
+    /// Bytes that are no frame.
+    BadFrame(FrameError),
+    /// A frame that is no JSON.
+    NotJson(JsonError),
+    /// The connection ended.
+    ConnectionLost(LostReason),
+    /// The connection was made anew.
+    Reconnected,
+}
+
+impl Pushed {
+    pub(crate) fn stray(reason: StrayReason, frame: &[u8]) -> Self {
+        Self::Stray { reason, frame: frame.get(..KEPT_OF_A_FRAME).unwrap_or(frame).into() }
+    }
+}
+
+/// How a connection ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LostReason {
+    /// The controller closed it.
+    ClosedByPeer,
+    /// The operating system reported a failure.
+    Io(io::ErrorKind),
+    /// A frame could not leave: the controller takes no more bytes.
+    Stalled,
+    /// Requests in a row timed out, and none was answered in between.
+    Unresponsive,
+    /// Replies could no longer be matched to requests with certainty.
+    OutOfStep,
+    /// This side closed it.
+    ClosedHere,
+}
+
+impl fmt::Display for LostReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ClosedByPeer => f.write_str("the controller closed it"),
+            Self::Io(kind) => write!(f, "{kind}"),
+            Self::Stalled => f.write_str("the controller takes no more bytes"),
+            Self::Unresponsive => f.write_str("the controller stopped answering"),
+            Self::ClosedHere => f.write_str("this side closed it"),
+            Self::OutOfStep => f.write_str("after a time-out replies could no longer be told apart"),
+        }
+    }
+}

@@ -1,0 +1,284 @@
+//! Queries: split to what a controller takes, and asked again in smaller parts where values are missing.
+
+use std::fmt;
+use std::time::Duration;
+
+use r6_proto::Reading;
+use r6_proto::address::{Address, Ports};
+use r6_proto::dialect::Envelope;
+use r6_proto::error::FieldError;
+use r6_proto::request::Request;
+
+use crate::error::{OutcomeUnknown, RequestError};
+use crate::job::{Answer, Work};
+use crate::link::Lane;
+use crate::robot::Robot;
+
+/// Unsupported addresses that are remembered for a connection: more than the table of addresses has, registers apart.
+const MAX_REMEMBERED: usize = 256;
+
+/// What a value is taken to need in a reply, quotes and comma included: the longest captured position,
+/// `"-2597.112793"`, needs 15.
+const BYTES_PER_VALUE: usize = 16;
+
+/// The longest `packID` that is counted on, in digits.
+const LONGEST_PACK_ID: &str = "18446744073709551615";
+
+/// Addresses of one frame, each with its place in the whole query.
+type Part = Vec<(usize, Address)>;
+
+/// The values of some addresses, each with its address.
+///
+/// Values that took several frames to read are not of one instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct QueryResult {
+    rows: Vec<(Address, Result<Reading, NoReading>)>,
+    took: Duration,
+}
+
+/// Why an address has no value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NoReading {
+    /// The controller does not support the address, or has no such counter: it leaves the value out.
+    Unsupported,
+    /// The value cannot be one of this address.
+    Unreadable(FieldError),
+}
+
+impl fmt::Display for NoReading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unsupported => f.write_str("the controller has no such value"),
+            Self::Unreadable(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for NoReading {}
+
+impl QueryResult {
+    /// Each address with its value, in the order asked.
+    pub fn rows(&self) -> &[(Address, Result<Reading, NoReading>)] {
+        &self.rows
+    }
+
+    /// The value of an address, if it was asked for and has one.
+    #[must_use]
+    pub fn reading(&self, address: Address) -> Option<&Reading> {
+        self.rows.iter().find(|(asked, _)| *asked == address)?.1.as_ref().ok()
+    }
+
+    /// A whole number.
+    #[must_use]
+    pub fn integer(&self, address: Address) -> Option<i64> {
+        match self.reading(address)? {
+            Reading::Integer(number) => Some(*number),
+            Reading::Text(_)
+            | Reading::Decimal(_)
+            | Reading::Word(_)
+            | Reading::Flag(_)
+            | Reading::Texts(_)
+            | Reading::Counter(_) => None,
+        }
+    }
+
+    /// A decimal number, in the unit of its address.
+    #[must_use]
+    pub fn decimal(&self, address: Address) -> Option<f64> {
+        match self.reading(address)? {
+            Reading::Decimal(number) => Some(*number),
+            Reading::Text(_)
+            | Reading::Integer(_)
+            | Reading::Word(_)
+            | Reading::Flag(_)
+            | Reading::Texts(_)
+            | Reading::Counter(_) => None,
+        }
+    }
+
+    /// A flag.
+    #[must_use]
+    pub fn flag(&self, address: Address) -> Option<bool> {
+        match self.reading(address)? {
+            Reading::Flag(flag) => Some(*flag),
+            Reading::Text(_)
+            | Reading::Integer(_)
+            | Reading::Decimal(_)
+            | Reading::Word(_)
+            | Reading::Texts(_)
+            | Reading::Counter(_) => None,
+        }
+    }
+
+    /// A text.
+    #[must_use]
+    pub fn text(&self, address: Address) -> Option<&str> {
+        match self.reading(address)? {
+            Reading::Text(text) => Some(text),
+            Reading::Integer(_)
+            | Reading::Decimal(_)
+            | Reading::Word(_)
+            | Reading::Flag(_)
+            | Reading::Texts(_)
+            | Reading::Counter(_) => None,
+        }
+    }
+
+    /// How long the slowest reply took.
+    #[must_use]
+    pub fn took(&self) -> Duration {
+        self.took
+    }
+}
+
+impl Robot {
+    /// Reads the values of these addresses.
+    ///
+    /// A long list is split, so that neither request nor reply is longer than the controller takes. Where a reply has
+    /// fewer values than were asked for, nobody can tell which are missing; then the addresses are asked for in ever
+    /// smaller parts, those that some firmware lacks first apart from the others. What turns out unsupported is not asked for again on this connection (counters are: they can
+    /// be made at any time).
+    ///
+    /// # Errors
+    /// [`RequestError`]; a query that the connection ended under is asked once more over a new one first.
+    pub async fn query(&self, addresses: &[Address]) -> Result<QueryResult, RequestError> {
+        self.query_in(Lane::Ordinary, addresses).await
+    }
+
+    pub(crate) async fn query_in(
+        &self,
+        lane: Lane,
+        addresses: &[Address],
+    ) -> Result<QueryResult, RequestError> {
+        let mut rows: Vec<_> =
+            addresses.iter().map(|address| (*address, Err(NoReading::Unsupported))).collect();
+        let (connection, wanted) = {
+            let known = self.hub().known();
+            let supported = |(at, address): (usize, &Address)| {
+                (!known.unsupported.contains(address)).then_some((at, *address))
+            };
+            (known.connection, addresses.iter().enumerate().filter_map(supported).collect())
+        };
+        let mut took = Duration::ZERO;
+        let mut parts: Vec<Part> = self.split(wanted);
+        parts.reverse();
+        while let Some(part) = parts.pop() {
+            let asked: Vec<Address> = part.iter().map(|(_, address)| *address).collect();
+            match self.ask(Work::Query(asked), lane).await? {
+                Answer::Values { values, after } => {
+                    took = took.max(after);
+                    for ((at, _), value) in part.iter().zip(values) {
+                        if let Some((_, row)) = rows.get_mut(*at) {
+                            *row = value.map_err(NoReading::Unreadable);
+                        }
+                    }
+                }
+                Answer::Mismatch { answered: 0, after } => {
+                    took = took.max(after);
+                    self.remember_unsupported(connection, &part);
+                }
+                Answer::Mismatch { answered, after } => {
+                    took = took.max(after);
+                    match part.as_slice() {
+                        [(at, address)] => {
+                            if let Some((_, row)) = rows.get_mut(*at) {
+                                *row = Err(NoReading::Unreadable(too_many(*address, answered)));
+                            }
+                        }
+                        several => {
+                            let (first, second) = divide(several);
+                            parts.push(second);
+                            parts.push(first);
+                        }
+                    }
+                }
+                Answer::Accepted(_) | Answer::Left => {
+                    let request = Work::Query(Vec::new()).sent();
+                    return Err(OutcomeUnknown::Unclear {
+                        request,
+                        answer: "a reply to a command".to_owned(),
+                    }
+                    .into());
+                }
+            }
+        }
+        let result = QueryResult { rows, took };
+        self.remember_firmware(connection, &result);
+        Ok(result)
+    }
+
+    /// Parts whose requests and replies stay below the longest frame.
+    fn split(&self, addresses: Part) -> Vec<Part> {
+        let settings = self.settings();
+        let envelope =
+            Envelope { ds_id: settings.ds_id, type_key: settings.type_key, pack_id: Some(LONGEST_PACK_ID) };
+        let mut frame = Vec::new();
+        // A query without addresses has nothing that could fail to be encoded. The reply has `queryData` besides.
+        Request::Query(&[]).encode(&envelope, &mut frame).ok();
+        let around = frame.len() + "\"queryData\":[],".len();
+        let mut parts: Vec<Part> = Vec::new();
+        let mut bytes = usize::MAX;
+        for (at, address) in addresses {
+            frame.clear();
+            address.write_name(&mut frame);
+            let needs = frame.len() + "\"\",".len() + BYTES_PER_VALUE;
+            match parts.last_mut() {
+                Some(part) if bytes.saturating_add(needs) <= settings.max_frame_bytes => {
+                    part.push((at, address));
+                    bytes += needs;
+                }
+                Some(_) | None => {
+                    parts.push(vec![(at, address)]);
+                    bytes = around + needs;
+                }
+            }
+        }
+        parts
+    }
+
+    fn remember_unsupported(&self, connection: u64, part: &[(usize, Address)]) {
+        let mut known = self.hub().known();
+        if known.connection != connection {
+            return;
+        }
+        for (_, address) in part {
+            let lasting = !matches!(address, Address::Counter(_));
+            if lasting && known.unsupported.len() < MAX_REMEMBERED {
+                known.unsupported.insert(*address);
+            }
+        }
+    }
+
+    fn remember_firmware(&self, connection: u64, result: &QueryResult) {
+        if !result.rows.iter().any(|(address, _)| *address == Address::Version) {
+            return;
+        }
+        let mut known = self.hub().known();
+        if known.connection == connection {
+            known.firmware = Some(result.text(Address::Version).map(str::to_owned));
+        }
+    }
+}
+
+/// Two parts, neither empty: what every controller has and what some lack, or else two halves.
+fn divide(part: &[(usize, Address)]) -> (Part, Part) {
+    let everywhere = |(_, address): &(usize, Address)| {
+        let info = address.info();
+        info.since == "V6.0" && info.ports == Ports::Both && !matches!(address, Address::Counter(_))
+    };
+    let (first, second): (Vec<_>, Vec<_>) = part.iter().copied().partition(everywhere);
+    if !first.is_empty() && !second.is_empty() {
+        return (first, second);
+    }
+    let (first, second) = part.split_at(part.len() / 2);
+    (first.to_vec(), second.to_vec())
+}
+
+fn too_many(address: Address, answered: usize) -> FieldError {
+    FieldError {
+        path: address.to_string(),
+        found: Some(format!("{answered} values")),
+        wanted: "one value",
+        nearest: None,
+    }
+}

@@ -1,0 +1,246 @@
+//! The handle.
+
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime};
+
+use r6_proto::address::Address;
+use r6_proto::client::LearnedDialect;
+use r6_proto::message::{Command, PhotoAnswer};
+use tokio::sync::{broadcast, mpsc, oneshot};
+
+use crate::backoff::Backoff;
+use crate::connect::Target;
+use crate::driver::{Driver, Urgent};
+use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError};
+use crate::job::{Answer, CameraSet, Job, Work};
+use crate::link::Lane;
+use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
+use crate::settings::RobotSettings;
+
+/// Requests that may wait in each lane; a caller beyond that waits for room.
+const LANE_LENGTH: usize = 64;
+
+/// A handle on one controller. Clones share one connection; dropping the last one closes it.
+///
+/// All methods may be called at the same time from many tasks: requests share the connection, each reply goes to
+/// whom it belongs. Dropping the future of a request that has not left yet takes the request back, except for a stop.
+#[derive(Clone, Debug)]
+pub struct Robot {
+    lanes: Arc<Lanes>,
+}
+
+#[derive(Debug)]
+struct Lanes {
+    address: String,
+    settings: RobotSettings,
+    urgent: mpsc::Sender<Urgent>,
+    ordinary: mpsc::Sender<Job>,
+    hub: Arc<Hub>,
+}
+
+/// A controller's yes. It says that the request was taken, not that anything moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Accepted {
+    /// How long the reply took.
+    pub after: Duration,
+    /// How many points were taken; only AddPoints tells.
+    pub points: Option<u64>,
+}
+
+impl Robot {
+    /// Connects to a controller: `host` or `host:port`, port 9760 where none is given.
+    ///
+    /// Nothing is sent. Needs a tokio runtime with time and network.
+    ///
+    /// # Errors
+    /// [`RequestError::NotSent`] if the address is none or no connection can be made within
+    /// [`RobotSettings::connect_timeout`].
+    pub async fn connect(address: &str, settings: RobotSettings) -> Result<Self, RequestError> {
+        let target = Target::parse(address)?;
+        let stream = target.connect(settings.connect_timeout).await?;
+        tracing::info!(controller = %target, "connected");
+        let (urgent, urgent_jobs) = mpsc::channel(LANE_LENGTH);
+        let (ordinary, ordinary_jobs) = mpsc::channel(LANE_LENGTH);
+        let hub = Arc::<Hub>::default();
+        let lanes = Lanes {
+            address: target.to_string(),
+            settings: settings.clone(),
+            urgent,
+            ordinary,
+            hub: Arc::clone(&hub),
+        };
+        let backoff = Backoff::new(settings.reconnect, seed_from_clock);
+        let driver = Driver::new(target, settings, urgent_jobs, ordinary_jobs, hub, backoff);
+        tokio::spawn(driver.run(stream));
+        Ok(Self { lanes: Arc::new(lanes) })
+    }
+
+    /// Ends the connection for all clones and waits until it is closed, half a second at most.
+    ///
+    /// Dropping the last clone does the same in the background; use this where the runtime ends right after.
+    /// Other clones' later requests are not sent ([`NotSent::Closed`]).
+    pub async fn close(self) {
+        let (done, closed) = oneshot::channel();
+        if self.lanes.urgent.send(Urgent::Close(done)).await.is_ok() {
+            closed.await.ok();
+        }
+    }
+
+    /// Host and port of the controller.
+    #[must_use]
+    pub fn address(&self) -> &str {
+        &self.lanes.address
+    }
+
+    /// Sends a command (manual 4.2). A stop or a pause overtakes everything that waits.
+    ///
+    /// # Errors
+    /// [`RequestError`]. It is never sent twice by itself, and only a stop or a pause makes a lost connection anew.
+    pub async fn command(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
+        let work = Work::Command(command);
+        let lane = match work.sent().effect {
+            Effect::Stops => Lane::Urgent,
+            Effect::Reads | Effect::Changes | Effect::Moves => Lane::Ordinary,
+        };
+        self.accepted(work, lane).await
+    }
+
+    /// Sends the points that cameras found (manual 5.2); [`Accepted::points`] tells how many were taken.
+    ///
+    /// # Errors
+    /// [`RequestError`]. It is never sent twice by itself: a program may wait for these points to move.
+    pub async fn add_points(&self, cameras: Vec<CameraSet>) -> Result<Accepted, RequestError> {
+        self.accepted(Work::AddPoints(cameras), Lane::Ordinary).await
+    }
+
+    /// Answers a photo request (manual 5.1). The controller does not reply: `Ok` says that the answer has left.
+    ///
+    /// # Errors
+    /// [`RequestError::NotSent`], or [`RequestError::OutcomeUnknown`] if the connection ended within the frame.
+    pub async fn answer_photo(&self, answer: PhotoAnswer) -> Result<(), RequestError> {
+        self.ask(Work::PhotoAnswer(answer), Lane::Ordinary).await.map(|_left| ())
+    }
+
+    /// What happens on the connection without being asked for, from now on.
+    ///
+    /// A receiver that lags more than 64 behind misses the oldest and is told how many.
+    #[must_use]
+    pub fn pushed(&self) -> broadcast::Receiver<Pushed> {
+        self.lanes.hub.pushed.subscribe()
+    }
+
+    /// What the replies so far tell about the firmware's dialect.
+    #[must_use]
+    pub fn learned(&self) -> LearnedDialect {
+        self.lanes.hub.known().learned
+    }
+
+    /// The firmware's version (`version`), asked for once per connection; `None` where the controller has none to tell.
+    ///
+    /// # Errors
+    /// [`RequestError`] of the query.
+    pub async fn firmware(&self) -> Result<Option<String>, RequestError> {
+        let known = self.lanes.hub.known().firmware.clone();
+        match known {
+            Some(firmware) => Ok(firmware),
+            None => {
+                let result = self.query(&[Address::Version]).await?;
+                Ok(result.text(Address::Version).map(str::to_owned))
+            }
+        }
+    }
+
+    pub(crate) fn hub(&self) -> &Hub {
+        &self.lanes.hub
+    }
+
+    pub(crate) fn settings(&self) -> &RobotSettings {
+        &self.lanes.settings
+    }
+
+    /// Sends a request that the controller answers with yes or no.
+    pub(crate) async fn accepted(&self, work: Work, lane: Lane) -> Result<Accepted, RequestError> {
+        let request = work.sent();
+        match self.ask(work, lane).await? {
+            Answer::Accepted(accepted) => Ok(accepted),
+            Answer::Values { .. } | Answer::Mismatch { .. } | Answer::Left => {
+                Err(OutcomeUnknown::Unclear { request, answer: "a reply to a query".to_owned() }.into())
+            }
+        }
+    }
+
+    /// Gives a request to the driver and waits for its answer.
+    pub(crate) async fn ask(&self, work: Work, lane: Lane) -> Result<Answer, RequestError> {
+        let request = work.sent();
+        let (reply, answer) = oneshot::channel();
+        let job = Job::new(work, reply);
+        let given = match lane {
+            Lane::Urgent => self.lanes.urgent.send(Urgent::Job(job)).await.is_ok(),
+            Lane::Ordinary => self.lanes.ordinary.send(job).await.is_ok(),
+        };
+        if !given {
+            return Err(NotSent::Closed.into());
+        }
+        // The driver answers every job; only a runtime that was shut down leaves one without an answer.
+        let ended = OutcomeUnknown::ConnectionLost { request, reason: LostReason::ClosedHere };
+        answer.await.unwrap_or(Err(ended.into()))
+    }
+}
+
+fn seed_from_clock() -> u64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    since.as_secs() ^ u64::from(since.subsec_nanos()) << 32
+}
+
+/// What the driver tells the handles besides answers.
+#[derive(Debug)]
+pub(crate) struct Hub {
+    pushed: broadcast::Sender<Pushed>,
+    known: Mutex<Known>,
+}
+
+/// What is known of the controller behind the present connection.
+#[derive(Debug, Default)]
+pub(crate) struct Known {
+    pub learned: LearnedDialect,
+    /// Once it was asked for: the version, if there is one.
+    pub firmware: Option<Option<String>>,
+    /// Addresses that it does not support.
+    pub unsupported: BTreeSet<Address>,
+    /// Counts the connections, so that no answer of one is kept for the next.
+    pub connection: u64,
+}
+
+impl Default for Hub {
+    fn default() -> Self {
+        Self { pushed: broadcast::Sender::new(KEPT_FOR_SUBSCRIBERS), known: Mutex::default() }
+    }
+}
+
+impl Hub {
+    /// What is known; nobody holds this across an await, and nothing that holds it can panic halfway.
+    pub fn known(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Tells the subscribers; there may be none.
+    pub fn push(&self, pushed: Pushed) {
+        tracing::debug!(?pushed);
+        self.pushed.send(pushed).ok();
+    }
+
+    pub fn learn(&self, learned: LearnedDialect) {
+        self.known().learned = learned;
+    }
+
+    /// The next connection may lead to another controller: what was known is forgotten.
+    pub fn connection_lost(&self, reason: LostReason) {
+        {
+            let mut known = self.known();
+            let connection = known.connection + 1;
+            *known = Known { connection, ..Known::default() };
+        }
+        self.push(Pushed::ConnectionLost(reason));
+    }
+}

@@ -1,0 +1,73 @@
+//! How a robot is talked to.
+
+use std::time::Duration;
+
+use r6_proto::dialect::DsIdForm;
+use r6_proto::message::TypeKey;
+
+/// How a robot is talked to; the default suits every firmware that is known.
+#[derive(Clone, Debug)]
+pub struct RobotSettings {
+    /// How long a reply may take, and how long a frame may take to leave. Default 2 s: real controllers answer
+    /// within 26 ms.
+    pub reply_timeout: Duration,
+    /// How long a connection attempt may take, name lookup included. Default 3 s.
+    pub connect_timeout: Duration,
+    /// The longest frame that is sent, in bytes. Default 2 048: controllers neither answer nor execute a longer AddRCC.
+    pub max_frame_bytes: usize,
+    /// How a lost connection is made anew.
+    pub reconnect: Reconnect,
+    /// Whether the controller's watchdog is armed and fed.
+    pub heartbeat: Heartbeat,
+    /// The key of a request's type: `cmdType` for the oldest firmware.
+    pub type_key: TypeKey,
+    /// The form of `dsID`.
+    pub ds_id: DsIdForm,
+}
+
+impl Default for RobotSettings {
+    fn default() -> Self {
+        Self {
+            reply_timeout: Duration::from_secs(2),
+            connect_timeout: Duration::from_secs(3),
+            max_frame_bytes: 2048,
+            reconnect: Reconnect::default(),
+            heartbeat: Heartbeat::Off,
+            type_key: TypeKey::ReqType,
+            ds_id: DsIdForm::Long,
+        }
+    }
+}
+
+/// The waits before attempts to connect anew: doubled after each failure, jittered, capped.
+///
+/// A wait is drawn from the upper half of its range, so that many clients of one switch do not return as one.
+#[derive(Clone, Copy, Debug)]
+pub struct Reconnect {
+    /// The wait before the first attempt. Default 100 ms.
+    pub first_wait: Duration,
+    /// No wait is longer. Default 5 s.
+    pub cap: Duration,
+    /// Seeds the jitter: the same seed gives the same waits. `None` takes a seed from the clock.
+    pub jitter_seed: Option<u64>,
+}
+
+impl Default for Reconnect {
+    fn default() -> Self {
+        Self { first_wait: Duration::from_millis(100), cap: Duration::from_secs(5), jitter_seed: None }
+    }
+}
+
+/// Whether `heartbreak` is sent (manual 7).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heartbeat {
+    /// Never: the first one arms a watchdog that raises an alarm when the next fails to come within 10 s.
+    Off,
+    /// From the moment of connecting, on a timer of its own that no queue of requests delays.
+    ///
+    /// The watchdog stays armed when the handle is dropped: the controller then raises an alarm.
+    Managed {
+        /// The time from one to the next; the controller wants one every 10 s. Below 100 ms counts as 100 ms.
+        every: Duration,
+    },
+}

@@ -1,0 +1,219 @@
+//! The state of a machine at a glance, and what keeps it from taking instructions.
+
+use std::fmt;
+
+use r6_proto::address::Address;
+use r6_proto::alarm::AlarmCode;
+use r6_proto::axis::{AXES, AxisIndex};
+
+use crate::error::RequestError;
+use crate::link::Lane;
+use crate::mode::OperationMode;
+use crate::query::QueryResult;
+use crate::robot::Robot;
+
+/// Axes and pose components that are asked for: the arms of this protocol have six at most, external axes apart.
+pub(crate) const ASKED_AXES: usize = 6;
+
+/// What is asked for besides the position; some firmware lacks the last two.
+const ASKED: [Address; 11] = [
+    Address::Version,
+    Address::MachineName,
+    Address::CurMode,
+    Address::CurAlarm,
+    Address::Origin,
+    Address::IsMoving,
+    Address::AxisNum,
+    Address::CurCycle,
+    Address::LastCycle,
+    Address::RemoteCmdLen,
+    Address::CurMold,
+];
+
+/// The state of a machine. `None` where the controller has no such value or sent one that cannot be read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Status {
+    /// `version`.
+    pub firmware: Option<String>,
+    /// `machineName`.
+    pub machine_name: Option<String>,
+    /// `curMold`: the program; only the pendant's port tells.
+    pub program: Option<String>,
+    /// `curMode`.
+    pub mode: Option<OperationMode>,
+    /// `curAlarm`: 0 for none.
+    pub alarm: Option<i64>,
+    /// `origin`.
+    pub homed: Option<bool>,
+    /// `isMoving`.
+    pub moving: Option<bool>,
+    /// `axisNum`.
+    pub axis_count: Option<i64>,
+    /// `axis-0` to `axis-5`, degrees; the last two are never asked for.
+    pub axes: [Option<f64>; AXES],
+    /// `world-0` to `world-5`: X, Y, Z in mm, U, V, W in degrees; the last two are never asked for.
+    pub pose: [Option<f64>; AXES],
+    /// `RemoteCmdLen`: instructions left in the instruction list (from 207beta25 on).
+    pub list_length: Option<i64>,
+    /// `curCycle`, seconds.
+    pub cycle: Option<f64>,
+    /// `lastCycle`, seconds.
+    pub last_cycle: Option<f64>,
+}
+
+/// A condition that has to hold before instructions are sent, and does not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unmet {
+    /// The mode is not 7.
+    Mode {
+        /// The mode it has.
+        found: OperationMode,
+    },
+    /// There is an alarm.
+    Alarm {
+        /// Its number.
+        code: i64,
+    },
+    /// The machine does not know its origin.
+    NotHomed,
+    /// The machine moves.
+    Moving,
+    /// Instructions are left from before.
+    LeftoverList {
+        /// How many.
+        length: i64,
+    },
+    /// A value that has to be known is not.
+    Unknown {
+        /// Its address.
+        address: Address,
+    },
+}
+
+impl Status {
+    fn of(read: &QueryResult) -> Self {
+        let text = |address| read.text(address).map(str::to_owned);
+        Self {
+            firmware: text(Address::Version),
+            machine_name: text(Address::MachineName),
+            program: text(Address::CurMold),
+            mode: read.integer(Address::CurMode).map(OperationMode::of_number),
+            alarm: read.integer(Address::CurAlarm),
+            homed: read.flag(Address::Origin),
+            moving: read.flag(Address::IsMoving),
+            axis_count: read.integer(Address::AxisNum),
+            axes: components(read, Address::Axis),
+            pose: components(read, Address::World),
+            list_length: read.integer(Address::RemoteCmdLen),
+            cycle: read.decimal(Address::CurCycle),
+            last_cycle: read.decimal(Address::LastCycle),
+        }
+    }
+
+    /// What keeps the machine from taking instructions, the most telling first; empty if nothing does.
+    ///
+    /// A value that is not known counts against it, the length of the list apart: older firmware cannot tell it.
+    /// Whether the program really sits in its wait step is not on the wire.
+    #[must_use]
+    pub fn unmet(&self) -> Vec<Unmet> {
+        let unknown = |address| Some(Unmet::Unknown { address });
+        let alarm = match self.alarm {
+            Some(0) => None,
+            Some(code) => Some(Unmet::Alarm { code }),
+            None => unknown(Address::CurAlarm),
+        };
+        let mode = match self.mode {
+            Some(OperationMode::Running) => None,
+            Some(found) => Some(Unmet::Mode { found }),
+            None => unknown(Address::CurMode),
+        };
+        let homed = match self.homed {
+            Some(true) => None,
+            Some(false) => Some(Unmet::NotHomed),
+            None => unknown(Address::Origin),
+        };
+        let moving = match self.moving {
+            Some(false) => None,
+            Some(true) => Some(Unmet::Moving),
+            None => unknown(Address::IsMoving),
+        };
+        let list =
+            self.list_length.filter(|length| *length != 0).map(|length| Unmet::LeftoverList { length });
+        [alarm, mode, homed, moving, list].into_iter().flatten().collect()
+    }
+
+    /// Whether nothing keeps the machine from taking instructions, as far as the wire tells.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.unmet().is_empty()
+    }
+}
+
+/// The first six of `axis-n` or `world-n`.
+pub(crate) fn components(
+    result: &QueryResult,
+    address: impl Fn(AxisIndex) -> Address,
+) -> [Option<f64>; AXES] {
+    AxisIndex::ALL.map(|axis| result.decimal(address(axis)))
+}
+
+/// The addresses of the first six of `axis-n`, then of `world-n`.
+pub(crate) fn position_addresses() -> impl Iterator<Item = Address> {
+    let asked = || AxisIndex::ALL.into_iter().take(ASKED_AXES);
+    asked().map(Address::Axis).chain(asked().map(Address::World))
+}
+
+impl Robot {
+    /// Reads the state of the machine, in one query where the firmware has all of it.
+    ///
+    /// On a connection that was made anew this is also what lets commands through again.
+    ///
+    /// # Errors
+    /// [`RequestError`] of the query.
+    pub async fn status(&self) -> Result<Status, RequestError> {
+        let asked: Vec<Address> = ASKED.into_iter().chain(position_addresses()).collect();
+        Ok(Status::of(&self.query_in(Lane::Ordinary, &asked).await?))
+    }
+}
+
+impl fmt::Display for Unmet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Mode { found } => write!(
+                f,
+                "the operation mode is {found}, not running (7): on the pendant switch to Auto, turn Cycle on and press \
+                 Start; the program must wait in its \"wait for remote commands\" step"
+            ),
+            Self::Alarm { code } => write!(f, "{}", AlarmAdvice(*code)),
+            Self::NotHomed => f.write_str(
+                "the machine is not homed: establish the origin on the pendant, with the way to it clear",
+            ),
+            Self::Moving => f.write_str("the machine moves: wait until it stands, or stop it"),
+            Self::LeftoverList { length } => write!(
+                f,
+                "{length} instructions are left in the list and would run first: clear the list, or wait until it is done"
+            ),
+            Self::Unknown { address } => write!(
+                f,
+                "`{address}` cannot be read, and it has to be known first: look at the pendant, and at the raw reply"
+            ),
+        }
+    }
+}
+
+/// An alarm's number with what it means and what to do about it.
+pub(crate) struct AlarmAdvice(pub i64);
+
+impl fmt::Display for AlarmAdvice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match u32::try_from(self.0) {
+            Ok(code) => {
+                let alarm = AlarmCode(code).decode();
+                write!(f, "{alarm}: {}", alarm.remedy)
+            }
+            Err(_negative) => {
+                write!(f, "alarm {}, which is no alarm's number: read the pendant's display", self.0)
+            }
+        }
+    }
+}

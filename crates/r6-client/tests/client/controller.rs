@@ -1,0 +1,156 @@
+//! The other end of the connection, played by the test.
+
+use std::time::Duration;
+
+use r6_client::{Reconnect, Robot, RobotSettings};
+use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::time::timeout;
+
+/// Whatever has not happened after this long never will: the test fails instead of hanging.
+pub const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A time-out for tests in which nothing answers: short, because it is waited for.
+pub const SHORT: Duration = Duration::from_millis(60);
+
+/// A listening controller on a port of its own.
+pub struct Controller {
+    listener: TcpListener,
+}
+
+/// One accepted connection.
+pub struct Peer {
+    stream: TcpStream,
+    received: Vec<u8>,
+}
+
+/// Settings that never time out by accident, and reconnect at once.
+pub fn settings() -> RobotSettings {
+    RobotSettings {
+        reply_timeout: PATIENCE,
+        reconnect: Reconnect {
+            first_wait: Duration::from_millis(1),
+            cap: Duration::from_millis(2),
+            jitter_seed: Some(1),
+        },
+        ..RobotSettings::default()
+    }
+}
+
+pub fn impatient() -> RobotSettings {
+    RobotSettings { reply_timeout: SHORT, ..settings() }
+}
+
+/// Waits, but not for ever.
+pub async fn soon<T>(what: impl Future<Output = T>) -> T {
+    timeout(PATIENCE, what).await.expect("it never happened")
+}
+
+impl Controller {
+    pub async fn listen() -> Self {
+        Self { listener: TcpListener::bind("127.0.0.1:0").await.unwrap() }
+    }
+
+    pub fn address(&self) -> String {
+        self.listener.local_addr().unwrap().to_string()
+    }
+
+    pub async fn accept(&self) -> Peer {
+        let (stream, _) = soon(self.listener.accept()).await.unwrap();
+        stream.set_nodelay(true).unwrap();
+        Peer { stream, received: Vec::new() }
+    }
+
+    /// A robot that is connected, and the controller's end of its connection.
+    pub async fn with_robot(settings: RobotSettings) -> (Self, Robot, Peer) {
+        let controller = Self::listen().await;
+        let address = controller.address();
+        let (robot, peer) = tokio::join!(Robot::connect(&address, settings), controller.accept());
+        (controller, robot.unwrap(), peer)
+    }
+}
+
+impl Peer {
+    /// The next frame from the client.
+    pub async fn frame(&mut self) -> Value {
+        loop {
+            let mut frames = serde_json::Deserializer::from_slice(&self.received).into_iter::<Value>();
+            if let Some(Ok(frame)) = frames.next() {
+                let used = frames.byte_offset();
+                self.received.drain(..used);
+                return frame;
+            }
+            let mut bytes = [0; 4096];
+            let count = soon(self.stream.read(&mut bytes)).await.unwrap();
+            assert_ne!(count, 0, "the client closed the connection instead of sending a frame");
+            self.received.extend_from_slice(&bytes[..count]);
+        }
+    }
+
+    pub async fn send(&mut self, bytes: impl AsRef<[u8]>) {
+        self.stream.write_all(bytes.as_ref()).await.unwrap();
+    }
+
+    /// Sends bytes one at a time, each as a segment of its own as far as the network allows.
+    pub async fn dribble(&mut self, bytes: impl AsRef<[u8]>) {
+        for byte in bytes.as_ref() {
+            self.send([*byte]).await;
+            tokio::task::yield_now().await;
+        }
+    }
+
+    /// The client ends the connection in order: an end of file, no reset, and nothing before it.
+    pub async fn ends(&mut self) {
+        let mut bytes = [0; 256];
+        assert_eq!(soon(self.stream.read(&mut bytes)).await.expect("an orderly end"), 0);
+    }
+
+    /// Answers every frame by `answer` until the client ends the connection; `None` leaves one unanswered.
+    pub async fn answer_all(mut self, mut answer: impl FnMut(&Value) -> Option<String>) {
+        let mut bytes = [0; 4096];
+        loop {
+            let mut frames = serde_json::Deserializer::from_slice(&self.received).into_iter::<Value>();
+            let mut replies = Vec::new();
+            while let Some(Ok(frame)) = frames.next() {
+                replies.extend(answer(&frame));
+            }
+            let used = frames.byte_offset();
+            self.received.drain(..used);
+            for reply in replies {
+                if self.stream.write_all(reply.as_bytes()).await.is_err() {
+                    return;
+                }
+            }
+            match self.stream.read(&mut bytes).await {
+                Ok(0) | Err(_) => return,
+                Ok(count) => self.received.extend_from_slice(&bytes[..count]),
+            }
+        }
+    }
+}
+
+/// The reply to a query in the form of captured controllers.
+pub fn values(request: &Value, data: Value) -> String {
+    json!({
+        "dsID": request["dsID"], "packID": request["packID"], "queryAddr": request["queryAddr"],
+        "queryData": data, "reqType": "query",
+    })
+    .to_string()
+}
+
+/// The reply to a command, AddPoints or AddRCC in the form of captured controllers.
+pub fn verdict(request: &Value, words: &[&str]) -> String {
+    json!({ "cmdReply": words, "dsID": request["dsID"], "packID": request["packID"], "reqType": request["reqType"] })
+        .to_string()
+}
+
+/// The addresses of a query; none for any other request.
+pub fn asked(request: &Value) -> Vec<&str> {
+    request["queryAddr"].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
+}
+
+/// The word of a command; empty for any other request.
+pub fn command_word(request: &Value) -> &str {
+    request["cmdData"][0].as_str().unwrap_or_default()
+}

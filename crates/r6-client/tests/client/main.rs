@@ -1,0 +1,12 @@
+//! The client against a controller whose every byte the test decides.
+#![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
+
+mod controller;
+
+mod connection;
+mod motion;
+mod outcomes;
+mod queries;
+mod replies;
+mod status;
+mod stopping;

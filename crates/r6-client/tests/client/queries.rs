@@ -1,0 +1,148 @@
+//! Queries that a controller answers in part, and queries that do not fit into one frame.
+
+use r6_client::NoReading;
+use r6_proto::Reading;
+use r6_proto::address::{Address, RegisterIndex};
+use serde_json::Value;
+use std::sync::{Arc, Mutex};
+
+use crate::controller::{Controller, asked, settings, values};
+
+/// The addresses of each query, in the order of their coming.
+type Log = Arc<Mutex<Vec<Vec<String>>>>;
+
+/// A controller that leaves out what it does not have, and remembers what it was asked.
+fn leaving_out(missing: &'static [&'static str]) -> (impl FnMut(&Value) -> Option<String> + Send, Log) {
+    let log = Log::default();
+    let seen = Arc::clone(&log);
+    let answer = move |request: &Value| {
+        let names = asked(request);
+        seen.lock().unwrap().push(names.iter().map(ToString::to_string).collect());
+        let values_of_all: Vec<_> =
+            names.iter().filter(|name| !missing.contains(name)).map(|name| of(name)).collect();
+        Some(values(request, values_of_all.into()))
+    };
+    (answer, log)
+}
+
+/// A value that tells its address, so that a mix-up shows.
+fn of(name: &str) -> Value {
+    match name {
+        "version" => "v-version".into(),
+        "machineName" => "v-machineName".into(),
+        "curMode" => "7".into(),
+        "curAlarm" => "135".into(),
+        "axisNum" => "6".into(),
+        name => name.strip_prefix("Addr-").unwrap_or("0").into(),
+    }
+}
+
+#[tokio::test]
+async fn missing_values_are_found_out_and_remembered() {
+    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
+    let (answer, log) = leaving_out(&["curMold", "RemoteCmdLen"]);
+    tokio::spawn(peer.answer_all(answer));
+    let addresses = [
+        Address::Version,
+        Address::CurMold,
+        Address::CurMode,
+        Address::RemoteCmdLen,
+        Address::CurAlarm,
+        Address::AxisNum,
+    ];
+    for _ in 0..2 {
+        let result = robot.query(&addresses).await.unwrap();
+        assert_eq!(result.rows().iter().map(|(address, _)| *address).collect::<Vec<_>>(), addresses);
+        assert_eq!(result.text(Address::Version), Some("v-version"));
+        assert_eq!(result.integer(Address::CurMode), Some(7));
+        assert_eq!(result.integer(Address::CurAlarm), Some(135));
+        assert_eq!(result.integer(Address::AxisNum), Some(6));
+        assert_eq!(result.rows()[1].1, Err(NoReading::Unsupported));
+        assert_eq!(result.rows()[3].1, Err(NoReading::Unsupported));
+    }
+    let log = log.lock().unwrap();
+    // All, what every firmware has, the two doubtful ones apart from it, which have no value at all; then what is left.
+    assert_eq!(log.len(), 4, "{log:?}");
+    assert_eq!(log.first().unwrap().len(), 6);
+    assert_eq!(log.last().unwrap(), &["version", "curMode", "curAlarm", "axisNum"], "remembered");
+}
+
+#[tokio::test]
+async fn what_is_missing_where_nobody_expects_it_is_found_by_halves() {
+    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
+    let (answer, _log) = leaving_out(&["curMode", "axisNum"]);
+    tokio::spawn(peer.answer_all(answer));
+    let addresses =
+        [Address::Version, Address::CurMode, Address::CurAlarm, Address::AxisNum, Address::MachineName];
+    let result = robot.query(&addresses).await.unwrap();
+    assert_eq!(result.text(Address::Version), Some("v-version"));
+    assert_eq!(result.rows()[1].1, Err(NoReading::Unsupported));
+    assert_eq!(result.integer(Address::CurAlarm), Some(135));
+    assert_eq!(result.rows()[3].1, Err(NoReading::Unsupported));
+    assert_eq!(result.text(Address::MachineName), Some("v-machineName"));
+}
+
+#[tokio::test]
+async fn an_absent_counter_is_asked_for_again() {
+    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
+    let (answer, log) = leaving_out(&["counter-3"]);
+    tokio::spawn(peer.answer_all(answer));
+    for _ in 0..2 {
+        let result = robot.query(&[Address::Counter(3)]).await.unwrap();
+        assert_eq!(result.rows()[0].1, Err(NoReading::Unsupported));
+    }
+    assert_eq!(log.lock().unwrap().len(), 2);
+}
+
+#[tokio::test]
+async fn a_long_query_is_split() {
+    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
+    let longest = Arc::new(Mutex::new((0, 0)));
+    let seen = Arc::clone(&longest);
+    tokio::spawn(peer.answer_all(move |request| {
+        let data: Vec<_> = asked(request).into_iter().map(of).collect();
+        let reply = values(request, data.into());
+        let mut seen = seen.lock().unwrap();
+        *seen = (seen.0.max(request.to_string().len().max(reply.len())), seen.1 + 1);
+        Some(reply)
+    }));
+    let registers: Vec<_> =
+        (800..=900).map(|number| Address::Addr(RegisterIndex::new(number).unwrap())).collect();
+    let result = robot.query(&registers).await.unwrap();
+    for (row, number) in result.rows().iter().zip(800..) {
+        assert_eq!(row.1, Ok(Reading::Integer(number)), "{}", row.0);
+    }
+    let (bytes, frames) = *longest.lock().unwrap();
+    assert!(bytes <= 2048, "{bytes} bytes");
+    assert!((2..=3).contains(&frames), "{frames} frames");
+}
+
+#[tokio::test]
+async fn nothing_asked_is_nothing_sent() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    assert!(robot.query(&[]).await.unwrap().rows().is_empty());
+    drop(robot);
+    peer.ends().await;
+}
+
+#[tokio::test]
+async fn two_values_for_one_address_are_no_value() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let (result, ()) = tokio::join!(robot.query(&[Address::CurMode]), async {
+        let request = peer.frame().await;
+        peer.send(values(&request, serde_json::json!(["7", "2"]))).await;
+    });
+    let result = result.unwrap();
+    assert!(matches!(result.rows()[0].1, Err(NoReading::Unreadable(_))), "{result:?}");
+}
+
+#[tokio::test]
+async fn the_firmware_is_asked_for_once() {
+    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
+    let (answer, log) = leaving_out(&[]);
+    tokio::spawn(peer.answer_all(answer));
+    for _ in 0..3 {
+        assert_eq!(robot.firmware().await.unwrap().as_deref(), Some("v-version"));
+    }
+    assert_eq!(log.lock().unwrap().len(), 1);
+}

@@ -1,0 +1,83 @@
+//! The state at a glance, and what it lacks.
+
+use r6_client::{OperationMode, Status, Unmet};
+use r6_proto::address::Address;
+use serde_json::Value;
+
+use crate::controller::{Controller, asked, settings, soon, values};
+
+/// The status read from a controller that has these values, and "0" for all others.
+async fn status_of(
+    having: &'static [(&'static str, &'static str)],
+    lacking: &'static [&'static str],
+) -> Status {
+    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
+    tokio::spawn(peer.answer_all(move |request| {
+        let data: Vec<Value> = asked(request)
+            .into_iter()
+            .filter(|name| !lacking.contains(name))
+            .map(|name| having.iter().find(|(address, _)| *address == name).map_or("0", |(_, value)| value))
+            .map(Value::from)
+            .collect();
+        Some(values(request, data.into()))
+    }));
+    soon(robot.status()).await.unwrap()
+}
+
+#[tokio::test]
+async fn a_machine_in_its_wait_step_is_ready() {
+    let status = status_of(
+        &[
+            ("version", "HC-QC-RX-7.8.07-master-F5.2.1"),
+            ("curMode", "7"),
+            ("origin", "1"),
+            ("axisNum", "6"),
+            ("axis-5", "-340.250000"),
+            ("world-1", "-2597.112793"),
+            ("curCycle", "1.500000"),
+        ],
+        &["curMold"],
+    )
+    .await;
+    assert!(status.is_ready(), "{:?}", status.unmet());
+    assert_eq!(status.firmware.as_deref(), Some("HC-QC-RX-7.8.07-master-F5.2.1"));
+    assert_eq!(status.mode, Some(OperationMode::Running));
+    assert_eq!((status.alarm, status.homed, status.moving), (Some(0), Some(true), Some(false)));
+    assert_eq!((status.axis_count, status.list_length, status.program), (Some(6), Some(0), None));
+    assert_eq!((status.axes[5], status.axes[6]), (Some(-340.25), None));
+    assert_eq!((status.pose[1], status.cycle), (Some(-2597.112793), Some(1.5)));
+}
+
+#[tokio::test]
+async fn every_unmet_condition_is_named_with_its_remedy() {
+    let status = status_of(
+        &[("curMode", "2"), ("curAlarm", "135"), ("isMoving", "1"), ("RemoteCmdLen", "4"), ("origin", "0")],
+        &[],
+    )
+    .await;
+    assert_eq!(
+        status.unmet(),
+        [
+            Unmet::Alarm { code: 135 },
+            Unmet::Mode { found: OperationMode::Auto },
+            Unmet::NotHomed,
+            Unmet::Moving,
+            Unmet::LeftoverList { length: 4 },
+        ]
+    );
+    let mode = status.unmet()[1].to_string();
+    for word in ["auto (2)", "Auto", "Cycle", "Start", "wait for remote commands"] {
+        assert!(mode.contains(word), "{mode}");
+    }
+    let alarm = status.unmet()[0].to_string();
+    for word in ["alarm 135", "J6", "soft limit"] {
+        assert!(alarm.contains(word), "{alarm}");
+    }
+}
+
+#[tokio::test]
+async fn what_is_not_known_counts_against_it_but_for_the_list() {
+    let status = status_of(&[("curMode", "7")], &["origin", "RemoteCmdLen", "curMold"]).await;
+    assert_eq!(status.unmet(), [Unmet::Unknown { address: Address::Origin }]);
+    assert_eq!(status.list_length, None);
+}

@@ -1,0 +1,187 @@
+//! The client against the virtual controller, over real sockets.
+
+use std::time::Duration;
+
+use r6_client::{
+    ListAfterStop, NoReading, NotSent, OutcomeUnknown, Pushed, Refused, RequestError, Robot, RobotSettings,
+    Unmet, WaitError, WaitOptions,
+};
+use r6_controller::{Profile, StartState};
+use r6_proto::message::instruction::{Coordinates, Manner, Move};
+use r6_proto::message::{Action, Instruction};
+use r6_proto::{Address, AxisIndex, AxisMask, Command, Reading};
+use r6_sim::{SimSettings, Simulation};
+
+async fn cell(profile: Profile, start: StartState) -> (Simulation, Robot) {
+    let simulation =
+        Simulation::start(SimSettings { profile, start, ..SimSettings::default() }).await.unwrap();
+    let address = simulation.controllers()[0].address().to_string();
+    let robot = Robot::connect(&address, RobotSettings::default()).await.unwrap();
+    (simulation, robot)
+}
+
+async fn waiting_cell() -> (Simulation, Robot) {
+    cell(Profile::hc1(), StartState::Waiting).await
+}
+
+fn axis_move(axes: [f64; 6], speed: f64) -> Instruction {
+    let manner = Manner { mask: Some(AxisMask::SIX), speed: Some(speed), ..Manner::default() };
+    Instruction {
+        oneshot: true,
+        action: Action::AxisMove(Move { target: Coordinates::from_slice(&axes), manner }),
+    }
+}
+
+fn addresses(names: &[&str]) -> Vec<Address> {
+    names.iter().map(|name| name.parse().unwrap()).collect()
+}
+
+#[tokio::test]
+async fn a_fresh_cell_is_ready_and_moves() {
+    let (_simulation, robot) = waiting_cell().await;
+    let status = robot.status().await.unwrap();
+    assert!(status.is_ready(), "{:?}", status.unmet());
+    assert_eq!(status.machine_name.as_deref(), Some("r6 virtual BRTIRUS0707A"));
+    robot.add_rcc(true, vec![axis_move([10.0, 0.0, 0.0, 0.0, 30.0, 0.0], 50.0)]).await.unwrap();
+    let done = robot.wait_until_done(WaitOptions::default()).await.unwrap();
+    assert!(done.moved);
+    assert_eq!(done.axes[..6], [10.0, 0.0, 0.0, 0.0, 30.0, 0.0].map(Some));
+}
+
+#[tokio::test]
+async fn what_is_not_ready_is_named() {
+    for (start, mode) in [(StartState::Auto, 2), (StartState::Manual, 1), (StartState::Stopped, 3)] {
+        let (_simulation, robot) = cell(Profile::hc1(), start).await;
+        let unmet = robot.status().await.unwrap().unmet();
+        assert!(matches!(unmet.as_slice(), [Unmet::Mode { found }] if found.number() == mode), "{unmet:?}");
+        let refused = robot.add_rcc(true, vec![axis_move([1.0; 6], 50.0)]).await.unwrap_err();
+        assert!(matches!(refused, RequestError::Refused(Refused::InstructionList { .. })), "{refused}");
+    }
+}
+
+#[tokio::test]
+async fn a_short_reply_is_never_zipped() {
+    let (_simulation, robot) = waiting_cell().await;
+    let asked = addresses(&["curMold", "axis-0", "counter-3", "curMode", "counter-2"]);
+    let result = robot.query(&asked).await.unwrap();
+    let rows = result.rows();
+    assert_eq!(rows.iter().map(|(address, _)| *address).collect::<Vec<_>>(), asked);
+    assert!(matches!(rows[0].1, Err(NoReading::Unsupported)));
+    assert_eq!(rows[1].1.as_ref().unwrap(), &Reading::Decimal(0.0));
+    assert!(matches!(rows[2].1, Err(NoReading::Unsupported)));
+    assert_eq!(rows[3].1.as_ref().unwrap(), &Reading::Integer(7));
+    assert!(matches!(&rows[4].1, Ok(Reading::Counter(counter)) if counter.id == 2));
+}
+
+#[tokio::test]
+async fn every_profile_is_understood() {
+    for name in Profile::names() {
+        let (_simulation, robot) = cell(Profile::named(name).unwrap(), StartState::Waiting).await;
+        let all: Vec<Address> =
+            AxisIndex::ALL.into_iter().flat_map(|n| [Address::Axis(n), Address::World(n)]).collect();
+        let result = robot.query(&all).await.unwrap();
+        assert!(
+            result.rows().iter().all(|(_, reading)| matches!(reading, Ok(Reading::Decimal(_)))),
+            "{name}"
+        );
+        robot.command(Command::ModifyOutput { board: 0, point: 3, on: true }).await.unwrap();
+        assert_eq!(
+            robot.query(&[Address::Output(0)]).await.unwrap().integer(Address::Output(0)),
+            None,
+            "a word"
+        );
+        let refused = robot.command(Command::SwitchMold { mold: "no such".into() }).await.unwrap_err();
+        assert!(matches!(refused, RequestError::Refused(Refused::Command { .. })), "{name}: {refused}");
+        robot.add_rcc(true, vec![axis_move([5.0, 0.0, 0.0, 0.0, 0.0, 0.0], 100.0)]).await.unwrap();
+        let done = robot.wait_until_done(WaitOptions::default()).await.unwrap();
+        assert_eq!(done.axes[0], Some(5.0), "{name}");
+        assert_eq!(robot.learned().echoes_pack_id, Some(name == "hc1"), "{name}");
+    }
+}
+
+#[tokio::test]
+async fn stop_stops_and_clears_the_list() {
+    let (simulation, robot) = waiting_cell().await;
+    let list = vec![axis_move([150.0, 0.0, 0.0, 0.0, 0.0, 0.0], 5.0), axis_move([0.0; 6], 5.0)];
+    robot.add_rcc(true, list).await.unwrap();
+    let report = robot.stop().await.unwrap();
+    assert!(report.confirmed, "{report}");
+    assert!(matches!(report.list, ListAfterStop::Cleared), "{report}");
+    let snapshot = simulation.controllers()[0].snapshot();
+    assert!(!snapshot.moving && snapshot.list_length == 0 && snapshot.axes[0] < 100.0);
+    // It moves again only on a new explicit command, once the program is armed again.
+    robot.command(Command::StartButton).await.unwrap();
+    let done = robot
+        .wait_until_done(WaitOptions { start_within: Duration::from_millis(200), ..WaitOptions::default() });
+    assert!(!done.await.unwrap().moved);
+}
+
+#[tokio::test]
+async fn an_alarm_ends_the_wait() {
+    let (_simulation, robot) = waiting_cell().await;
+    robot.add_rcc(true, vec![axis_move([0.0, 0.0, 0.0, 0.0, 0.0, 350.0], 50.0)]).await.unwrap();
+    let error = robot.wait_until_done(WaitOptions::default()).await.unwrap_err();
+    assert!(matches!(error, WaitError::AlarmRaised { code: 135 }), "{error}");
+    assert!(error.to_string().contains("J6"), "{error}");
+}
+
+#[tokio::test]
+async fn a_list_that_no_controller_takes_is_not_sent() {
+    let (simulation, robot) = waiting_cell().await;
+    let error = robot.add_rcc(true, vec![axis_move([1.0; 6], 50.0); 20]).await.unwrap_err();
+    assert!(matches!(error, RequestError::NotSent(NotSent::Wire(_))), "{error}");
+    assert!(error.may_send_again());
+    assert!(!simulation.controllers()[0].snapshot().moving);
+}
+
+#[tokio::test]
+async fn silence_is_an_unknown_outcome_and_nothing_is_sent_again() {
+    let profile = Profile::from_toml("add_rcc_unarmed = \"silent\"").unwrap();
+    let simulation =
+        Simulation::start(SimSettings { profile, start: StartState::Auto, ..SimSettings::default() })
+            .await
+            .unwrap();
+    let address = simulation.controllers()[0].address().to_string();
+    let settings = RobotSettings { reply_timeout: Duration::from_millis(100), ..RobotSettings::default() };
+    let robot = Robot::connect(&address, settings).await.unwrap();
+    let mut log = simulation.controllers()[0].log();
+    let error = robot.add_rcc(true, vec![axis_move([1.0; 6], 50.0)]).await.unwrap_err();
+    assert!(matches!(error, RequestError::OutcomeUnknown(OutcomeUnknown::TimedOut { .. })), "{error}");
+    assert!(!error.may_send_again());
+    // The connection is still good, and the controller saw the list exactly once.
+    robot.query(&[Address::CurMode]).await.unwrap();
+    let mut seen = 0;
+    while let Ok(line) = log.try_recv() {
+        seen += usize::from(line.text.contains("neither executed nor answered"));
+    }
+    assert_eq!(seen, 1);
+}
+
+#[tokio::test]
+async fn a_photo_request_arrives_on_its_own_channel() {
+    let (simulation, robot) = waiting_cell().await;
+    let mut pushed = robot.pushed();
+    robot.query(&[Address::CurMode]).await.unwrap();
+    simulation.controllers()[0].request_photo(4);
+    let event = tokio::time::timeout(Duration::from_secs(20), pushed.recv()).await.unwrap().unwrap();
+    assert!(matches!(event, Pushed::Photo { cam_id: 4 }), "{event:?}");
+    robot.answer_photo(r6_proto::message::PhotoAnswer { cam_id: 4, ret: 1 }).await.unwrap();
+    robot.query(&[Address::CurMode]).await.unwrap();
+}
+
+#[tokio::test]
+async fn clones_share_one_connection() {
+    let (simulation, robot) = waiting_cell().await;
+    let tasks: Vec<_> = (0..32)
+        .map(|_| {
+            let robot = robot.clone();
+            tokio::spawn(
+                async move { robot.query(&[Address::CurMode]).await.unwrap().integer(Address::CurMode) },
+            )
+        })
+        .collect();
+    for task in tasks {
+        assert_eq!(task.await.unwrap(), Some(7));
+    }
+    assert_eq!(simulation.controllers()[0].snapshot().connections, 1);
+}
