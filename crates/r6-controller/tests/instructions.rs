@@ -414,3 +414,25 @@ fn the_manuals_own_list_runs() {
     cell.pass(30.0);
     assert_near(cell.axes(), [0.0, 0.0, 0.0, 0.0, -90.0, 0.0], 1e-6);
 }
+
+#[test]
+fn instruction_10_uses_its_own_tool_and_workbench() {
+    let mut cell = Cell::new();
+    cell.ok(&["modifyTool", "1", "0", "0", "100000", "0", "0", "0"]);
+    cell.run_ok(&json!([axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 0.0], 100.0)]));
+    cell.pass(5.0);
+    let flange = cell.world();
+    cell.ok(&["switchTool", "1"]);
+    let tip = cell.world();
+    cell.ok(&["switchTool", "0"]);
+    // Tool 1 is at `tip` already: told to go there with tool 1, the arm stays; with tool 0 it moves.
+    let mut step = linear_move(tip, 5.0);
+    step["tool"] = json!("1");
+    step["coord"] = json!("0");
+    cell.run_ok(&json!([step]));
+    cell.pass(20.0);
+    assert_near(cell.world(), flange, 1e-3);
+    cell.run_ok(&json!([linear_move(tip, 5.0)]));
+    cell.pass(20.0);
+    assert_near(cell.world(), tip, 1e-3);
+}

@@ -47,7 +47,7 @@ fn config(times: u32) -> ProptestConfig {
 }
 
 proptest! {
-    #![proptest_config(config(8))]
+    #![proptest_config(config(40))]
 
     #[test]
     fn every_request_is_decoded_as_it_was_encoded(
@@ -494,7 +494,7 @@ fn received(pieces: &[&[u8]], limits: Limits) -> Vec<Value> {
 }
 
 proptest! {
-    #![proptest_config(config(2))]
+    #![proptest_config(config(10))]
 
     #[test]
     fn any_split_of_vector_frames_gives_the_same_messages(
