@@ -51,6 +51,8 @@ async fn run(
     stream.set_nodelay(true)?;
     let mut input = vec![0; READ_BYTES];
     let mut frame = Vec::new();
+    // A peer may close its own half and still read, as `nc -N` does: what is held back for it is sent first.
+    let mut half_closed = false;
     loop {
         while next_frame(controller, id, &mut frame) {
             trace!(connection = id.number(), frame = %String::from_utf8_lossy(&frame), "sent");
@@ -60,13 +62,14 @@ async fn run(
             return Ok(End::Reset);
         }
         let due = controller.with(|controller, _| controller.next_transmit(id));
+        if half_closed && due.is_none() {
+            return Ok(End::Closed);
+        }
         let delay = due.map_or(Duration::MAX, |due| controller.until(due));
         tokio::select! {
-            read = stream.read(&mut input) => {
+            read = stream.read(&mut input), if !half_closed => {
                 let bytes = input.get(..read?).unwrap_or_default();
-                if bytes.is_empty() {
-                    return Ok(End::Closed);
-                }
+                half_closed = bytes.is_empty();
                 trace!(connection = id.number(), bytes = %String::from_utf8_lossy(bytes), "received");
                 controller.with(|controller, now| controller.handle_input(now, id, bytes));
             }

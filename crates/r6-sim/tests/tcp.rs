@@ -57,6 +57,20 @@ async fn pieces_and_bursts_are_answered_alike() {
 }
 
 #[tokio::test]
+async fn a_peer_that_has_closed_its_half_still_gets_its_acknowledgement() {
+    let simulation = start(SimSettings::default()).await;
+    let mut stream = connect(&simulation).await;
+    stream.write_all(br#"{"reqType":"AddRCC","emptyList":"1","instructions":[]}"#).await.unwrap();
+    stream.shutdown().await.unwrap();
+    let mut reply = String::new();
+    tokio::time::timeout(PATIENCE, stream.read_to_string(&mut reply)).await.unwrap().unwrap();
+    assert_eq!(
+        reply,
+        r#"{"cmdReply":["AddRCC","ok"],"dsID":"www.hc-system.com.HCRemoteCommand","reqType":"AddRCC"}"#
+    );
+}
+
+#[tokio::test]
 async fn an_oversized_add_rcc_resets_only_its_own_connection() {
     let simulation = start(SimSettings::default()).await;
     let mut other = connect(&simulation).await;
