@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use r6_proto::Reading;
 use r6_proto::address::Address;
 use r6_proto::client::{ClientSession, ClientSettings, Event, Ticket};
 use r6_proto::request::Request;
 use r6_proto::time::Instant;
 
-use crate::error::{NotSent, OutcomeUnknown};
+use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::job::{Answer, Job, Work};
 use crate::pushed::{LostReason, Pushed};
 use crate::robot::Hub;
@@ -25,6 +24,10 @@ const RESERVED_FOR_STOPS: usize = 8;
 /// Time-outs in a row, without a reply in between, after which the connection counts as dead. One list that is
 /// too long for a controller gets no reply either, so one is not enough.
 const SILENT_TIMEOUTS: u32 = 3;
+
+/// What has to be read on a connection that was made anew before a command may leave: behind our back the machine may
+/// have been stopped, put into another mode, or have raised an alarm.
+const STATE: [Address; 2] = [Address::CurMode, Address::CurAlarm];
 
 /// No heartbeat is sent more often.
 const SHORTEST_HEARTBEAT: Duration = Duration::from_millis(100);
@@ -46,8 +49,8 @@ pub(crate) struct Link {
     silent: u32,
     /// Whether the controller ever answered on this connection.
     answered: bool,
-    /// Whether commands may leave: the state was read, or had no chance to change behind our back.
-    state_read: bool,
+    /// What has to be read before commands may leave; nothing on a handle's first connection.
+    unread: Vec<Address>,
 }
 
 /// The two lanes.
@@ -85,7 +88,7 @@ impl Link {
             heartbeat,
             silent: 0,
             answered: false,
-            state_read: first,
+            unread: if first { Vec::new() } else { STATE.to_vec() },
         }
     }
 
@@ -104,7 +107,7 @@ impl Link {
         if job.is_moot() {
             return;
         }
-        if job.work.needs_known_state() && !self.state_read {
+        if job.work.needs_known_state() && !self.unread.is_empty() {
             return job.not_sent(NotSent::StateNotRead);
         }
         match job.work.send(&mut self.session, now) {
@@ -191,7 +194,7 @@ impl Link {
                     self.silent = 0;
                     if let Some(job) = self.in_flight.remove(&ticket) {
                         let answer = job.work.answer(&message, after);
-                        self.state_read |= reads_state(&job.work, &answer);
+                        self.unread.retain(|address| !reads(*address, &job.work, &answer));
                         job.finish(answer);
                     }
                 }
@@ -261,16 +264,10 @@ impl Link {
     }
 }
 
-/// Whether this answer tells mode and alarm.
-fn reads_state(work: &Work, answer: &Result<Answer, crate::error::RequestError>) -> bool {
+/// Whether this answer tells the value of the address.
+fn reads(wanted: Address, work: &Work, answer: &Result<Answer, RequestError>) -> bool {
     let (Work::Query(addresses), Ok(Answer::Values { values, .. })) = (work, answer) else { return false };
-    let reads = |wanted: Address| {
-        addresses
-            .iter()
-            .zip(values)
-            .any(|(address, value)| *address == wanted && matches!(value, Ok(Reading::Integer(_))))
-    };
-    reads(Address::CurMode) && reads(Address::CurAlarm)
+    addresses.iter().zip(values).any(|(address, value)| *address == wanted && value.is_ok())
 }
 
 #[cfg(test)]
@@ -280,7 +277,6 @@ mod tests {
     use tokio::sync::oneshot::Receiver;
 
     use super::*;
-    use crate::error::RequestError;
 
     type Answered = Receiver<Result<Answer, RequestError>>;
 

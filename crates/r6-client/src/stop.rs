@@ -105,7 +105,8 @@ impl Robot {
                 Err(_elapsed) => break,
             }
             let until = deadline.min(Instant::now() + SEND_AGAIN_AFTER);
-            confirmed = self.sees_standing(until, &mut seen).await;
+            let looking = timeout_at(deadline, self.sees_standing(until, &mut seen));
+            confirmed = looking.await.unwrap_or(false);
         }
         let took = begun.elapsed();
         if !answered {

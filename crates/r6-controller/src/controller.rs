@@ -275,6 +275,10 @@ impl Desk<'_> {
         }
     }
 
+    fn info(&mut self, text: String) {
+        self.log.add(self.now, Some(self.id), Level::Info, text);
+    }
+
     fn warn(&mut self, text: String) {
         self.log.add(self.now, Some(self.id), Level::Warning, text);
     }
@@ -295,8 +299,7 @@ impl Desk<'_> {
             Body::Heartbreak => self.heartbreak(header, outbox),
             Body::PhotoAnswer(answer) => {
                 *self.camera = Some(self.id);
-                let text = format!("camera {} answers: ret {}", answer.cam_id, answer.ret);
-                self.log.add(self.now, Some(self.id), Level::Info, text);
+                self.info(format!("camera {} answers: ret {}", answer.cam_id, answer.ret));
             }
             Body::AddPoints(points) => self.add_points(header, points, outbox),
             Body::AddRcc(list) => self.add_rcc(message, list, outbox),
@@ -360,7 +363,13 @@ impl Desk<'_> {
     fn command(&mut self, header: &Header<'_>, words: &CommandWords<'_>, outbox: &mut Outbox) {
         let word = words.word();
         match self.machine.execute(words) {
-            Ok(()) => self.verdict(header, RequestType::Command, &word, Verdict::Ok, outbox),
+            Ok(()) => {
+                let arguments = words.arguments();
+                let text =
+                    if arguments.is_empty() { word.to_string() } else { format!("{word} {arguments:?}") };
+                self.info(text);
+                self.verdict(header, RequestType::Command, &word, Verdict::Ok, outbox);
+            }
             Err(reason) => {
                 self.warn(format!("command {word} refused: {reason}"));
                 self.verdict(header, RequestType::Command, &word, Verdict::Err(&reason), outbox);
@@ -396,7 +405,11 @@ impl Desk<'_> {
         }
         let taken = self.machine.add_instructions(list.empty_list.unwrap_or(false), list.instructions);
         let verdict = match taken {
-            Ok(()) => Verdict::Ok,
+            Ok(()) => {
+                let how = if list.empty_list == Some(true) { "replaced" } else { "appended to" };
+                self.info(format!("AddRCC: {} instructions, list {how}", list.instructions.len()));
+                Verdict::Ok
+            }
             Err(crate::machine::NotTaken::Refused(reason)) => {
                 self.warn(format!("AddRCC refused: {reason}"));
                 Verdict::BareErr

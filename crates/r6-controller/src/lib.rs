@@ -3,7 +3,10 @@
 //! [`Controller`] is one cabinet: bytes of its connections and points in time go in, frames and deadlines come out.
 //! Behind it stands a [`machine::Machine`] whose state is a function of time: it is evaluated when somebody asks, and
 //! goes from event to event in between. How one firmware differs from another is a [`Profile`].
-#![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+#![cfg_attr(
+    not(test),
+    warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
+)]
 
 mod answer;
 pub mod controller;

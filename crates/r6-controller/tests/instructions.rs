@@ -436,3 +436,25 @@ fn instruction_10_uses_its_own_tool_and_workbench() {
     cell.pass(20.0);
     assert_near(cell.world(), tip, 1e-3);
 }
+
+#[test]
+fn every_example_program_runs_without_an_alarm() {
+    let programs = [
+        include_str!("../../../examples/programs/blend-j1.json"),
+        include_str!("../../../examples/programs/io-and-wait.json"),
+        include_str!("../../../examples/programs/square-linear.json"),
+        include_str!("../../../examples/programs/tool-and-bench.json"),
+    ];
+    for program in programs {
+        let mut cell = Cell::new();
+        cell.send(program);
+        cell.pass(0.018);
+        assert!(cell.frame().unwrap().contains(r#""cmdReply":["AddRCC","ok"]"#), "{program}");
+        cell.pass(600.0);
+        assert_eq!(
+            cell.query(&["curAlarm", "isMoving", "RemoteCmdLen", "curMode"]),
+            [json!("0"), json!("0"), json!("0"), json!("7")],
+            "{program}"
+        );
+    }
+}

@@ -47,5 +47,8 @@ fn the_documented_values_are_those_of_the_profiles() {
 fn the_example_of_the_page_works() {
     let example = PAGE.split("```toml").nth(1).unwrap().split("```").next().unwrap();
     let profile = Profile::from_toml(example).unwrap();
-    assert_eq!((profile.name.as_str(), profile.max_connections, profile.action_stop_alarm), ("my-cell", 2, 42));
+    assert_eq!(
+        (profile.name.as_str(), profile.max_connections, profile.action_stop_alarm),
+        ("my-cell", 2, 42)
+    );
 }

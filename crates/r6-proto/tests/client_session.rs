@@ -122,7 +122,10 @@ fn bare_reply(value: &str) -> String {
 }
 
 fn verdict(pack_id: Ticket, word: &str) -> String {
-    format!(r#"{{"cmdReply":["{word}","ok"],"dsID":"d","packID":"{}","reqType":"command"}}"#, pack_id.number())
+    format!(
+        r#"{{"cmdReply":["{word}","ok"],"dsID":"d","packID":"{}","reqType":"command"}}"#,
+        pack_id.number()
+    )
 }
 
 fn one(value: &str) -> Vec<String> {
@@ -132,8 +135,13 @@ fn one(value: &str) -> Vec<String> {
 fn axis_move() -> Instruction {
     let target = Coordinates::from_slice(&[0.0, 10.0, -20.0, 0.0, 30.0, 0.0]);
     let smooth = BlendLevel::new(0);
-    let manner =
-        Manner { mask: Some(AxisMask::SIX), speed: Some(20.0), delay: Some(0.0), smooth, ..Manner::default() };
+    let manner = Manner {
+        mask: Some(AxisMask::SIX),
+        speed: Some(20.0),
+        delay: Some(0.0),
+        smooth,
+        ..Manner::default()
+    };
     Instruction { oneshot: true, action: Action::AxisMove(Move { target, manner }) }
 }
 
@@ -143,7 +151,8 @@ fn replies_are_matched_by_pack_id_in_any_order() {
     let (mode, alarm) = (sent(&mut session, 0, &query(MODE)), sent(&mut session, 1, &query(ALARM)));
     let stop = sent(&mut session, 2, &Request::Command(&Command::ActionStop));
     assert_eq!([mode.number(), alarm.number(), stop.number()], [1, 2, 3]);
-    let stream = [verdict(stop, "actionStop"), reply(alarm, "curAlarm", "42"), reply(mode, "curMode", "7")].concat();
+    let stream =
+        [verdict(stop, "actionStop"), reply(alarm, "curAlarm", "42"), reply(mode, "curMode", "7")].concat();
     assert_eq!(
         feed(&mut session, 9, stream),
         [
@@ -218,7 +227,10 @@ fn a_late_reply_is_never_matched_where_the_pack_id_comes_back() {
     assert_eq!(pass_time(&mut session, 2000), [Seen::TimedOut(first)]);
     let second = sent(&mut session, 2001, &query(MODE));
     // The same addresses, but the number of the first: not the second's answer.
-    assert_eq!(feed(&mut session, 2002, reply(first, "curMode", "1")), [Seen::Stray(StrayReason::UnknownPackId)]);
+    assert_eq!(
+        feed(&mut session, 2002, reply(first, "curMode", "1")),
+        [Seen::Stray(StrayReason::UnknownPackId)]
+    );
     assert_eq!(feed(&mut session, 2003, reply(second, "curMode", "2")), [Seen::Values(second, one("2"), 2)]);
     // Once the firmware is known to echo, a reply without packID is nobody's.
     let third = sent(&mut session, 2004, &query(MODE));
@@ -247,7 +259,10 @@ fn a_late_reply_is_never_matched_where_nothing_is_known_yet() {
     let first = sent(&mut session, 0, &query(MODE));
     assert_eq!(pass_time(&mut session, 2000), [Seen::TimedOut(first)]);
     let second = sent(&mut session, 2001, &query(MODE));
-    assert_eq!(feed(&mut session, 2002, bare_reply("1")), [Seen::Stray(StrayReason::OutOfStep), Seen::OutOfStep]);
+    assert_eq!(
+        feed(&mut session, 2002, bare_reply("1")),
+        [Seen::Stray(StrayReason::OutOfStep), Seen::OutOfStep]
+    );
     assert_eq!(pass_time(&mut session, 4001), [Seen::TimedOut(second)]);
 
     // The same beginning, but the next reply shows that this firmware echoes: nothing is lost.
@@ -375,7 +390,8 @@ fn a_query_overtakes_add_rcc() {
         } else {
             sent(&mut session, 20, &Request::AddRcc { empty_list: false, instructions: &list })
         };
-        let frame = verdict(add, "AddRCC").replace("\"reqType\":\"command\"", &format!("\"reqType\":\"{kind}\""));
+        let frame =
+            verdict(add, "AddRCC").replace("\"reqType\":\"command\"", &format!("\"reqType\":\"{kind}\""));
         assert_eq!(feed(&mut session, ms, frame), [Seen::Outcome(add, Outcome::Ok)]);
     }
 }
@@ -491,7 +507,10 @@ fn a_frame_that_is_too_long_is_not_sent() {
         Err(SendError::TooLong { bytes, limit: 2048 }) => assert!((2049..2600).contains(&bytes), "{bytes}"),
         other => panic!("{other:?}"),
     }
-    assert_eq!((session.poll_transmit(), session.poll_timeout(), session.next_pack_id()), (None, None, before));
+    assert_eq!(
+        (session.poll_transmit(), session.poll_timeout(), session.next_pack_id()),
+        (None, None, before)
+    );
     // Behind a frame that waits, only the long one is taken back.
     sent(&mut session, 0, &query(MODE));
     let waiting = session.poll_transmit().map(<[u8]>::to_vec);
@@ -557,7 +576,8 @@ fn the_output_is_written_in_pieces_of_any_size() {
             r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"{number}","queryAddr":["curMode"]}}"#
         );
         // Fewer bytes than a frame leave before the next one is sent.
-        let some = session.poll_transmit().map(|bytes| bytes[..bytes.len().min(70)].to_vec()).unwrap_or_default();
+        let some =
+            session.poll_transmit().map(|bytes| bytes[..bytes.len().min(70)].to_vec()).unwrap_or_default();
         session.transmitted(some.len());
         whole.extend(some);
     }

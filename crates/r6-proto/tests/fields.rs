@@ -46,7 +46,8 @@ fn sent(action: Action) -> String {
     let list = [Instruction { oneshot: false, action }];
     let frame = encoded(&Request::AddRcc { empty_list: true, instructions: &list });
     let number = action.number();
-    let (_, members) = frame.split_once(&format!(r#""instructions":[{{"oneshot":"0","action":"{number}","#)).unwrap();
+    let (_, members) =
+        frame.split_once(&format!(r#""instructions":[{{"oneshot":"0","action":"{number}","#)).unwrap();
     members.strip_suffix("}]}").unwrap().to_owned()
 }
 
@@ -70,7 +71,8 @@ fn check_error(error: &FieldError, path: &str, found: Option<&str>, wanted: &str
 #[track_caller]
 fn refuses(good: &str, field: &str, values: &[&str], wanted: &str) {
     assert!(instruction(good).is_ok(), "{good}");
-    let (before, rest) = good.split_once(&format!("\"{field}\":")).unwrap_or_else(|| panic!("no {field} in {good}"));
+    let (before, rest) =
+        good.split_once(&format!("\"{field}\":")).unwrap_or_else(|| panic!("no {field} in {good}"));
     let rest = rest.split_once(',').map_or(String::new(), |(_, rest)| format!(",{rest}"));
     for value in values {
         let error = instruction(&format!("{before}\"{field}\":{value}{rest}")).unwrap_err();
@@ -205,14 +207,19 @@ fn numbers_for_texts() {
 
 #[test]
 fn duplicate_keys() {
-    look(r#"{"reqType":"command","reqType":"query","queryAddr":["a","b"],"queryAddr":["version"]}"#, |message| {
-        let Body::Query(query) = message.body else { panic!("{message:?}") };
-        assert_eq!(query.addresses.iter().map(|value| value.text()).collect::<Vec<_>>(), ["version"]);
-        let earlier: Vec<_> =
-            message.extras().map(|extra| (extra.key.text().into_owned(), format!("{:?}", extra.value))).collect();
-        let expected = [("reqType", r#""command""#), ("queryAddr", r#"["a","b"]"#)];
-        assert_eq!(earlier, expected.map(|(key, value)| (key.to_owned(), value.to_owned())));
-    });
+    look(
+        r#"{"reqType":"command","reqType":"query","queryAddr":["a","b"],"queryAddr":["version"]}"#,
+        |message| {
+            let Body::Query(query) = message.body else { panic!("{message:?}") };
+            assert_eq!(query.addresses.iter().map(|value| value.text()).collect::<Vec<_>>(), ["version"]);
+            let earlier: Vec<_> = message
+                .extras()
+                .map(|extra| (extra.key.text().into_owned(), format!("{:?}", extra.value)))
+                .collect();
+            let expected = [("reqType", r#""command""#), ("queryAddr", r#"["a","b"]"#)];
+            assert_eq!(earlier, expected.map(|(key, value)| (key.to_owned(), value.to_owned())));
+        },
+    );
     // In an instruction too; and a list that comes twice is not joined.
     let moved = action(r#""action":"800","action":"4","m0":"1","m0":"2""#);
     let Action::AxisMove(moved) = moved else { panic!("{moved:?}") };
@@ -226,7 +233,8 @@ fn duplicate_keys() {
     let twice = r#"{"reqType":"AddPoints","dsData":[{"camID":1,"data":[{"X":1,"Y":1}],"camID":2,"data":[{"X":2,"Y":2}]}]}"#;
     look(twice, |message| {
         let Body::AddPoints(points) = message.body else { panic!("{message:?}") };
-        let sets: Vec<_> = points.sets().map(|(id, set)| (id, set.iter().map(|point| point.x).collect())).collect();
+        let sets: Vec<_> =
+            points.sets().map(|(id, set)| (id, set.iter().map(|point| point.x).collect())).collect();
         assert_eq!(sets, [(2, vec![2.0])]);
         assert_eq!(points.len(), 1);
     });
@@ -263,18 +271,26 @@ fn accepted_spellings() {
             assert!(matches!(message.body, Body::AddRcc(_)), "{word}");
         });
     }
-    let frame = r#"{"reqType":"query","queryAddr":["Version","version","boardIONum","boardIOnum","Curmode"]}"#;
+    let frame =
+        r#"{"reqType":"query","queryAddr":["Version","version","boardIONum","boardIOnum","Curmode"]}"#;
     look(frame, |message| {
         let Body::Query(query) = message.body else { panic!("{message:?}") };
-        let read: Vec<_> = query.resolved().map(|(_, address)| address.map_err(|error| error.to_string())).collect();
-        assert_eq!(read[..4], [Address::Version, Address::Version, Address::BoardIoNum, Address::BoardIoNum].map(Ok));
+        let read: Vec<_> =
+            query.resolved().map(|(_, address)| address.map_err(|error| error.to_string())).collect();
+        assert_eq!(
+            read[..4],
+            [Address::Version, Address::Version, Address::BoardIoNum, Address::BoardIoNum].map(Ok)
+        );
         assert_eq!(read[4], Err("`Curmode` is no query address; nearest: `curMode`".to_owned()));
     });
-    look(r#"{"reqType":"AddPoints","dsData":[{"camID":0,"data":[{"X":1,"Y":2,"Angle":"45"}]}]}"#, |message| {
-        let Body::AddPoints(points) = message.body else { panic!("{message:?}") };
-        assert_eq!(points.sets().next().map(|(_, points)| points[0].angle), Some(45.0));
-        assert_eq!(extras(message), [("Angle".to_owned(), ExtraKind::OtherSpelling)]);
-    });
+    look(
+        r#"{"reqType":"AddPoints","dsData":[{"camID":0,"data":[{"X":1,"Y":2,"Angle":"45"}]}]}"#,
+        |message| {
+            let Body::AddPoints(points) = message.body else { panic!("{message:?}") };
+            assert_eq!(points.sets().next().map(|(_, points)| points[0].angle), Some(45.0));
+            assert_eq!(extras(message), [("Angle".to_owned(), ExtraKind::OtherSpelling)]);
+        },
+    );
 }
 
 #[test]
@@ -316,7 +332,9 @@ fn gbk_names() {
             let expected = Counter { id: 4, target: 20, current: 7, name: Some(name.to_owned()) };
             assert_eq!(counter, Ok(Reading::Counter(expected)));
         });
-        let frame = [br#"{"reqType":"command","cmdData":["switchMold",""#.as_slice(), &gbk(&escaped), b"\"]}"].concat();
+        let frame =
+            [br#"{"reqType":"command","cmdData":["switchMold",""#.as_slice(), &gbk(&escaped), b"\"]}"]
+                .concat();
         look(frame, |message| {
             let Body::Command(words) = message.body else { panic!("{message:?}") };
             assert_eq!(words.read(), Ok(Command::SwitchMold { mold: name.into() }));
@@ -376,7 +394,10 @@ fn request_type_command() {
     });
     look(r#"{"reqType":"command","cmdData":["actoinStop"]}"#, |message| {
         let Body::Command(words) = message.body else { panic!("{message:?}") };
-        assert_eq!(words.read().unwrap_err().to_string(), "unknown command `actoinStop`; nearest: `actionStop`");
+        assert_eq!(
+            words.read().unwrap_err().to_string(),
+            "unknown command `actoinStop`; nearest: `actionStop`"
+        );
     });
 }
 
@@ -458,7 +479,12 @@ fn request_type_add_rcc() {
         ("", "instructions", None, "a list of instructions"),
         (r#","instructions":"""#, "instructions", Some(r#""""#), "a list of instructions"),
         (r#","instructions":[[]]"#, "instructions[0]", Some("[]"), "an object"),
-        (r#","instructions":[{"action":"4"},{"action":"four"}]"#, "instructions[1].action", Some(r#""four""#), "whole"),
+        (
+            r#","instructions":[{"action":"4"},{"action":"four"}]"#,
+            "instructions[1].action",
+            Some(r#""four""#),
+            "whole",
+        ),
     ] {
         look(format!(r#"{{"reqType":"AddRCC"{data}}}"#), |message| {
             let Body::Rejected(rejection) = message.body else { panic!("{message:?}") };
@@ -471,12 +497,18 @@ fn request_type_add_rcc() {
 
 #[test]
 fn instruction_oneshot() {
-    let oneshot = |member: &str| instruction(&format!(r#""action":"800","cnt_id":"0"{member}"#)).map(|one| one.oneshot);
+    let oneshot =
+        |member: &str| instruction(&format!(r#""action":"800","cnt_id":"0"{member}"#)).map(|one| one.oneshot);
     for (form, read) in [(r#""1""#, true), ("1", true), (r#""0""#, false), ("0", false), ("true", true)] {
         assert_eq!(oneshot(&format!(",\"oneshot\":{form}")), Ok(read), "{form}");
     }
     assert_eq!(oneshot(""), Ok(false));
-    refuses(r#""action":"800","cnt_id":"0","oneshot":"1""#, "oneshot", &[r#""2""#, r#""""#, "null"], "1 or 0");
+    refuses(
+        r#""action":"800","cnt_id":"0","oneshot":"1""#,
+        "oneshot",
+        &[r#""2""#, r#""""#, "null"],
+        "1 or 0",
+    );
 }
 
 #[test]
@@ -544,7 +576,8 @@ fn instruction_4_ck_status() {
     ];
     refuses(good, "ckStatus", &bad, "a mask from 0 to 0xFF");
     // The misprint of manual 6.1.1: a key without a value is no JSON, and the error says which.
-    let error = Decoder::new().decode(br#"{"instructions":[{"ckStatus","speed":"80.0"}]}"#).map(|_| ()).unwrap_err();
+    let error =
+        Decoder::new().decode(br#"{"instructions":[{"ckStatus","speed":"80.0"}]}"#).map(|_| ()).unwrap_err();
     assert_eq!(error.to_string(), "key `ckStatus` has no value: `:` was due at byte 28, found `,`");
 }
 
@@ -624,7 +657,9 @@ const PATH_SPEED: &str = r#""action":"51","isUse":"1","speed":"1234""#;
 #[test]
 fn instruction_51_is_use() {
     for (form, read) in [(r#""1""#, true), ("0", false)] {
-        let Action::PathSpeed(speed) = action(&PATH_SPEED.replace("\"1\"", form)) else { panic!("no path speed") };
+        let Action::PathSpeed(speed) = action(&PATH_SPEED.replace("\"1\"", form)) else {
+            panic!("no path speed")
+        };
         assert_eq!(speed.in_use, read);
     }
     refuses(PATH_SPEED, "isUse", &["2", r#""on""#, "null"], "1 or 0");
@@ -637,7 +672,9 @@ fn instruction_51_speed() {
     assert_eq!(speed.speed, Some(1234.0));
     assert_eq!(sent(Action::PathSpeed(speed)), r#""isUse":"1","speed":"1234""#);
     // A controller refuses parts of a mm/s with alarm 219: that is its answer to give, not the decoder's.
-    let Action::PathSpeed(slow) = action(&PATH_SPEED.replace("1234", "0.05")) else { panic!("no path speed") };
+    let Action::PathSpeed(slow) = action(&PATH_SPEED.replace("1234", "0.05")) else {
+        panic!("no path speed")
+    };
     assert_eq!(slow.speed, Some(0.05));
     let Action::PathSpeed(off) = action(r#""action":"51","isUse":"0""#) else { panic!("no path speed") };
     assert_eq!((off.speed, sent(Action::PathSpeed(off))), (None, r#""isUse":"0""#.to_owned()));
@@ -649,7 +686,9 @@ const STOP: &str = r#""action":"52","isUse":"1","ioNumber":"5","io_status":"1""#
 #[test]
 fn instruction_52_is_use() {
     for (form, read) in [("\"isUse\":1", true), ("\"isUse\":\"0\"", false)] {
-        let Action::StopOnSignal(stop) = action(&STOP.replace("\"isUse\":\"1\"", form)) else { panic!("no stop") };
+        let Action::StopOnSignal(stop) = action(&STOP.replace("\"isUse\":\"1\"", form)) else {
+            panic!("no stop")
+        };
         assert_eq!((stop.in_use, stop.input, stop.on), (read, 5, true));
     }
     refuses(STOP, "isUse", &["2", r#""""#], "1 or 0");
@@ -719,7 +758,10 @@ fn instruction_100_type() {
     requires(WAIT, "type", "0–4 (X), 5–7 (M), 8 (EU) or 100 (time)");
     // Boards that have no number are not sent.
     for source in [WaitSource::Input { board: 5, point: 0 }, WaitSource::M { board: 3, point: 0 }] {
-        assert_eq!(refused_to_send(Action::Wait(r6_proto::message::instruction::Wait { source, ..wait("", "") })), "type");
+        assert_eq!(
+            refused_to_send(Action::Wait(r6_proto::message::instruction::Wait { source, ..wait("", "") })),
+            "type"
+        );
     }
 }
 
@@ -729,7 +771,9 @@ fn instruction_100_point() {
     refuses(WAIT, "point", &["32", "-1", r#""X017""#, "263"], "a point from 0 to 31");
     requires(WAIT, "point", "a point from 0 to 31");
     // A wait for time alone needs none.
-    let Action::Wait(wait) = action(r#""action":"100","type":"100","limit":"1.5""#) else { panic!("no wait") };
+    let Action::Wait(wait) = action(r#""action":"100","type":"100","limit":"1.5""#) else {
+        panic!("no wait")
+    };
     assert_eq!((wait.source, wait.limit), (WaitSource::Time, 1.5));
     let beyond = r6_proto::message::instruction::Wait { source: WaitSource::Eu { point: 32 }, ..wait };
     assert_eq!(refused_to_send(Action::Wait(beyond)), "point");
@@ -834,7 +878,8 @@ fn board_output(from: &str, to: &str) -> r6_proto::message::instruction::BoardOu
 
 #[test]
 fn instruction_204_type() {
-    let boards = [(0, OutputBoard::Y(0)), (1, OutputBoard::Y(1)), (5, OutputBoard::M(0)), (6, OutputBoard::M(1))];
+    let boards =
+        [(0, OutputBoard::Y(0)), (1, OutputBoard::Y(1)), (5, OutputBoard::M(0)), (6, OutputBoard::M(1))];
     for (number, board) in boards {
         let read = board_output("\"type\":\"0\"", &format!("\"type\":\"{number}\""));
         assert_eq!((read.board, board.number()), (board, number));
@@ -858,7 +903,12 @@ fn instruction_204_point() {
     let expected = [(0, true), (2, true), (3, false), (8, true), (9, false), (12, false), (13, true)];
     assert_eq!(points, expected);
     assert_eq!(board_output("\"151388258\"", "4294967295").low.bits(), u32::MAX);
-    refuses(BOARD, "point", &["-1", "4294967296", "1.5", r#""0x3""#], "a number of 32 bits, two for each point");
+    refuses(
+        BOARD,
+        "point",
+        &["-1", "4294967296", "1.5", r#""0x3""#],
+        "a number of 32 bits, two for each point",
+    );
 }
 
 #[test]
@@ -901,7 +951,8 @@ fn point(field: &str, value: Option<&str>) -> Result<Point, FieldError> {
             }
         })
         .collect();
-    let frame = format!(r#"{{"reqType":"AddPoints","dsData":[{{"camID":0,"data":[{{{}}}]}}]}}"#, members.join(","));
+    let frame =
+        format!(r#"{{"reqType":"AddPoints","dsData":[{{"camID":0,"data":[{{{}}}]}}]}}"#, members.join(","));
     look(frame, |message| match message.body {
         Body::AddPoints(points) => Ok(points.sets().next().unwrap().1[0]),
         Body::Rejected(rejection) => Err(rejection.error.clone()),
@@ -910,7 +961,12 @@ fn point(field: &str, value: Option<&str>) -> Result<Point, FieldError> {
 }
 
 /// A decimal number is read quoted or not and refused where it is none.
-fn check_decimal(field: &str, read: impl Fn(&Point) -> Option<f64>, absent: Option<Option<f64>>, wanted: &str) {
+fn check_decimal(
+    field: &str,
+    read: impl Fn(&Point) -> Option<f64>,
+    absent: Option<Option<f64>>,
+    wanted: &str,
+) {
     for form in [r#""-12.25""#, "-12.25", "-1225e-2"] {
         assert_eq!(point(field, Some(form)).map(|point| read(&point)), Ok(Some(-12.25)), "{form}");
     }
@@ -933,8 +989,11 @@ fn add_points_cam_id() {
             assert_eq!(points.sets().map(|(id, points)| (id, points.len())).collect::<Vec<_>>(), [(read, 0)]);
         });
     }
-    for (member, found) in [("\"camID\":\"left\",", Some("\"left\"")), ("", None), ("\"camID\":1.5,", Some("1.5"))] {
-        let frame = format!(r#"{{"reqType":"AddPoints","dsData":[{{"camID":0,"data":[]}},{{{member}"data":[]}}]}}"#);
+    for (member, found) in
+        [("\"camID\":\"left\",", Some("\"left\"")), ("", None), ("\"camID\":1.5,", Some("1.5"))]
+    {
+        let frame =
+            format!(r#"{{"reqType":"AddPoints","dsData":[{{"camID":0,"data":[]}},{{{member}"data":[]}}]}}"#);
         look(frame, |message| {
             let Body::Rejected(rejection) = message.body else { panic!("{message:?}") };
             check_error(rejection.error, "dsData[1].camID", found, "a whole number");
@@ -1022,7 +1081,9 @@ fn photo_cam_id() {
             assert!(matches!(message.body, Body::Photo(Photo { cam_id }) if cam_id == read), "{form}");
         });
     }
-    for (member, found) in [("", None), (r#","camID":"left""#, Some(r#""left""#)), (r#","camID":null"#, Some("null"))] {
+    for (member, found) in
+        [("", None), (r#","camID":"left""#, Some(r#""left""#)), (r#","camID":null"#, Some("null"))]
+    {
         look(format!(r#"{{"reqType":"photo"{member}}}"#), |message| {
             let Body::Rejected(rejection) = message.body else { panic!("{message:?}") };
             assert_eq!(rejection.request, RequestType::Photo);
@@ -1133,7 +1194,8 @@ fn reply_dialect_new() {
 
 #[test]
 fn query_echo() {
-    let request = r#"{"dsID":"HCRemoteMonitor","cmdType":"query","packID":"1","queryAddr":["counter-4","isMoving"]}"#;
+    let request =
+        r#"{"dsID":"HCRemoteMonitor","cmdType":"query","packID":"1","queryAddr":["counter-4","isMoving"]}"#;
     let counter = Counter { id: 4, target: 20, current: 7, name: Some("计数".to_owned()) };
     let fill = |data: &mut DataWriter<'_, '_>| {
         data.counter(&counter);
@@ -1210,7 +1272,10 @@ fn header_req_type() {
             other => panic!("{other:?}"),
         })
     };
-    assert_eq!(told(r#"{"reqType":"qeury"}"#), "`reqType` is `qeury`, which is no request type; nearest: `query`");
+    assert_eq!(
+        told(r#"{"reqType":"qeury"}"#),
+        "`reqType` is `qeury`, which is no request type; nearest: `query`"
+    );
     assert_eq!(
         told(r#"{"reqType":"actionStop"}"#),
         "`reqType` is `actionStop`, which is no request type; it is a command: send it as `reqType` \"command\" with `cmdData`"
@@ -1218,7 +1283,8 @@ fn header_req_type() {
     assert_eq!(told("{}"), "the frame has neither `reqType` nor anything to tell its type by");
     assert!(told(r#"{"reqType":7}"#).starts_with("`reqType` is `7`"));
     // Without a type the payload tells it.
-    let absent: [(&str, fn(&Body<'_>) -> bool); 5] = [
+    type IsRight = fn(&Body<'_>) -> bool;
+    let absent: [(&str, IsRight); 5] = [
         (r#""queryAddr":["version"]"#, |body| matches!(body, Body::Query(_))),
         (r#""queryData":["v1"]"#, |body| matches!(body, Body::QueryReply(_))),
         (r#""cmdData":["actionStop"]"#, |body| matches!(body, Body::Command(_))),

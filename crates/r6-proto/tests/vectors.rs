@@ -215,8 +215,11 @@ fn check(vector: &Vector) {
     }
 }
 
+/// Where a fault stands and what is said of it.
+type Fault = (u64, String);
+
 /// What a frame buffer makes of these bytes as a stream of their own, and how many it still holds.
-fn frames_of(bytes: &[u8]) -> (Vec<Result<Vec<u8>, (u64, String)>>, usize) {
+fn frames_of(bytes: &[u8]) -> (Vec<Result<Vec<u8>, Fault>>, usize) {
     let mut buffer = FrameBuffer::new(Limits::default());
     assert_eq!(buffer.push(bytes), bytes.len());
     let mut frames = Vec::new();
@@ -236,7 +239,7 @@ fn check_error(frame: &[u8], expected: &ExpectedError) {
         Ok(message) => panic!("decoded: {}", render::message(&message)),
         Err(error) => (u64::try_from(error.at).unwrap(), error.to_string()),
     };
-    let mut found: Vec<(u64, String)> = frames_of(frame).0.into_iter().filter_map(Result::err).collect();
+    let mut found: Vec<Fault> = frames_of(frame).0.into_iter().filter_map(Result::err).collect();
     found.push(decoded);
     let offset = u64::try_from(expected.offset).unwrap();
     assert!(

@@ -3,7 +3,9 @@
 use std::io;
 use std::time::Duration;
 
-use r6_client::{Heartbeat, LostReason, NotSent, OutcomeUnknown, Pushed, RequestError, Robot, RobotSettings};
+use r6_client::{
+    Heartbeat, LostReason, NotSent, OutcomeUnknown, Pushed, Reconnect, RequestError, Robot, RobotSettings,
+};
 use r6_proto::address::Address;
 use r6_proto::message::Command;
 use tokio::net::TcpListener;
@@ -40,9 +42,10 @@ async fn dropping_the_last_clone_ends_the_connection_in_order() {
     result.unwrap();
     drop(clone);
     peer.ends().await;
-    // What the controller still had to say must not turn the end into a reset.
-    peer.send("{\"dsID\":\"www.hc-system.com.cam\",\"reqType\":\"photo\",\"camID\":0}").await;
-    peer.ends().await;
+    // What the controller still has to say does not turn the end into a reset, which would break the second write.
+    for _ in 0..2 {
+        peer.send("{\"dsID\":\"www.hc-system.com.cam\",\"reqType\":\"photo\",\"camID\":0}").await;
+    }
 }
 
 #[tokio::test]
@@ -149,15 +152,23 @@ async fn a_list_is_never_sent_again_and_brings_no_connection_back() {
 
 #[tokio::test]
 async fn one_failed_attempt_answers_everybody_who_waits() {
-    let (controller, robot, peer) = Controller::with_robot(settings()).await;
+    let wait = Duration::from_secs(20);
+    let reconnect = Reconnect { first_wait: wait, cap: wait, jitter_seed: Some(1) };
+    let (controller, robot, peer) = Controller::with_robot(RobotSettings { reconnect, ..settings() }).await;
     let mut pushed = robot.pushed();
     drop((controller, peer));
     assert!(matches!(soon(pushed.recv()).await.unwrap(), Pushed::ConnectionLost(_)));
+    // From here on time passes only when nothing else can happen.
+    tokio::time::pause();
+    let begun = tokio::time::Instant::now();
     let queries = tokio::join!(robot.query(&[Address::CurMode]), robot.query(&[Address::CurAlarm]));
     for result in [queries.0, queries.1] {
         let error = result.unwrap_err();
         assert!(matches!(error, RequestError::NotSent(NotSent::Unreachable { .. })), "{error:?}");
     }
+    let took = begun.elapsed();
+    assert!(took >= wait / 2, "no backoff: {took:?}");
+    assert!(took <= wait, "a second attempt for the second query: {took:?}");
 }
 
 #[tokio::test]
@@ -251,4 +262,19 @@ async fn without_a_wish_no_heartbeat_is_sent() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
     robot.close().await;
     peer.ends().await;
+}
+
+#[tokio::test]
+async fn a_handle_and_its_futures_move_between_threads() {
+    fn moves<T: Send + 'static>(_: &T) {}
+    let (_controller, robot, _peer) = Controller::with_robot(settings()).await;
+    let handle = robot.clone();
+    moves(&handle);
+    moves(&async move {
+        handle.stop().await.ok();
+        handle.status().await.ok();
+        handle.wait_until_done(r6_client::WaitOptions::default()).await.ok();
+        handle.firmware().await.ok();
+        handle.close().await;
+    });
 }

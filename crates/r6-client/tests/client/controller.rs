@@ -12,7 +12,7 @@ use tokio::time::timeout;
 pub const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A time-out for tests in which nothing answers: short, because it is waited for.
-pub const SHORT: Duration = Duration::from_millis(60);
+pub const SHORT: Duration = Duration::from_millis(150);
 
 /// A listening controller on a port of its own.
 pub struct Controller {

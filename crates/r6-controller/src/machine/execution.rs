@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::instruction::{
     CurveMove, Manner, Move as MoveStep, Output, OutputKind, PathSpeed, StopOnSignal, Wait, WaitCondition,
     WaitSource,
@@ -190,8 +191,9 @@ impl Machine {
             Activity::Waiting { wait, .. } => match wait.source {
                 WaitSource::Time => self.finish_step(),
                 source @ (WaitSource::Input { .. } | WaitSource::M { .. } | WaitSource::Eu { .. }) => {
-                    let seconds = wait.limit;
-                    self.raise(wait_alarm(source), format!("{source:?} did not come within {seconds} s"));
+                    let alarm = wait_alarm(source);
+                    let text = AlarmCode(alarm).decode().text;
+                    self.raise(alarm, format!("{text}: its limit is {} s", wait.limit));
                 }
             },
             Activity::Delaying { output, .. } => {

@@ -1,0 +1,186 @@
+//! In the steady state no frame costs an allocation: not when it is decoded and read, not when it is encoded.
+
+use r6_proto::axis::AxisMask;
+use r6_proto::dialect::{Dialect, Envelope};
+use r6_proto::frame::{FrameBuffer, Limits};
+use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Instruction, Manner, Move};
+use r6_proto::message::{Body, Message, Point};
+use r6_proto::reply::{ReplyWriter, Verdict, encode_photo};
+use r6_proto::request::CameraPoints;
+use r6_proto::{Address, AxisIndex, Command, Decoder, Request, RequestType};
+use r6_testkit::alloc::{CountingAllocator, allocations_during};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+fn addresses() -> Vec<Address> {
+    let six = AxisIndex::ALL.into_iter().take(6);
+    let rest =
+        [Address::CurMode, Address::CurAlarm, Address::IsMoving, Address::Origin, Address::RemoteCmdLen];
+    six.map(Address::Axis).chain(rest).chain([Address::CurCycle]).collect()
+}
+
+fn instructions(count: i32) -> Vec<Instruction> {
+    let manner = Manner {
+        mask: Some(AxisMask::SIX),
+        speed: Some(20.0),
+        delay: Some(0.0),
+        smooth: BlendLevel::new(3),
+        tool: Some(1),
+        coord: None,
+    };
+    let one = |number: i32| {
+        let target = Coordinates::from_slice(&[0.5, 10.0, -20.0, f64::from(number), 30.125, 0.0]);
+        Instruction { oneshot: true, action: Action::AxisMove(Move { target, manner }) }
+    };
+    (0..count).map(one).collect()
+}
+
+fn points() -> Vec<Point> {
+    let one = |model_id| Point {
+        model_id,
+        x: 888.001,
+        y: 1345.001,
+        u: Some(0.0),
+        angle: 123.123,
+        ..Point::default()
+    };
+    (0..8).map(one).collect()
+}
+
+fn encoded(request: &Request<'_>) -> Vec<u8> {
+    let mut out = Vec::new();
+    let envelope = Envelope { pack_id: Some("1048576"), ..Envelope::default() };
+    assert_eq!(request.encode(&envelope, &mut out), Ok(()));
+    out
+}
+
+/// Encodes and counts; the buffer has held a frame of this length before.
+fn allocations_encoding(request: &Request<'_>) -> u64 {
+    let mut out = encoded(request);
+    let envelope = Envelope { pack_id: Some("1048576"), ..Envelope::default() };
+    let length = out.len();
+    let count = allocations_during(|| {
+        out.clear();
+        assert_eq!(request.encode(&envelope, &mut out), Ok(()));
+    });
+    assert_eq!(out.len(), length);
+    count
+}
+
+/// Reads every value of the message as its number or address, as whoever works with it does.
+fn read(message: &Message<'_>) -> usize {
+    match message.body {
+        Body::Query(query) => query.resolved().filter(|(_, address)| address.is_ok()).count(),
+        Body::QueryReply(reply) => reply.values.iter().filter_map(|value| value.number()).count(),
+        Body::Command(words) => words.name().map_or(0, |_| 1 + words.arguments().len()),
+        Body::CommandReply(reply) => usize::from(reply.command().is_some()),
+        Body::AddRcc(list) => list.instructions.len(),
+        Body::AddPoints(points) => points.sets().map(|(_, points)| points.len()).sum(),
+        _ => 0,
+    }
+}
+
+/// Frames the bytes, decodes and reads them; the first pass is not counted.
+fn allocations_decoding(frame: &[u8], values: usize) -> u64 {
+    let mut frames = FrameBuffer::new(Limits::default());
+    let mut decoder = Decoder::new();
+    let mut pass = || {
+        assert_eq!(frames.push(frame), frame.len());
+        let frame = frames.next().and_then(Result::ok).map(|frame| frame.bytes).unwrap_or_default();
+        let found = decoder.decode(frame).map(|message| read(&message));
+        assert_eq!(found, Ok(values));
+        assert!(frames.next().is_none());
+    };
+    pass();
+    allocations_during(|| (0..3).for_each(|_| pass()))
+}
+
+#[test]
+fn decoding_allocates_nothing() {
+    let addresses = addresses();
+    let (one, fifty, points) = (instructions(1), instructions(50), points());
+    let cameras =
+        [CameraPoints { cam_id: 0, points: &points[..5] }, CameraPoints { cam_id: 1, points: &points[5..] }];
+    let values: Vec<String> = (0..12).map(|number| format!("\"{number}.563782\"")).collect();
+    let reply = format!(
+        r#"{{"dsID":"www.hc-system.com.RemoteMonitor","packID":"7","queryData":[{}],"reqType":"query"}}"#,
+        values.join(",")
+    );
+    let verdict = br#"{"cmdReply":["AddRCC","ok"],"dsID":"d","packID":"7","reqType":"AddRCC"}"#;
+    let cases = [
+        ("query", encoded(&Request::Query(&addresses)), 12),
+        ("reply", reply.into_bytes(), 12),
+        ("verdict", verdict.to_vec(), 1),
+        ("command", encoded(&Request::Command(&Command::ModifyGspd { percent: 5.0 })), 2),
+        ("AddRCC of 1", encoded(&Request::AddRcc { empty_list: true, instructions: &one }), 1),
+        ("AddRCC of 50", encoded(&Request::AddRcc { empty_list: true, instructions: &fifty }), 50),
+        ("AddPoints of 8", encoded(&Request::AddPoints(&cameras)), 8),
+    ];
+    for (name, frame, values) in cases {
+        assert_eq!(allocations_decoding(&frame, values), 0, "{name}");
+    }
+}
+
+#[test]
+fn encoding_requests_allocates_nothing() {
+    let addresses = addresses();
+    let (one, fifty, points) = (instructions(1), instructions(50), points());
+    let cameras = [CameraPoints { cam_id: 0, points: &points }];
+    let cases = [
+        ("query", Request::Query(&addresses)),
+        ("command", Request::Command(&Command::ModifyAccDec { acceleration: 0.25, deceleration: 0.3 })),
+        ("heartbreak", Request::Heartbreak),
+        ("AddRCC of 1", Request::AddRcc { empty_list: true, instructions: &one }),
+        ("AddRCC of 50", Request::AddRcc { empty_list: false, instructions: &fifty }),
+        ("AddPoints of 8", Request::AddPoints(&cameras)),
+    ];
+    for (name, request) in cases {
+        assert_eq!(allocations_encoding(&request), 0, "{name}");
+    }
+}
+
+#[test]
+fn writing_replies_allocates_nothing() {
+    let addresses = addresses();
+    let request = encoded(&Request::Query(&addresses));
+    let mut decoder = Decoder::new();
+    let message = match decoder.decode(&request) {
+        Ok(message) => message,
+        Err(error) => panic!("{error}"),
+    };
+    let Body::Query(query) = message.body else { panic!("{message:?}") };
+    for (name, dialect) in [("hc1", Dialect::HC1), ("r6", Dialect::R6), ("legacy", Dialect::LEGACY)] {
+        let mut out = Vec::new();
+        let mut write = || {
+            out.clear();
+            ReplyWriter::new(dialect, message.header, RequestType::Query).query(
+                query.addresses,
+                &mut out,
+                |data| {
+                    for axis in 0..6_u8 {
+                        data.decimal(f64::from(axis) - 137.563_782);
+                    }
+                    [7, 0, 1, 1].into_iter().for_each(|value| data.integer(value));
+                    data.flag(true);
+                    data.text("HC-QC-RX-7.8.07-master-F5");
+                },
+            );
+            ReplyWriter::new(dialect, message.header, RequestType::Command).verdict(
+                "actionStop",
+                Verdict::Ok,
+                &mut out,
+            );
+            ReplyWriter::new(dialect, message.header, RequestType::AddPoints).verdict(
+                "AddPoints",
+                Verdict::Points(8),
+                &mut out,
+            );
+            encode_photo(0, Some("7"), &mut out);
+            out.len()
+        };
+        let length = write();
+        assert!(length > 300, "{name}: {length}");
+        assert_eq!(allocations_during(|| assert_eq!(write(), length)), 0, "{name}");
+    }
+}
