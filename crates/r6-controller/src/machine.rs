@@ -24,9 +24,9 @@ pub use watchdog::Watchdog;
 use crate::instruction_list::InstructionList;
 use crate::io::{Io, OutputPoint};
 use crate::mode::OperationMode;
-use crate::motion::{Axes, Frame, Frames, MotionState, Pose, Ramps, RobotModel};
 use crate::profile::Profile;
 use crate::settings::ControllerSettings;
+use r6_motion::{Axes, Frame, Frames, MotionState, Pose, Ramps, RobotModel};
 
 /// How many tools and workbenches can be defined: numbers 0 to 31.
 pub const MAX_FRAMES: u32 = 32;
@@ -257,7 +257,7 @@ impl Machine {
     /// The pose of these axes as `world-n` shows it: of the tool in use, in the work frame in use.
     #[must_use]
     pub fn pose_of(&self, axes: &Axes) -> Pose {
-        crate::motion::kinematics::world(&self.model, axes, &self.frames())
+        r6_motion::kinematics::world(&self.model, axes, &self.frames())
     }
 
     /// Whether `isMoving` is 1: a move is under way, its delay included.

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use crate::mode::StartState;
-use crate::motion::RobotModel;
 use crate::profile::Profile;
+use r6_motion::RobotModel;
 
 /// The program that waits for remote commands.
 pub const REMOTE_MOLD: &str = "remote";

@@ -34,7 +34,8 @@ pub struct Rule {
 /// One rule for each crate of the workspace; a crate without a rule is a violation.
 pub const RULES: &[Rule] = &[
     Rule { package: "r6-proto", layer: Layer::Pure, may_use: &[] },
-    Rule { package: "r6-controller", layer: Layer::Pure, may_use: &["r6-proto"] },
+    Rule { package: "r6-motion", layer: Layer::Pure, may_use: &[] },
+    Rule { package: "r6-controller", layer: Layer::Pure, may_use: &["r6-motion", "r6-proto"] },
     // A robot is only ever reached over the wire: the client cannot know that one is simulated.
     Rule { package: "r6-client", layer: Layer::Shell, may_use: &["r6-proto"] },
     // The simulator is the other end of the wire and shares nothing with the client but the protocol.

@@ -6,7 +6,7 @@ use r6_proto::message::{CommandWords, RequestType};
 
 use super::{MAX_FRAMES, MAX_STACKS, Machine, Stack};
 use crate::io::OutputPoint;
-use crate::motion::{Frame, Pose, Ramps};
+use r6_motion::{Frame, Pose, Ramps};
 
 impl Machine {
     /// Carries out a command.

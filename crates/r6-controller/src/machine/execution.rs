@@ -15,8 +15,8 @@ use super::Machine;
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
 use crate::mode::OperationMode;
-use crate::motion::{Axes, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Movement, PlanError, Pose};
 use crate::settings::REMOTE_MOLD;
+use r6_motion::{Axes, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Movement, PlanError, Pose};
 
 /// What a pass of the list takes at least, so that a list of steps that take no time cannot run endlessly often at
 /// one instant. Chosen: about the scan of a controller's program.

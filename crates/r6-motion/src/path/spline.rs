@@ -1,6 +1,6 @@
 //! One stretch of a tool path as the axes see it: a cubic through two points with a given slope at each.
 
-use crate::motion::axes::ARM_AXES;
+use crate::axes::ARM_AXES;
 
 /// A place on the path with its axes and their slopes.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,12 +9,12 @@ use nalgebra::{Isometry3, Point3};
 use super::follower::Follower;
 use super::spline::{Node, Stretch};
 use super::track::Track;
-use crate::motion::axes::{ARM_AXES, Axes, MoveMask};
-use crate::motion::error::PlanError;
-use crate::motion::kinematics::{Frames, continued, tool_isometry};
-use crate::motion::path::PathAxes;
-use crate::motion::pose::{Frame, Pose};
-use crate::motion::robot_model::RobotModel;
+use crate::axes::{ARM_AXES, Axes, MoveMask};
+use crate::error::PlanError;
+use crate::kinematics::{Frames, continued, tool_isometry};
+use crate::path::PathAxes;
+use crate::pose::{Frame, Pose};
+use crate::robot_model::RobotModel;
 
 /// A path no longer than this is standing still, seconds at full speed: two millionths of a micrometre.
 const NO_LENGTH: f64 = 1e-12;

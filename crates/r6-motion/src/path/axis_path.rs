@@ -1,9 +1,9 @@
 //! Axis moves: every axis evenly, all arriving together.
 
-use crate::motion::axes::{ARM_AXES, Axes, AxisNumber, MoveMask};
-use crate::motion::error::PlanError;
-use crate::motion::path::PathAxes;
-use crate::motion::robot_model::RobotModel;
+use crate::axes::{ARM_AXES, Axes, AxisNumber, MoveMask};
+use crate::error::PlanError;
+use crate::path::PathAxes;
+use crate::robot_model::RobotModel;
 
 /// Every axis evenly from start to target, all at once (`action` 4, manual 6.1.1).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,8 +64,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::motion::error::LimitSide;
-    use crate::motion::kinematics::tests::{arm_in_limits, model};
+    use crate::error::LimitSide;
+    use crate::kinematics::tests::{arm_in_limits, model};
 
     #[test]
     fn the_slowest_axis_sets_the_length() {

@@ -2,11 +2,11 @@
 
 use super::spline::{Node, Stretch};
 use super::track::Track;
-use crate::motion::axes::{ARM_AXES, Axes, AxisNumber};
-use crate::motion::error::PlanError;
-use crate::motion::kinematics::{continued, tool_isometry};
-use crate::motion::pose::Frame;
-use crate::motion::robot_model::{Limits, RobotModel, first_outside};
+use crate::axes::{ARM_AXES, Axes, AxisNumber};
+use crate::error::PlanError;
+use crate::kinematics::{continued, tool_isometry};
+use crate::pose::Frame;
+use crate::robot_model::{Limits, RobotModel, first_outside};
 
 /// How far the tool may stray from its track between two nodes, mm.
 const STRAY_MM: f64 = 0.002;

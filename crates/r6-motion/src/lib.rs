@@ -1,4 +1,4 @@
-//! What the arm can do: its geometry, its limits, and where every axis is at any instant of a move.
+//! What an arm can do: its geometry, its limits, and where every axis is at any instant of a move.
 //!
 //! Everything here is a pure function of its arguments. Nothing ticks: a planned [`Movement`] is asked for
 //! the state at a time and answers it at once, whatever was asked before.
@@ -8,6 +8,10 @@
 //! [`movement`] puts a path under a profile.
 //!
 //! Units everywhere: degrees, millimetres, seconds.
+#![cfg_attr(
+    not(test),
+    warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
+)]
 
 pub mod axes;
 pub mod error;

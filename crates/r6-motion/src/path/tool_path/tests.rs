@@ -2,10 +2,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::motion::axes::AxisNumber;
-use crate::motion::error::LimitSide;
-use crate::motion::kinematics::forward;
-use crate::motion::kinematics::tests::{bent_tool, model, possible};
+use crate::axes::AxisNumber;
+use crate::error::LimitSide;
+use crate::kinematics::forward;
+use crate::kinematics::tests::{bent_tool, model, possible};
 
 /// Elbow up, tool down, far from every singularity.
 fn tool_down() -> Axes {
@@ -118,7 +118,7 @@ fn masks_and_targets_count_in_the_work_frame() {
     let start = tool_down();
     let work = Frame::at(&Pose { x: 300.0, y: -50.0, z: 100.0, u: 0.0, v: 0.0, w: 90.0 }).unwrap();
     let frames = Frames { tool: Frame::identity(), work };
-    let from = crate::motion::kinematics::world(model(), &start, &frames);
+    let from = crate::kinematics::world(model(), &start, &frames);
     let target = Pose { x: from.x + 40.0, ..Pose::default() };
     let path = LinearPath::plan(model(), &frames, &start, &target, MoveMask(0b1)).unwrap();
     // X of a workbench turned by 90° is Y of the base.

@@ -1,11 +1,11 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::motion::axes::AxisNumber;
-use crate::motion::error::LimitSide;
-use crate::motion::kinematics::forward;
-use crate::motion::kinematics::tests::{arm_in_limits, model, possible};
-use crate::motion::pose::Frame;
+use crate::axes::AxisNumber;
+use crate::error::LimitSide;
+use crate::kinematics::forward;
+use crate::kinematics::tests::{arm_in_limits, model, possible};
+use crate::pose::Frame;
 
 fn conditions(global: f64) -> Conditions {
     Conditions { global, ramps: Ramps::default(), frames: Frames::default() }

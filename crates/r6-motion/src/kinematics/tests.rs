@@ -5,24 +5,24 @@ use proptest::prelude::*;
 
 use super::*;
 
-pub(in crate::motion) fn model() -> &'static RobotModel {
+pub(crate) fn model() -> &'static RobotModel {
     RobotModel::named("BRTIRUS0707A").unwrap()
 }
 
 /// Six angles anywhere in the soft limits.
-pub(in crate::motion) fn arm_in_limits() -> impl Strategy<Value = [f64; ARM_AXES]> {
+pub(crate) fn arm_in_limits() -> impl Strategy<Value = [f64; ARM_AXES]> {
     let [r1, r2, r3, r4, r5, r6] =
         model().axes.map(|axis| Range { start: axis.soft.min, end: axis.soft.max });
     (r1, r2, r3, r4, r5, r6).prop_map(|(j1, j2, j3, j4, j5, j6)| [j1, j2, j3, j4, j5, j6])
 }
 
 /// What could be planned; another try where it could not.
-pub(in crate::motion) fn possible<T>(planned: Result<T, PlanError>) -> Result<T, TestCaseError> {
+pub(crate) fn possible<T>(planned: Result<T, PlanError>) -> Result<T, TestCaseError> {
     planned.map_err(|error| TestCaseError::reject(error.to_string()))
 }
 
 /// A tool that sticks out sideways and is turned.
-pub(in crate::motion) fn bent_tool() -> Frame {
+pub(crate) fn bent_tool() -> Frame {
     Frame::at(&Pose { x: 20.0, y: -35.0, z: 120.0, u: 30.0, v: -40.0, w: 75.0 }).unwrap()
 }
 

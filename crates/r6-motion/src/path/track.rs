@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use crate::motion::error::PlanError;
+use crate::error::PlanError;
 
 /// A middle point this close to the line from start to end makes no arc but a line, mm. An arc this flat
 /// strays from the line by no more.
@@ -121,7 +121,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::motion::pose::Pose;
+    use crate::pose::Pose;
 
     fn at(x: f64, y: f64, z: f64) -> Isometry3<f64> {
         turned(x, y, z, 0.0)
