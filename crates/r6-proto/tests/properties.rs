@@ -64,6 +64,18 @@ proptest! {
     }
 
     #[test]
+    fn decimals_are_read_to_the_last_bit(
+        text in "[+-]?([0-9]{1,18}|[0-9]{0,9}\\.[0-9]{0,9}|[0-9]{1,9}(\\.[0-9]{1,3})?e-?[0-9]{1,2}|-|\\.)",
+    ) {
+        let frame = format!(r#"{{"reqType":"query","queryData":["{text}"]}}"#);
+        let mut decoder = Decoder::new();
+        let message = decoder.decode(frame.as_bytes()).map_err(|error| TestCaseError::fail(error.to_string()))?;
+        let Body::QueryReply(reply) = message.body else { return Err(TestCaseError::fail("no reply")) };
+        let ours = reply.values.at(0).and_then(|value| value.number());
+        prop_assert_eq!(ours.map(f64::to_bits), text.parse::<f64>().ok().map(f64::to_bits));
+    }
+
+    #[test]
     fn decoding_agrees_with_serde_json_on_generated_json(text in json_text::object()) {
         check_against_serde_json(text.as_bytes())?;
     }

@@ -95,6 +95,7 @@ impl Fields {
     pub const SIMILARITY: usize = 46;
     pub const COLOR: usize = 47;
     pub const REL: usize = 48;
+    const CAM_ID: usize = 49;
 
     const COUNT: usize = NAMES.len();
 
@@ -110,14 +111,46 @@ impl Fields {
 
     /// The slot of a name, with the accepted spelling `Angle`.
     fn slot(name: &[u8]) -> Option<usize> {
-        match name {
-            [b'm', digit @ b'0'..=b'7'] => Some(usize::from(digit - b'0')),
-            [b'm', digit @ b'0'..=b'7', b'_', b'p'] => Some(usize::from(digit - b'0') + AXES),
-            b"Angle" => Some(Self::ANGEL),
-            _ => {
-                NAMES.iter().skip(2 * AXES).position(|known| known.as_bytes() == name).map(|at| at + 2 * AXES)
-            }
-        }
+        // A match is several times as fast as a search through the names, and every member of a list comes by here.
+        Some(match name {
+            [b'm', digit @ b'0'..=b'7'] => usize::from(digit - b'0'),
+            [b'm', digit @ b'0'..=b'7', b'_', b'p'] => usize::from(digit - b'0') + AXES,
+            b"oneshot" => Self::ONESHOT,
+            b"action" => Self::ACTION,
+            b"ckStatus" => Self::CK_STATUS,
+            b"speed" => Self::SPEED,
+            b"delay" => Self::DELAY,
+            b"smooth" => Self::SMOOTH,
+            b"tool" => Self::TOOL,
+            b"coord" => Self::COORD,
+            b"isUse" => Self::IS_USE,
+            b"ioNumber" => Self::IO_NUMBER,
+            b"io_status" => Self::IO_STATUS,
+            b"type" => Self::TYPE,
+            b"point" => Self::POINT,
+            b"point2" => Self::POINT2,
+            b"limit" => Self::LIMIT,
+            b"isUnlimit" => Self::IS_UNLIMIT,
+            b"cnt_id" => Self::CNT_ID,
+            b"xpos" => Self::POS[0],
+            b"ypos" => Self::POS[1],
+            b"zpos" => Self::POS[2],
+            b"upos" => Self::POS[3],
+            b"vpos" => Self::POS[4],
+            b"wpos" => Self::POS[5],
+            b"ModelID" => Self::MODEL_ID,
+            b"X" => Self::X,
+            b"Y" => Self::Y,
+            b"Z" => Self::Z,
+            b"U" => Self::U,
+            b"V" => Self::V,
+            b"Angel" | b"Angle" => Self::ANGEL,
+            b"Similarity" => Self::SIMILARITY,
+            b"Color" => Self::COLOR,
+            b"Rel" => Self::REL,
+            b"camID" => Self::CAM_ID,
+            _ => return None,
+        })
     }
 }
 
