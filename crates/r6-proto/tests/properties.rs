@@ -40,14 +40,13 @@ static WHOLE_FRAMES: LazyLock<Vec<Bytes>> = LazyLock::new(|| {
         .collect()
 });
 
-/// So many times the usual number of cases, which `PROPTEST_CASES` sets.
-fn config(times: u32) -> ProptestConfig {
-    let usual = ProptestConfig::default();
-    ProptestConfig { cases: usual.cases.saturating_mul(times), failure_persistence: None, ..usual }
+/// `PROPTEST_CASES` in the environment takes the place of this number of cases.
+fn config(cases: u32) -> ProptestConfig {
+    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
 proptest! {
-    #![proptest_config(config(40))]
+    #![proptest_config(config(10_000))]
 
     #[test]
     fn every_request_is_decoded_as_it_was_encoded(
@@ -506,7 +505,7 @@ fn received(pieces: &[&[u8]], limits: Limits) -> Vec<Value> {
 }
 
 proptest! {
-    #![proptest_config(config(10))]
+    #![proptest_config(config(2_500))]
 
     #[test]
     fn any_split_of_vector_frames_gives_the_same_messages(
