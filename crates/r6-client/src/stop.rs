@@ -180,14 +180,14 @@ impl Robot {
 impl fmt::Display for StopReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let seconds = self.took.as_secs_f64();
+        let sent = match self.attempts {
+            1 => "sent once".to_owned(),
+            times => format!("sent {times} times"),
+        };
         if self.confirmed {
-            write!(f, "the arm stands ({seconds:.2} s, sent {} times)", self.attempts)?;
+            write!(f, "the arm stands ({seconds:.2} s, {sent})")?;
         } else {
-            write!(
-                f,
-                "the arm was not seen to stand within {seconds:.2} s (sent {} times): use the emergency stop",
-                self.attempts
-            )?;
+            write!(f, "the arm was not seen to stand within {seconds:.2} s ({sent}): use the emergency stop")?;
         }
         match self.mode {
             Some(mode) => write!(f, "; mode {mode}")?,
