@@ -187,7 +187,10 @@ impl fmt::Display for StopReport {
         if self.confirmed {
             write!(f, "the arm stands ({seconds:.2} s, {sent})")?;
         } else {
-            write!(f, "the arm was not seen to stand within {seconds:.2} s ({sent}): use the emergency stop")?;
+            write!(
+                f,
+                "the arm was not seen to stand within {seconds:.2} s ({sent}): use the emergency stop"
+            )?;
         }
         match self.mode {
             Some(mode) => write!(f, "; mode {mode}")?,

@@ -7,7 +7,10 @@
 //!
 //! Decoding is tolerant (every form that clients and controllers are known to send), encoding is strict (one
 //! compact form). `docs/PROTOCOL.md` describes the protocol field by field.
-#![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+#![cfg_attr(
+    not(test),
+    warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
+)]
 
 pub mod address;
 pub mod alarm;

@@ -223,9 +223,7 @@ fn parse_plain_decimal(body: &[u8]) -> Option<f64> {
         }
     }
     let number = mantissa as f64 / POWERS.get(decimals.unwrap_or(0))?;
-    (1..=MOST_DIGITS)
-        .contains(&digits)
-        .then_some(if unsigned.len() < body.len() { -number } else { number })
+    (1..=MOST_DIGITS).contains(&digits).then_some(if unsigned.len() < body.len() { -number } else { number })
 }
 
 fn parse_integer(body: &[u8]) -> Option<i64> {
