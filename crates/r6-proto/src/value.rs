@@ -53,6 +53,11 @@ pub(crate) struct Node {
     pub kind: Kind,
 }
 
+impl Node {
+    /// Nothing, at the beginning of a frame.
+    pub const NULL: Self = Self { span: Span { start: 0, end: 0 }, kind: Kind::Null };
+}
+
 /// One JSON value of a frame, borrowed from the frame's bytes.
 ///
 /// Numbers and texts are told apart, but every reading method accepts both: controllers quote what
