@@ -9,9 +9,9 @@ use tokio::time::{Instant, sleep, timeout_at};
 use crate::error::{NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::job::Work;
 use crate::link::Lane;
-use crate::mode::OperationMode;
 use crate::motion::Sample;
 use crate::robot::Robot;
+use r6_proto::OperationMode;
 
 /// How long an arm may take to stand. One was seen to stop within 0.1 s, a paused one within 0.5 s; the rest is room for
 /// a stop that gets lost.
