@@ -1372,3 +1372,21 @@ fn header_pack_id() {
         r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"heartbreak","packID":"7\""}"#
     );
 }
+
+#[test]
+fn instruction_10_and_17_have_the_manner_of_4() {
+    let members = r#""ckStatus":"0x05","speed":"12.5","delay":"0.5","smooth":"7","tool":"2","coord":"3""#;
+    let wanted = manner(members);
+    assert_eq!((wanted.tool, wanted.coord, wanted.delay), (Some(2), Some(3), Some(0.5)));
+    let Action::LinearMove(line) = action(&format!(r#""action":"10","m0":"1",{members}"#)) else {
+        panic!("action 10 is a linear move")
+    };
+    let Action::CurveMove(curve) = action(&format!(r#""action":"17","m0":"1","m0_p":"2",{members}"#)) else {
+        panic!("action 17 is a curve move")
+    };
+    assert_eq!((line.manner, curve.manner), (wanted, wanted));
+    for number in ["10", "17"] {
+        let wrong = instruction(&format!(r#""action":"{number}","smooth":"10""#)).unwrap_err();
+        assert_eq!(wrong.path, "instructions[0].smooth");
+    }
+}
