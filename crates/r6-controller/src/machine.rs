@@ -131,9 +131,13 @@ impl Machine {
             profile: settings.profile,
             model: settings.model,
             now,
-            mode: settings.start.mode(),
+            // A machine that is not homed cannot be running.
+            mode: match settings.start.mode() {
+                OperationMode::Running if !settings.homed => OperationMode::Auto,
+                mode => mode,
+            },
             alarm: 0,
-            homed: true,
+            homed: settings.homed,
             axes: Axes::ZERO,
             io: Io::default(),
             registers: BTreeMap::new(),

@@ -18,6 +18,8 @@ pub struct ControllerSettings {
     pub model: RobotModel,
     /// How it stands when it is switched on.
     pub start: StartState,
+    /// Whether the machine is homed (`origin`); one that is not runs no program.
+    pub homed: bool,
     /// What `machineName` answers. It says that the machine is virtual, in a field that clients only display.
     pub machine_name: String,
     /// The programs, by name. Only [`REMOTE_MOLD`] waits for remote commands; another one is empty and never ends.
@@ -43,6 +45,7 @@ impl ControllerSettings {
             profile,
             model,
             start: StartState::Waiting,
+            homed: true,
             molds: vec!["default".to_owned(), REMOTE_MOLD.to_owned()],
             mold: REMOTE_MOLD.to_owned(),
             counters: [(0, (0, 0)), (2, (0, 0)), (5, (0, 0))].into_iter().collect(),

@@ -3,6 +3,7 @@
 mod common;
 
 use common::{Cell, assert_near, axis_move};
+use r6_controller::{ControllerSettings, Profile, RobotModel};
 use serde_json::json;
 
 #[test]
@@ -181,6 +182,12 @@ fn address_cur_account() {
 #[test]
 fn address_origin() {
     assert_eq!(Cell::new().text("origin"), "1");
+    let model = *RobotModel::named("BRTIRUS0707A").unwrap();
+    let settings = ControllerSettings { homed: false, ..ControllerSettings::new(Profile::hc1(), model) };
+    let mut cell = Cell::of(settings);
+    assert_eq!(cell.query(&["origin", "curMode"]), [json!("0"), json!("2")]);
+    assert_eq!(cell.command(&["startButton"]), ["startButton", "err", "the machine is not homed"]);
+    assert_eq!(cell.run(&json!([axis_move([1.0; 6], 50.0)])), ["AddRCC", "err"]);
 }
 
 #[test]

@@ -24,7 +24,10 @@ impl Cell {
 
     pub fn with(profile: Profile, start: StartState) -> Self {
         let model = *RobotModel::named("BRTIRUS0707A").unwrap();
-        let settings = ControllerSettings { start, ..ControllerSettings::new(profile, model) };
+        Self::of(ControllerSettings { start, ..ControllerSettings::new(profile, model) })
+    }
+
+    pub fn of(settings: ControllerSettings) -> Self {
         let now = Instant::ORIGIN;
         let mut controller = Controller::new(settings, now);
         let id = controller.connect(now);
