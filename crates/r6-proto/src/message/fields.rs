@@ -207,9 +207,15 @@ impl FieldSet {
     }
 
     /// Lets the members `xpos` … `wpos` of the 2020 shape stand for `m0` … `m5`.
-    pub fn translate_2020(&mut self) {
+    ///
+    /// Where an object has both, the earlier shape counts and the other one is an extra.
+    pub fn translate_2020(&mut self, place: Place, extras: &mut Vec<ExtraNode>) {
         for (pos, m) in Fields::POS.into_iter().zip(Fields::M) {
-            if let (Some(member), Some(slot)) = (self.at(pos), self.members.get_mut(m)) {
+            let Some(member) = self.at(pos) else { continue };
+            if let Some((key, value)) = self.at(m) {
+                extras.push(ExtraNode { place, key, value, kind: ExtraKind::DuplicateKey });
+            }
+            if let Some(slot) = self.members.get_mut(m) {
                 *slot = member;
                 self.present = (self.present & !(1 << pos)) | 1 << m;
             }

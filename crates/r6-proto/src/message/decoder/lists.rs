@@ -21,6 +21,8 @@ pub(super) struct Lists {
     points: Vec<Point>,
     /// The members of the object that is being read.
     set: FieldSet,
+    /// How many instructions or points were met, right or wrong: what they are called by.
+    items: u32,
     instructions_checked: Option<FieldError>,
     /// Whether the cameras were read on the way, and what was wrong with them.
     cameras_checked: Option<Checked>,
@@ -35,12 +37,14 @@ impl Lists {
     fn clear_instructions(&mut self) {
         self.instructions.clear();
         self.fields.clear();
+        self.items = 0;
         self.instructions_checked = None;
     }
 
     fn clear_cameras(&mut self) {
         self.sets.clear();
         self.points.clear();
+        self.items = 0;
         self.cameras_checked = None;
     }
 
@@ -83,8 +87,9 @@ impl Lists {
     ) -> Result<Checked, JsonError> {
         self.clear_instructions();
         let mut checked = Ok(());
-        for set in sets.iter().flat_map(Value::items) {
-            let data = member(bytes, set, b"data")?.filter(|data| data.kind == Kind::List);
+        for (number, set) in (0..).zip(sets.iter().flat_map(Value::items)) {
+            let data =
+                data_of(bytes, set, Place::Set(number), extras)?.filter(|data| data.kind == Kind::List);
             let read = match data {
                 Some(data) => {
                     let mut cursor = Cursor::new(bytes, data.span.start as usize);
@@ -114,7 +119,8 @@ impl Lists {
         let mut first = true;
         while cursor.next_element(first)? {
             first = false;
-            let place = Place::Instruction(number(self.instructions.len()));
+            let place = Place::Instruction(self.items);
+            self.items += 1;
             let start = cursor.at();
             if !cursor.stands_at(b'{') {
                 let found = Value::new(bytes, cursor.value()?);
@@ -123,7 +129,7 @@ impl Lists {
             }
             self.set.read(cursor, bytes, place, extras)?;
             if shape_2020 {
-                self.set.translate_2020();
+                self.set.translate_2020(place, extras);
             }
             let mut view = FieldsView::new(bytes, &self.set, place);
             match Instruction::from_fields(&mut view) {
@@ -184,9 +190,11 @@ impl Lists {
         let mut checked = Ok(());
         cursor.open_list()?;
         let mut first = true;
+        let mut set = 0;
         while cursor.next_element(first)? {
             first = false;
-            let place = Place::Set(number(self.sets.len()));
+            let place = Place::Set(set);
+            set += 1;
             if !cursor.stands_at(b'{') {
                 let found = Value::new(bytes, cursor.value()?);
                 checked = checked.and(Err(not_an_object(place, found)));
@@ -275,7 +283,8 @@ impl Lists {
         let mut first = true;
         while cursor.next_element(first)? {
             first = false;
-            let place = Place::Point(number(self.points.len()));
+            let place = Place::Point(self.items);
+            self.items += 1;
             if !cursor.stands_at(b'{') {
                 let found = Value::new(bytes, cursor.value()?);
                 checked = checked.and(Err(not_an_object(place, found)));
@@ -306,23 +315,35 @@ fn number(position: usize) -> u32 {
     u32::try_from(position).unwrap_or(u32::MAX)
 }
 
-/// The member of an object that was checked before; the last one counts.
-fn member(bytes: &[u8], object: Value<'_>, name: &[u8]) -> Result<Option<Node>, JsonError> {
-    if object.node.kind != Kind::Object {
+/// The `data` of a camera's set that was checked before; its other members but `camID` are extras.
+fn data_of(
+    bytes: &[u8],
+    set: Value<'_>,
+    place: Place,
+    extras: &mut Vec<ExtraNode>,
+) -> Result<Option<Node>, JsonError> {
+    if set.node.kind != Kind::Object {
         return Ok(None);
     }
-    let mut cursor = Cursor::new(bytes, object.node.span.start as usize);
+    let mut cursor = Cursor::new(bytes, set.node.span.start as usize);
     cursor.open_object()?;
-    let mut found = None;
+    let mut data = None;
     let mut first = true;
     while let Some(key) = cursor.next_key(first)? {
         first = false;
         let value = cursor.value()?;
-        if *Value::new(bytes, key).word() == *name {
-            found = Some(value);
+        let extra = |value, kind| ExtraNode { place, key, value, kind };
+        match &*Value::new(bytes, key).word() {
+            b"data" => {
+                if let Some(earlier) = data.replace(value) {
+                    extras.push(extra(earlier, ExtraKind::DuplicateKey));
+                }
+            }
+            b"camID" => {}
+            _ => extras.push(extra(value, ExtraKind::UnknownKey)),
         }
     }
-    Ok(found)
+    Ok(data)
 }
 
 fn not_an_object(place: Place, found: Value<'_>) -> FieldError {
