@@ -3,4 +3,5 @@
 mod chains;
 mod common;
 mod four_axes;
+mod lines;
 mod round_trip;
