@@ -1,5 +1,6 @@
 //! What a person would see standing at the machine.
 
+use r6_motion::robot_model::AxisMotion;
 use r6_proto::AXES;
 
 use crate::machine::Machine;
@@ -26,10 +27,12 @@ pub struct ControllerSnapshot {
     pub moving: bool,
     /// How many instructions are left in the list.
     pub list_length: usize,
-    /// Axis positions, degrees.
+    /// Axis positions, degrees, or mm where an axis slides.
     pub axes: [f64; AXES],
-    /// Soft limits of the arm's axes, degrees: lowest, highest.
+    /// Soft limits of the arm's axes, in the same units: lowest, highest.
     pub axis_limits: Vec<(f64, f64)>,
+    /// The units of the arm's axes.
+    pub axis_motions: Vec<AxisMotion>,
     /// X, Y, Z in mm, U, V, W in degrees, of the tool in use in the work frame in use.
     pub world: [f64; 6],
     /// Global speed, percent.
@@ -47,14 +50,15 @@ impl ControllerSnapshot {
             version: machine.profile.version.clone(),
             machine_name: machine.machine_name.clone(),
             profile: machine.profile.name.clone(),
-            model: machine.model.name.to_owned(),
+            model: machine.model.name.to_string(),
             mode: machine.mode,
             alarm: machine.alarm,
             homed: machine.homed,
             moving: machine.is_moving(),
             list_length: machine.list.len(),
             axes: *motion.axes.degrees(),
-            axis_limits: machine.model.soft_limits().iter().map(|limits| (limits.min, limits.max)).collect(),
+            axis_limits: machine.model.drives().map(|axis| (axis.soft.min, axis.soft.max)).collect(),
+            axis_motions: machine.model.drives().map(|axis| axis.motion).collect(),
             world: machine.pose_of(&motion.axes).components(),
             global_speed_percent: machine.global_speed * 100.0,
             cycle_seconds: machine.cycle_time().as_secs_f64(),

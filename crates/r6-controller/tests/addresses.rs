@@ -182,7 +182,7 @@ fn address_cur_account() {
 #[test]
 fn address_origin() {
     assert_eq!(Cell::new().text("origin"), "1");
-    let model = *RobotModel::named("BRTIRUS0707A").unwrap();
+    let model = RobotModel::named("BRTIRUS0707A").unwrap().clone();
     let settings = ControllerSettings { homed: false, ..ControllerSettings::new(Profile::hc1(), model) };
     let mut cell = Cell::of(settings);
     assert_eq!(cell.query(&["origin", "curMode"]), [json!("0"), json!("2")]);

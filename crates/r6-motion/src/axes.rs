@@ -10,23 +10,23 @@ pub const AXES: usize = 8;
 /// How many of them are drives of a six-axis arm, J1 to J6.
 pub const ARM_AXES: usize = 6;
 
-/// No arm turns an axis this far; beyond it a double no longer resolves a ten-millionth of a degree.
-const FARTHEST_DEGREES: f64 = 1e6;
+/// No arm turns or slides an axis this far, degrees or mm; beyond it a double no longer resolves a ten-millionth.
+pub(crate) const FARTHEST: f64 = 1e6;
 
-/// Where the eight axes stand, in degrees: J1 … J8.
+/// Where the eight axes stand, in degrees, or in mm where an axis slides: J1 … J8.
 ///
-/// Always finite and below a million degrees either way. J7 and J8 have no drive on a six-axis arm: no limit
-/// holds for them and no move changes them.
+/// Always finite and below a million either way. Axes that the arm has not, J7 and J8 on a six-axis arm, have no
+/// drive: no limit holds for them and no move changes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes([f64; AXES]);
 
 impl Axes {
-    /// All axes at 0°: upper arm upright, forearm level along +X.
+    /// All axes at 0: on a six-axis arm, upper arm upright, forearm level along +X.
     pub const ZERO: Self = Self([0.0; AXES]);
 
     /// Axes at these degrees; an error when one is not finite or beyond a million degrees.
     pub fn new(degrees: [f64; AXES]) -> Result<Self, NotFinite> {
-        if degrees.iter().all(|d| d.abs() <= FARTHEST_DEGREES) { Ok(Self(degrees)) } else { Err(NotFinite) }
+        if degrees.iter().all(|d| d.abs() <= FARTHEST) { Ok(Self(degrees)) } else { Err(NotFinite) }
     }
 
     /// The arm's six axes at these degrees, J7 and J8 at 0; errors as [`Axes::new`].

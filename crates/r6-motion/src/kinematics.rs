@@ -1,20 +1,16 @@
 //! From axes to poses and back.
 
+mod four_axis;
+mod six_axis;
+
 use std::fmt;
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use rs_opw_kinematics::glam::{DQuat, DVec3};
-use rs_opw_kinematics::kinematic_traits::{Kinematics, Pose as SolverPose};
-use rs_opw_kinematics::kinematics_impl::OPWKinematics;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::axes::{ARM_AXES, Axes, AxisNumber};
-use super::error::{LimitSide, PlanError};
+use super::error::{LimitSide, NotFinite, PlanError};
 use super::pose::{Frame, Pose};
-use super::robot_model::{RobotModel, first_outside};
-
-/// J5 this close to 0 turns J4 and J6 about one line, degrees: the solver's own threshold of 1e-6 rad,
-/// rounded up.
-const WRIST_STRAIGHT: f64 = 1e-4;
+use super::robot_model::{AxisMotion, Geometry, RobotModel, first_outside};
 
 /// A solution this far beyond a soft limit is rounding, and is put on the limit, degrees.
 const LIMIT_ROUNDING: f64 = 1e-9;
@@ -66,26 +62,58 @@ impl From<InverseError> for PlanError {
 /// The pose of the tool in the base frame.
 #[must_use]
 pub fn forward(model: &RobotModel, axes: &Axes, tool: &Frame) -> Pose {
-    Pose::from_isometry(&tool_isometry(model, axes, tool))
+    pose_of(model, &tool_isometry(model, axes, tool))
 }
 
 /// The pose of the tool in the work frame: what `world-0` … `world-5` show.
 #[must_use]
 pub fn world(model: &RobotModel, axes: &Axes, frames: &Frames) -> Pose {
     let in_base = tool_isometry(model, axes, &frames.tool);
-    Pose::from_isometry(&frames.work.isometry().inv_mul(&in_base))
+    pose_of(model, &frames.work.isometry().inv_mul(&in_base))
+}
+
+/// A place of the tool as this arm's controller shows it.
+///
+/// A machine of three or four axes can only turn the tool about Z: U is that turn (manual 5.2, `Angel`: W, "for a
+/// four-axis robot U"; it has no other angle), V and W read 0.
+#[must_use]
+pub fn pose_of(model: &RobotModel, at: &Isometry3<f64>) -> Pose {
+    let full = Pose::from_isometry(at);
+    match &model.geometry {
+        Geometry::SixAxis(_) => full,
+        Geometry::Scara(_) | Geometry::Cartesian => Pose { u: full.w, v: 0.0, w: 0.0, ..full },
+    }
+}
+
+/// The place of the tool that a pose of this arm means; an error when the pose is not finite or beyond all reach.
+///
+/// On a machine of four axes the tool keeps the tilt of `like` and is turned about Z until U is the pose's; V and W
+/// are not read. On one of three axes it stays turned as `like`.
+pub fn place_of(
+    model: &RobotModel,
+    pose: &Pose,
+    like: &UnitQuaternion<f64>,
+) -> Result<Isometry3<f64>, NotFinite> {
+    let place = pose.to_isometry()?;
+    let rotation = match &model.geometry {
+        Geometry::SixAxis(_) => return Ok(place),
+        Geometry::Cartesian if model.axis_count() < four_axis::TURN_AXIS => *like,
+        Geometry::Scara(_) | Geometry::Cartesian => {
+            let shown = pose_of(model, &Isometry3::from_parts(Translation3::identity(), *like)).u;
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), (pose.u - shown).to_radians()) * like
+        }
+    };
+    Ok(Isometry3::from_parts(place.translation, rotation))
 }
 
 /// The axis position within the soft limits that puts the tool at a pose of the base frame, nearest to
 /// `near`.
 ///
 /// Nearest by the sum over all axes of the time each needs at full speed. Whole turns count as different
-/// positions, so a target written as +180 where the arm stands at −180 does not send the wrist round. With J5
-/// at 0 only the sum of J4 and J6 matters: the turn is shared evenly, or as the limits allow.
+/// positions, so a target written as +180 where the arm stands at −180 does not send the wrist round. With J5 of a
+/// six-axis arm at 0 only the sum of J4 and J6 matters: the turn is shared evenly, or as the limits allow.
 pub fn inverse(model: &RobotModel, pose: &Pose, tool: &Frame, near: &Axes) -> Result<Axes, InverseError> {
-    let tool_at = pose.to_isometry().map_err(|_| InverseError::Unreachable)?;
-    let found = candidates(model, &flange_of(&tool_at, tool), near);
-    let turned: Vec<_> = found.into_iter().map(|arm| fit_to_limits(model, arm, near.arm())).collect();
+    let turned = fitted(model, pose, tool, near);
     let limits = model.soft_limits();
     let allowed = turned.iter().copied().filter(|arm| first_outside(&limits, *arm).is_none());
     if let Some(arm) = nearest(model, allowed, near.arm()) {
@@ -101,24 +129,28 @@ pub fn inverse(model: &RobotModel, pose: &Pose, tool: &Frame, near: &Axes) -> Re
 /// Every axis position within the soft limits that puts the tool at a pose of the base frame, nearest to
 /// `near` first; empty when there is none.
 ///
-/// At most one for each of the eight ways to bend shoulder, elbow and wrist, every axis turned by whole turns
-/// to be as near as its limits allow.
+/// At most one for each way to bend the arm (eight for six axes, two for a SCARA, one for a Cartesian machine),
+/// every axis turned by whole turns to be as near as its limits allow.
 #[must_use]
 pub fn all_solutions(model: &RobotModel, pose: &Pose, tool: &Frame, near: &Axes) -> Vec<Axes> {
-    let Ok(tool_at) = pose.to_isometry() else { return Vec::new() };
     let limits = model.soft_limits();
-    let mut found: Vec<_> = candidates(model, &flange_of(&tool_at, tool), near)
-        .into_iter()
-        .map(|arm| fit_to_limits(model, arm, near.arm()))
-        .filter(|arm| first_outside(&limits, *arm).is_none())
-        .collect();
+    let mut found = fitted(model, pose, tool, near);
+    found.retain(|arm| first_outside(&limits, *arm).is_none());
     found.sort_by(|a, b| travel_time(model, *a, near.arm()).total_cmp(&travel_time(model, *b, near.arm())));
     found.into_iter().map(|arm| near.with_arm(arm)).collect()
 }
 
+/// Every way to bend the arm to a pose of the base frame, fitted to the limits where that is possible; empty when
+/// the arm does not reach there, or the pose is not finite.
+fn fitted(model: &RobotModel, pose: &Pose, tool: &Frame, near: &Axes) -> Vec<[f64; ARM_AXES]> {
+    let Ok(tool_at) = place_of(model, pose, &tool.isometry().rotation) else { return Vec::new() };
+    let found = candidates(model, &flange_of(&tool_at, tool), near);
+    found.into_iter().map(|arm| fit_to_limits(model, arm, near.arm())).collect()
+}
+
 /// The tool in the base frame.
 pub(super) fn tool_isometry(model: &RobotModel, axes: &Axes, tool: &Frame) -> Isometry3<f64> {
-    flange(&model.solver(), axes.arm()) * tool.isometry()
+    flange(model, axes.arm()) * tool.isometry()
 }
 
 /// The axes nearest to `near` that put the tool there, whatever the limits say: for following a path, where a
@@ -133,41 +165,48 @@ pub(super) fn continued(
 }
 
 /// Tool 0 in the base frame.
-fn flange(solver: &OPWKinematics, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
-    // `Axes` bounds every angle, so the solver's only error, an overflow, cannot happen.
-    let pose = solver.try_forward(&arm.map(f64::to_radians)).unwrap_or(SolverPose::IDENTITY);
-    let (t, r) = (pose.translation, pose.rotation);
-    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(r.w, r.x, r.y, r.z));
-    Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), rotation)
+fn flange(model: &RobotModel, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
+    match &model.geometry {
+        Geometry::SixAxis(lengths) => six_axis::flange(&model.solver(lengths), arm),
+        Geometry::Scara(lengths) => four_axis::scara_flange(model, lengths, arm),
+        Geometry::Cartesian => four_axis::cartesian_flange(model, arm),
+    }
 }
 
 fn flange_of(tool_at: &Isometry3<f64>, tool: &Frame) -> Isometry3<f64> {
     tool_at * tool.isometry().inverse()
 }
 
-/// Every way to bend the arm so that tool 0 is there, each axis within half a turn of `near`, limits ignored.
+/// Every way to bend the arm so that tool 0 is there, each turning axis within half a turn of `near`, limits
+/// ignored; axes that the arm has not stay as in `near`.
 fn candidates(model: &RobotModel, flange_at: &Isometry3<f64>, near: &Axes) -> Vec<[f64; ARM_AXES]> {
-    let t = &flange_at.translation;
-    let r = flange_at.rotation.quaternion();
-    let wanted = SolverPose::try_from_parts(DVec3::new(t.x, t.y, t.z), DQuat::from_xyzw(r.i, r.j, r.k, r.w));
-    let Ok(wanted) = wanted else { return Vec::new() };
-    let found = model.solver().inverse_continuing(&wanted, &near.arm().map(f64::to_radians));
-    found.into_iter().map(|arm| arm.map(f64::to_degrees)).collect()
+    match &model.geometry {
+        Geometry::SixAxis(lengths) => six_axis::candidates(&model.solver(lengths), flange_at, near.arm()),
+        Geometry::Scara(lengths) => four_axis::scara_candidates(model, lengths, flange_at, near.arm()),
+        Geometry::Cartesian => {
+            four_axis::cartesian_candidate(model, flange_at, near.arm()).into_iter().collect()
+        }
+    }
 }
 
-/// The same bend with every axis turned by whole turns into its soft limits, as near to `near` as they allow;
-/// an axis that has no such turn is left outside.
+/// The same bend with every turning axis turned by whole turns into its soft limits, as near to `near` as they
+/// allow; an axis that has no such turn is left outside.
 fn fit_to_limits(model: &RobotModel, arm: [f64; ARM_AXES], near: [f64; ARM_AXES]) -> [f64; ARM_AXES] {
-    let [j1, j2, j3, j4, j5, j6] = share_straight_wrist(model, arm);
-    let mut fitted = [j1, j2, j3, j4, j5, j6];
-    for ((slot, near), axis) in fitted.iter_mut().zip(near).zip(&model.axes) {
-        let snapped = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|turns| {
+    let mut fitted = match &model.geometry {
+        Geometry::SixAxis(_) => six_axis::share_straight_wrist(model, arm),
+        Geometry::Scara(_) | Geometry::Cartesian => arm,
+    };
+    for ((slot, near), axis) in fitted.iter_mut().zip(near).zip(model.drives()) {
+        let turns: &[f64] = match axis.motion {
+            AxisMotion::Turns => &[-2.0, -1.0, 0.0, 1.0, 2.0],
+            AxisMotion::Slides => &[0.0],
+        };
+        let snapped = turns.iter().map(|turns| {
             let turned = *slot + turns * TURN;
             let on_limit = turned.clamp(axis.soft.min, axis.soft.max);
             if (turned - on_limit).abs() <= LIMIT_ROUNDING { on_limit } else { turned }
         });
         let best = snapped
-            .into_iter()
             .filter(|turned| axis.soft.contains(*turned))
             .min_by(|a, b| (a - near).abs().total_cmp(&(b - near).abs()));
         if let Some(best) = best {
@@ -175,17 +214,6 @@ fn fit_to_limits(model: &RobotModel, arm: [f64; ARM_AXES], near: [f64; ARM_AXES]
         }
     }
     fitted
-}
-
-/// With J5 at 0, hands to J6 what J4 cannot turn within its limits.
-fn share_straight_wrist(model: &RobotModel, arm: [f64; ARM_AXES]) -> [f64; ARM_AXES] {
-    let [j1, j2, j3, j4, j5, j6] = arm;
-    let [_, _, _, axis4, _, _] = &model.axes;
-    if j5.abs() > WRIST_STRAIGHT || axis4.soft.contains(j4) {
-        return arm;
-    }
-    let allowed = j4.clamp(axis4.soft.min, axis4.soft.max);
-    [j1, j2, j3, allowed, j5, j6 + (j4 - allowed)]
 }
 
 fn nearest(

@@ -28,4 +28,4 @@ pub use kinematics::{Frames, InverseError};
 pub use movement::{Conditions, MotionState, Move, MoveSpeed, MoveTarget, Movement};
 pub use pose::{Frame, Pose};
 pub use profile::Ramps;
-pub use robot_model::RobotModel;
+pub use robot_model::{Geometry, RobotModel};

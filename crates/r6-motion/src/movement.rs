@@ -138,7 +138,7 @@ impl Movement {
         let at = PathPoint { position: 0.0, speed: 0.0 };
         let profile = profile_to_end(&path, at, told_speed, conditions.global, conditions.ramps)?;
         Ok(Self {
-            model: *model,
+            model: model.clone(),
             frames: conditions.frames,
             path: Arc::new(path),
             ramps: conditions.ramps,

@@ -1,33 +1,44 @@
-//! The figures of each arm: lengths, limits, speeds.
+//! The figures of each arm: lengths, limits, speeds, and where each number comes from.
+//!
+//! A model is a TOML file (`docs/MODELS.md`). Those of `models/` are compiled in; a user's own goes through the
+//! same [`RobotModel::from_toml`].
+
+mod file;
+mod reader;
+mod source;
+
+use std::sync::{Arc, LazyLock};
 
 use rs_opw_kinematics::kinematics_impl::OPWKinematics;
 use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
 
-use super::axes::{ARM_AXES, AXES, Axes, AxisNumber};
+pub use self::reader::ModelError;
+pub use self::source::{Certainty, Source};
+use super::axes::{ARM_AXES, AXES, Axes, AxisNumber, FARTHEST, MoveMask};
 use super::error::LimitSide;
 
-/// A range an axis may stand in, both ends included, degrees.
+/// A range an axis may stand in, both ends included, degrees or mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// The smallest angle.
+    /// The smallest position.
     pub min: f64,
-    /// The largest angle.
+    /// The largest position.
     pub max: f64,
 }
 
 impl Limits {
-    /// Whether the angle lies inside or on an end.
+    /// Whether the position lies inside or on an end.
     #[must_use]
-    pub fn contains(self, degrees: f64) -> bool {
-        (self.min..=self.max).contains(&degrees)
+    pub fn contains(self, position: f64) -> bool {
+        (self.min..=self.max).contains(&position)
     }
 
-    /// Which end the angle lies beyond; `None` inside. What is no number lies beyond the plus end.
+    /// Which end the position lies beyond; `None` inside. What is no number lies beyond the plus end.
     #[must_use]
-    pub fn beyond(self, degrees: f64) -> Option<LimitSide> {
-        if self.contains(degrees) {
+    pub fn beyond(self, position: f64) -> Option<LimitSide> {
+        if self.contains(position) {
             None
-        } else if degrees < self.min {
+        } else if position < self.min {
             Some(LimitSide::Minus)
         } else {
             Some(LimitSide::Plus)
@@ -35,28 +46,70 @@ impl Limits {
     }
 }
 
+/// What an axis does, and so the unit of its position, limits and speed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AxisMotion {
+    /// It turns: degrees.
+    Turns,
+    /// It slides: millimetres.
+    Slides,
+}
+
 /// One axis of an arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisModel {
+    /// Whether it turns or slides.
+    pub motion: AxisMotion,
     /// Where moves may take it.
     pub soft: Limits,
     /// Where the vendor's data sheet ends.
     pub vendor: Limits,
-    /// Full speed, degrees per second.
+    /// Full speed, degrees or mm per second.
     pub max_speed: f64,
-    /// Motor turns per turn of the axis.
+    /// Motor turns per turn of the axis, or per millimetre.
     pub gear_ratio: f64,
+    /// 1 or −1: which way the axis counts, see [`Geometry`].
+    pub sign: i8,
+    /// Where the geometry stands when the axis reads 0, degrees or mm: geometry = sign · axis + offset.
+    pub offset: f64,
+}
+
+impl AxisModel {
+    /// The place of an axis that the arm has not: it never moves, and nothing is outside its limits.
+    const ABSENT: Self = Self {
+        motion: AxisMotion::Turns,
+        soft: Limits { min: -FARTHEST, max: FARTHEST },
+        vendor: Limits { min: -FARTHEST, max: FARTHEST },
+        max_speed: 1.0,
+        gear_ratio: 0.0,
+        sign: 1,
+        offset: 0.0,
+    };
+
+    /// Where the geometry stands with the axis here.
+    pub(crate) fn geometric(&self, position: f64) -> f64 {
+        f64::from(self.sign) * position + self.offset
+    }
+
+    /// Where the axis stands with the geometry here.
+    pub(crate) fn position(&self, geometric: f64) -> f64 {
+        f64::from(self.sign) * (geometric - self.offset)
+    }
 }
 
 /// The lengths of an arm with parallel base and spherical wrist, millimetres.
 ///
-/// Read at all axes 0, upper arm upright, forearm level.
+/// Read with every axis at 0 of the geometry: upper arm upright, forearm level along +X. Positive turns, as seen
+/// before an axis' sign: J1 to the left (about +Z), J2, J3 and J5 downwards (about +Y), J4 and J6 about the forearm
+/// (+X).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Geometry {
+pub struct SixAxisGeometry {
     /// Floor to shoulder, upwards.
     pub d1: f64,
     /// J1 to shoulder, forwards.
     pub a1: f64,
+    /// J1's plane to the forearm's axis, to the left.
+    pub b: f64,
     /// Shoulder to elbow, upwards.
     pub a2: f64,
     /// Elbow to forearm, upwards.
@@ -69,13 +122,38 @@ pub struct Geometry {
     pub tool_offset: f64,
 }
 
-/// Everything about one model of arm.
+/// The lengths of a SCARA, millimetres: J1 and J2 turn about +Z, J3 slides upwards, J4 turns about +Z.
+///
+/// With every axis at 0 the arm is stretched along +X.
 #[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScaraGeometry {
+    /// Floor to tool 0 at J3 = 0, upwards.
+    pub height: f64,
+    /// J1 to J2.
+    pub upper_arm: f64,
+    /// J2 to J4.
+    pub forearm: f64,
+}
+
+/// How the axes carry the tool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Geometry {
+    /// Six turning axes.
+    SixAxis(SixAxisGeometry),
+    /// Two links, a slide and a turn: four axes.
+    Scara(ScaraGeometry),
+    /// X, Y and Z slide; a fourth axis, where there is one, turns the tool about +Z.
+    Cartesian,
+}
+
+/// Everything about one model of arm. Cheap to clone.
+#[derive(Clone, Debug, PartialEq)]
 pub struct RobotModel {
     /// The vendor's name.
-    pub name: &'static str,
-    /// J1 to J6.
+    pub name: Arc<str>,
+    /// J1 to J6; those from [`RobotModel::axis_count`] on are not there and never move.
     pub axes: [AxisModel; ARM_AXES],
+    axis_count: usize,
     /// Its lengths.
     pub geometry: Geometry,
     /// Full speed of a linear or curve move, mm/s.
@@ -84,42 +162,31 @@ pub struct RobotModel {
     pub max_angular_speed: f64,
     /// From rest to full speed, and back, seconds.
     pub acceleration_time: f64,
+    /// Where the numbers come from; empty in a file that does not say.
+    pub sources: Arc<[Source]>,
 }
 
-/// BRTIRUS0707A, 7 kg.
-///
-/// Joint axes, limits and axis speeds: a public URDF of this arm and the soft limits set on one installation
-/// (reported, unit A; its J6 soft limit is also given as ±355). Lengths: the chain of that URDF brought to
-/// its equivalent, whole to about half a millimetre: with a tool offset of 17 mm it met the controller's own
-/// X, Y, Z over 11 poses to 0.73 mm RMS. That fit also carried offsets of about 0.6° on J2, J3 and J5, one
-/// arm's calibration, left out here. Line speed, angular speed and acceleration time: read off the pendant of
-/// another six-axis arm (reported, unit B). Gear ratios: no figure is published for this arm; those of the
-/// BRTIRUS0805A's public URDF are borrowed, so motor speeds are of the right order only.
-const BRTIRUS0707A: RobotModel = RobotModel {
-    name: "BRTIRUS0707A",
-    axes: [
-        axis((-155.0, 155.0), (-174.0, 174.0), 220.8, 100.0),
-        axis((-105.0, 75.0), (-125.0, 85.0), 270.0, 100.0),
-        axis((-45.0, 160.0), (-60.0, 175.0), 375.0, 101.0),
-        axis((-160.0, 160.0), (-180.0, 180.0), 308.0, 80.0),
-        axis((-100.0, 100.0), (-120.0, 120.0), 300.0, 51.0),
-        axis((-340.0, 340.0), (-360.0, 360.0), 342.0, 50.0),
-    ],
-    geometry: Geometry { d1: 296.5, a1: 50.0, a2: 350.0, a3: 41.0, d4: 363.0, d6: 101.3, tool_offset: 17.0 },
-    max_line_speed: 2000.0,
-    max_angular_speed: 200.0,
-    acceleration_time: 0.250,
-};
+/// The files of the models that come with the product, the default first.
+const FILES: [&str; 7] = [
+    include_str!("../models/BRTIRUS0707A.toml"),
+    include_str!("../models/BRTIRUS0805A.toml"),
+    include_str!("../models/BRTIRUS1510A.toml"),
+    include_str!("../models/BRTIRUS1820A.toml"),
+    include_str!("../models/BRTIRUS2030A.toml"),
+    include_str!("../models/GENERIC-SCARA.toml"),
+    include_str!("../models/GENERIC-CARTESIAN.toml"),
+];
 
-/// Every model there is.
-static MODELS: [RobotModel; 1] = [BRTIRUS0707A];
+/// Every model that comes with the product. A test holds that none of the files is dropped.
+static MODELS: LazyLock<Vec<RobotModel>> =
+    LazyLock::new(|| FILES.iter().filter_map(|text| RobotModel::from_toml(text).ok()).collect());
 
-const fn axis(soft: (f64, f64), vendor: (f64, f64), max_speed: f64, gear_ratio: f64) -> AxisModel {
-    AxisModel {
-        soft: Limits { min: soft.0, max: soft.1 },
-        vendor: Limits { min: vendor.0, max: vendor.1 },
-        max_speed,
-        gear_ratio,
+impl Default for RobotModel {
+    /// The BRTIRUS0707A.
+    fn default() -> Self {
+        let [default, ..] = FILES;
+        #[expect(clippy::expect_used, reason = "the text is compiled in, and a test reads it")]
+        Self::from_toml(default).expect("the default model's file is a model")
     }
 }
 
@@ -132,16 +199,36 @@ impl RobotModel {
 
     /// The names of all models.
     pub fn names() -> impl Iterator<Item = &'static str> {
-        MODELS.iter().map(|model| model.name)
+        MODELS.iter().map(|model| &*model.name)
     }
 
-    /// How many axes have a drive: 6.
+    /// The model that a TOML file describes; the format is that of `docs/MODELS.md`.
+    ///
+    /// # Errors
+    /// [`ModelError`] names the line, the field and the value it wanted.
+    pub fn from_toml(text: &str) -> Result<Self, ModelError> {
+        file::parse(text)
+    }
+
+    /// How many axes have a drive: 3 to 6 (`axisNum`, manual 4.1.1).
     #[must_use]
     pub const fn axis_count(&self) -> usize {
-        ARM_AXES
+        self.axis_count
     }
 
-    /// The soft limits, J1 to J6.
+    /// The axes that have a drive.
+    pub fn drives(&self) -> impl Iterator<Item = &AxisModel> {
+        self.axes.iter().take(self.axis_count)
+    }
+
+    /// A mask without the axes that the arm has not.
+    #[must_use]
+    pub fn own_axes(&self, mask: MoveMask) -> MoveMask {
+        let own = (0..self.axis_count).fold(0_u8, |bits, n| bits | (1 << n));
+        MoveMask(mask.0 & own)
+    }
+
+    /// The soft limits, J1 to J6; an axis that is not there has none that anything could exceed.
     #[must_use]
     pub fn soft_limits(&self) -> [Limits; ARM_AXES] {
         self.axes.map(|axis| axis.soft)
@@ -153,43 +240,48 @@ impl RobotModel {
         first_outside(&self.soft_limits(), axes.arm())
     }
 
-    /// Motor speeds in revolutions per minute (`curSpeed-n`, manual 4.1.1) for axis speeds in degrees per
-    /// second; 0 for J7 and J8.
+    /// Motor speeds in revolutions per minute (`curSpeed-n`, manual 4.1.1) for axis speeds in degrees or mm per
+    /// second; 0 for axes that are not there.
     #[must_use]
     pub fn motor_rpm(&self, axis_speeds: &[f64; AXES]) -> [f64; AXES] {
         /// Degrees per second in one revolution per minute.
         const DEGREES_PER_SECOND_IN_RPM: f64 = 6.0;
+        /// Seconds per minute.
+        const SECONDS: f64 = 60.0;
         let mut rpm = [0.0; AXES];
-        for ((slot, speed), axis) in rpm.iter_mut().zip(axis_speeds).zip(&self.axes) {
-            *slot = speed * axis.gear_ratio / DEGREES_PER_SECOND_IN_RPM;
+        for ((slot, speed), axis) in rpm.iter_mut().zip(axis_speeds).zip(self.drives()) {
+            *slot = match axis.motion {
+                AxisMotion::Turns => speed * axis.gear_ratio / DEGREES_PER_SECOND_IN_RPM,
+                AxisMotion::Slides => speed * axis.gear_ratio * SECONDS,
+            };
         }
         rpm
     }
 
-    /// The solver for this arm.
+    /// The solver for a six-axis arm with these axes.
     ///
-    /// It counts from an arm stretched upright, turning J2, J3 and J5 about +Y and J4 and J6 about the
-    /// forearm. The controller counts from a level forearm (hence a quarter turn on J3) and the other way on
-    /// J2, J3 and J5: the joint axes of the URDF are (+z, −x, −x, +y, −x, −y), its signs (+, −, −, +, −, −),
-    /// and the controller's world is the URDF's turned by −90° about Z, which makes URDF +y the world's +X.
-    pub(super) fn solver(&self) -> OPWKinematics {
-        let g = &self.geometry;
+    /// It counts from an arm stretched upright, turning J2, J3 and J5 about +Y and J4 and J6 about the forearm.
+    /// The geometry counts from a level forearm: hence a quarter turn on J3.
+    pub(super) fn solver(&self, g: &SixAxisGeometry) -> OPWKinematics {
+        let mut offsets = self.axes.map(|axis| -axis.offset.to_radians());
+        let [_, _, j3, _, _, _] = &mut offsets;
+        *j3 -= std::f64::consts::FRAC_PI_2;
         OPWKinematics::new(Parameters {
             a1: g.a1,
             a2: -g.a3,
-            b: 0.0,
+            b: g.b,
             c1: g.d1,
             c2: g.a2,
             c3: g.d4,
             c4: g.d6 + g.tool_offset,
-            offsets: [0.0, 0.0, -std::f64::consts::FRAC_PI_2, 0.0, 0.0, 0.0],
-            sign_corrections: [1, -1, -1, 1, -1, 1],
+            offsets,
+            sign_corrections: self.axes.map(|axis| axis.sign),
             dof: 6,
         })
     }
 }
 
-/// The first of six angles outside its limits, and the end it lies beyond.
+/// The first of six positions outside its limits, and the end it lies beyond.
 pub(super) fn first_outside(
     limits: &[Limits; ARM_AXES],
     arm: [f64; ARM_AXES],
@@ -198,63 +290,8 @@ pub(super) fn first_outside(
         .into_iter()
         .zip(limits)
         .zip(arm)
-        .find_map(|((axis, limits), degrees)| limits.beyond(degrees).map(|side| (axis, side)))
+        .find_map(|((axis, limits), position)| limits.beyond(position).map(|side| (axis, side)))
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_find_their_model_in_any_case() {
-        for name in RobotModel::names() {
-            assert_eq!(RobotModel::named(name).map(|m| m.name), Some(name));
-            assert_eq!(RobotModel::named(&name.to_ascii_lowercase()).map(|m| m.name), Some(name));
-        }
-        assert_eq!(RobotModel::named("BRTIRUS9999Z"), None);
-        assert_eq!(RobotModel::named(""), None);
-    }
-
-    #[test]
-    fn every_model_is_sane() {
-        for model in &MODELS {
-            assert_eq!(model.axis_count(), 6);
-            for axis in &model.axes {
-                assert!(
-                    axis.vendor.min <= axis.soft.min && axis.soft.max <= axis.vendor.max,
-                    "{}",
-                    model.name
-                );
-                assert!(axis.soft.contains(0.0) && axis.max_speed > 0.0 && axis.gear_ratio > 0.0);
-            }
-            assert!(
-                model.max_line_speed > 0.0 && model.max_angular_speed > 0.0 && model.acceleration_time > 0.0
-            );
-        }
-    }
-
-    #[test]
-    fn limits_name_the_end() {
-        let limits = Limits { min: -45.0, max: 160.0 };
-        assert_eq!(limits.beyond(-45.0), None);
-        assert_eq!(limits.beyond(160.0), None);
-        assert_eq!(limits.beyond(-45.000_001), Some(LimitSide::Minus));
-        assert_eq!(limits.beyond(160.1), Some(LimitSide::Plus));
-        assert!(limits.beyond(f64::NAN).is_some());
-    }
-
-    #[test]
-    fn the_first_axis_outside_is_named() {
-        let model = RobotModel::named("BRTIRUS0707A").unwrap();
-        let axes = Axes::of_arm([0.0, 75.0, -45.1, 0.0, 0.0, 400.0]).unwrap();
-        assert_eq!(model.outside_limits(&axes), Some((AxisNumber::ARM[2], LimitSide::Minus)));
-        assert_eq!(model.outside_limits(&Axes::ZERO), None);
-    }
-
-    #[test]
-    fn motor_speed_goes_through_the_gear() {
-        let model = RobotModel::named("brtirus0707a").unwrap();
-        let rpm = model.motor_rpm(&[6.0, -6.0, 12.0, 0.0, 6.0, 342.0, 99.0, 99.0]);
-        assert_eq!(rpm, [100.0, -100.0, 202.0, 0.0, 51.0, 2850.0, 0.0, 0.0]);
-    }
-}
+mod tests;

@@ -18,8 +18,8 @@ pub struct SimSettings {
     pub count: u16,
     /// The firmware they play.
     pub profile: Profile,
-    /// The name of the robot model.
-    pub model: String,
+    /// The arm.
+    pub model: RobotModel,
     /// How they stand when they are switched on.
     pub start: StartState,
     /// The seed; controller n has seed + n.
@@ -33,7 +33,7 @@ impl Default for SimSettings {
             listen: vec![SocketAddr::from((Ipv4Addr::LOCALHOST, 0))],
             count: 1,
             profile: Profile::hc1(),
-            model: "BRTIRUS0707A".to_owned(),
+            model: RobotModel::default(),
             start: StartState::Waiting,
             seed: 0,
         }
@@ -43,13 +43,6 @@ impl Default for SimSettings {
 /// Why a simulation could not be started: nothing is left running.
 #[derive(Debug)]
 pub enum SimError {
-    /// There is no robot model of this name.
-    UnknownModel {
-        /// The name.
-        name: String,
-        /// The name that comes nearest.
-        nearest: Option<&'static str>,
-    },
     /// No address to listen on, no controller, or more than fit.
     BadCount {
         /// How many controllers were asked for.
@@ -74,16 +67,6 @@ pub enum SimError {
 impl fmt::Display for SimError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::UnknownModel { name, nearest } => {
-                write!(f, "there is no robot model `{name}`")?;
-                match nearest {
-                    Some(near) => write!(f, "; nearest: `{near}`"),
-                    None => {
-                        let names: Vec<_> = RobotModel::names().collect();
-                        write!(f, "; there is: {}", names.join(", "))
-                    }
-                }
-            }
             Self::BadCount { controllers } => {
                 write!(
                     f,

@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 
-use r6_controller::{Controller, ControllerSettings, RobotModel};
+use r6_controller::{Controller, ControllerSettings};
 use r6_proto::time::Instant;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
@@ -25,10 +25,6 @@ impl Simulation {
     /// # Errors
     /// [`SimError`]: nothing is left running.
     pub async fn start(settings: SimSettings) -> Result<Self, SimError> {
-        let model = RobotModel::named(&settings.model).ok_or_else(|| SimError::UnknownModel {
-            nearest: r6_proto::nearest(&settings.model, RobotModel::names()),
-            name: settings.model.clone(),
-        })?;
         let addresses = addresses(&settings)?;
         let started = tokio::time::Instant::now();
         let mut simulation = Self { controllers: Vec::with_capacity(addresses.len()), tasks: JoinSet::new() };
@@ -39,7 +35,7 @@ impl Simulation {
             let controller = ControllerSettings {
                 start: settings.start,
                 seed: settings.seed.wrapping_add(number),
-                ..ControllerSettings::new(settings.profile.clone(), *model)
+                ..ControllerSettings::new(settings.profile.clone(), settings.model.clone())
             };
             let handle = ControllerHandle::new(bound, started, Controller::new(controller, Instant::ORIGIN));
             simulation.tasks.spawn(handle.clone().run_timers());

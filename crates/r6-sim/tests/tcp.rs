@@ -147,9 +147,6 @@ async fn what_cannot_be_started_says_why() {
     let error = Simulation::start(SimSettings { listen, ..SimSettings::default() }).await.unwrap_err();
     assert!(matches!(&error, SimError::Listen { .. }));
     assert!(error.to_string().contains("is taken by another program"), "{error}");
-    let model = "BRTIRUS0707B".to_owned();
-    let error = Simulation::start(SimSettings { model, ..SimSettings::default() }).await.unwrap_err();
-    assert_eq!(error.to_string(), "there is no robot model `BRTIRUS0707B`; nearest: `BRTIRUS0707A`");
     let error = Simulation::start(SimSettings { count: 0, ..SimSettings::default() }).await.unwrap_err();
     assert!(matches!(error, SimError::BadCount { controllers: 0 }));
     let listen = vec!["127.0.0.1:65530".parse().unwrap()];

@@ -23,7 +23,7 @@ impl Cell {
     }
 
     pub fn with(profile: Profile, start: StartState) -> Self {
-        let model = *RobotModel::named("BRTIRUS0707A").unwrap();
+        let model = RobotModel::named("BRTIRUS0707A").unwrap().clone();
         Self::of(ControllerSettings { start, ..ControllerSettings::new(profile, model) })
     }
 

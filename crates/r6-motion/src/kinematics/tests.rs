@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3};
 use proptest::prelude::*;
 
 use super::*;
@@ -41,7 +41,7 @@ fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
 /// The arm link by link in the URDF's own frame, with its joint axes and signs, then turned into the
 /// controller's world; the flange's Z is its approach direction.
 fn link_by_link(model: &RobotModel, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
-    let g = &model.geometry;
+    let Geometry::SixAxis(g) = &model.geometry else { panic!("a six-axis arm") };
     let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
     let links = [
         (Vector3::zeros(), z, 1.0),

@@ -20,6 +20,7 @@ impl AxisPath {
     /// An error when an axis in the mask is sent outside its soft limits. An axis that stands outside and
     /// stays is none: so an arm can be brought back one axis at a time.
     pub fn plan(model: &RobotModel, start: &Axes, target: &Axes, mask: MoveMask) -> Result<Self, PlanError> {
+        let mask = model.own_axes(mask);
         let end = mask.pick(start.arm(), target.arm());
         let outside =
             AxisNumber::ARM.into_iter().zip(end).zip(&model.axes).find_map(|((axis, end), figures)| {

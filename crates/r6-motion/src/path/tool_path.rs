@@ -11,7 +11,7 @@ use super::spline::{Node, Stretch};
 use super::track::Track;
 use crate::axes::{ARM_AXES, Axes, MoveMask};
 use crate::error::PlanError;
-use crate::kinematics::{Frames, continued, tool_isometry};
+use crate::kinematics::{Frames, continued, place_of, pose_of, tool_isometry};
 use crate::path::PathAxes;
 use crate::pose::{Frame, Pose};
 use crate::robot_model::RobotModel;
@@ -47,7 +47,7 @@ impl LinearPath {
         mask: MoveMask,
     ) -> Result<Self, PlanError> {
         let from = tool_isometry(model, start, &frames.tool);
-        let to = masked(frames, &from, target, mask)?;
+        let to = masked(model, frames, &from, target, mask)?;
         ToolPath::plan(model, &frames.tool, start, Track::line(from, to)).map(Self)
     }
 }
@@ -67,8 +67,8 @@ impl CurvePath {
         mask: MoveMask,
     ) -> Result<Self, PlanError> {
         let from = tool_isometry(model, start, &frames.tool);
-        let through = masked(frames, &from, middle, mask)?.translation.vector;
-        let to = masked(frames, &from, end, mask)?;
+        let through = masked(model, frames, &from, middle, mask)?.translation.vector;
+        let to = masked(model, frames, &from, end, mask)?;
         let track = Track::arc(from, Point3::from(through), to)?;
         ToolPath::plan(model, &frames.tool, start, track).map(Self)
     }
@@ -104,6 +104,7 @@ answers!(CurvePath);
 /// A pose of the work frame as a transform in the base frame, with the start's values where the mask is
 /// clear.
 fn masked(
+    model: &RobotModel,
     frames: &Frames,
     from: &Isometry3<f64>,
     target: &Pose,
@@ -111,8 +112,8 @@ fn masked(
 ) -> Result<Isometry3<f64>, PlanError> {
     let work = frames.work.isometry();
     let start = work.inv_mul(from);
-    let picked = mask.pick(Pose::from_isometry(&start).components(), target.components());
-    let mut wanted = Pose::from_components(picked).to_isometry()?;
+    let picked = mask.pick(pose_of(model, &start).components(), target.components());
+    let mut wanted = place_of(model, &Pose::from_components(picked), &start.rotation)?;
     if !mask.touches(MoveMask::ORIENTATION) {
         // Not by way of U, V, W and back, which rounds.
         wanted.rotation = start.rotation;

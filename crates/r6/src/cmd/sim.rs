@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 
 use clap::{Args, ValueEnum};
-use r6_controller::{LogLine, Profile, StartState};
+use r6_controller::{LogLine, Profile, RobotModel, StartState};
 use r6_sim::{ControllerHandle, SimError, SimSettings, Simulation};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::task::JoinSet;
@@ -19,9 +19,9 @@ pub struct CellArgs {
     /// Where to listen, may be given several times; port 0 takes any free port
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:9760")]
     listen: Vec<SocketAddr>,
-    /// The arm, by its model name
-    #[arg(long, default_value = "BRTIRUS0707A")]
-    model: String,
+    /// The arm: BRTIRUS0707A, 0805A, 1510A, 1820A or 2030A, GENERIC-SCARA, GENERIC-CARTESIAN, or a .toml file
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "BRTIRUS0707A", value_parser = model)]
+    model: RobotModel,
     /// The firmware: hc1, r6-host, r6-pendant, legacy, or a .toml file that changes one of them
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "hc1", value_parser = profile)]
     profile: Profile,
@@ -57,7 +57,9 @@ Examples:
   r6 sim --listen 127.0.0.1:0                   on any free port
   r6 sim --count 10 --listen 127.0.0.1:10000    ten controllers on ports 10000 to 10009
   r6 sim --profile legacy --start stopped
-  r6 sim --profile my-cell.toml")]
+  r6 sim --profile my-cell.toml
+  r6 sim --model GENERIC-SCARA
+  r6 sim --model my-arm.toml")]
 pub struct SimArgs {
     #[command(flatten)]
     cell: CellArgs,
@@ -95,10 +97,9 @@ pub async fn start(cell: CellArgs, count: u16) -> Result<Simulation, Failure> {
     };
     let settings = SimSettings { listen, count, profile, model, start, seed };
     Simulation::start(settings).await.map_err(|error| match &error {
-        SimError::UnknownModel { .. }
-        | SimError::BadCount { .. }
-        | SimError::NoSuchPort { .. }
-        | SimError::Listen { .. } => Failure::usage(&error),
+        SimError::BadCount { .. } | SimError::NoSuchPort { .. } | SimError::Listen { .. } => {
+            Failure::usage(&error)
+        }
     })
 }
 
@@ -116,6 +117,25 @@ fn profile(text: &str) -> Result<Profile, String> {
     Err(match r6_proto::nearest(text, names) {
         Some(near) => format!("there is no such profile; nearest: `{near}`"),
         None => format!("there is no such profile; there are: {}, or a .toml file", names.join(", ")),
+    })
+}
+
+/// The robot model of this name, or of this file.
+fn model(text: &str) -> Result<RobotModel, String> {
+    if let Some(model) = RobotModel::named(text) {
+        return Ok(model.clone());
+    }
+    if Path::new(text).extension().is_some_and(|extension| extension == "toml") {
+        let file =
+            std::fs::read_to_string(text).map_err(|error| format!("the file cannot be read: {error}"))?;
+        return RobotModel::from_toml(&file).map_err(|error| error.to_string());
+    }
+    Err(match r6_proto::nearest(text, RobotModel::names()) {
+        Some(near) => format!("there is no such robot model; nearest: `{near}`"),
+        None => {
+            let names: Vec<_> = RobotModel::names().collect();
+            format!("there is no such robot model; there are: {}, or a .toml file", names.join(", "))
+        }
     })
 }
 

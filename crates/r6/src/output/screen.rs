@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::net::SocketAddr;
 
-use r6_controller::ControllerSnapshot;
+use r6_controller::{AxisMotion, ControllerSnapshot};
 use r6_proto::AxisIndex;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -116,11 +116,15 @@ fn draw_axes(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
     let width = usize::from(area.width).saturating_sub(35);
     let lines: Vec<_> = AxisIndex::ALL
         .iter()
-        .zip(state.axis_limits.iter().zip(state.axes))
-        .map(|(axis, ((lowest, highest), angle))| {
+        .zip(state.axis_limits.iter().zip(state.axes).zip(&state.axis_motions))
+        .map(|(axis, (((lowest, highest), position), motion))| {
+            let unit = match motion {
+                AxisMotion::Turns => "deg",
+                AxisMotion::Slides => "mm",
+            };
             Line::raw(format!(
-                "{axis} {lowest:6.0} {} {highest:<5.0}{angle:10.3} deg",
-                bar(angle, *lowest, *highest, width)
+                "{axis} {lowest:6.0} {} {highest:<5.0}{position:10.3} {unit}",
+                bar(position, *lowest, *highest, width)
             ))
         })
         .collect();
@@ -131,9 +135,9 @@ fn draw_axes(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
 }
 
 /// A scale from limit to limit with a mark where the axis stands.
-fn bar(angle: f64, lowest: f64, highest: f64, width: usize) -> String {
+fn bar(position: f64, lowest: f64, highest: f64, width: usize) -> String {
     let last = width.saturating_sub(1);
-    let share = ((angle - lowest) / (highest - lowest)).clamp(0.0, 1.0);
+    let share = ((position - lowest) / (highest - lowest)).clamp(0.0, 1.0);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -189,6 +193,7 @@ mod tests {
             list_length: 3,
             axes: [10.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0],
             axis_limits: vec![(-155.0, 155.0); 6],
+            axis_motions: vec![AxisMotion::Turns; 6],
             world: [400.0, -50.0, 500.0, 180.0, 0.0, 0.0],
             global_speed_percent: 100.0,
             cycle_seconds: 1.5,

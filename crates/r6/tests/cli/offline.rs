@@ -122,6 +122,18 @@ fn a_wrong_command_line_is_code_2_and_says_why() {
 }
 
 #[test]
+fn a_wrong_model_file_names_line_field_and_wanted_value() {
+    let file = TempFile::new("wrong-model.toml", "name = \"my arm\"\nkind = \"skara\"\n");
+    let outcome = r6(&["sim", "--model", file.path()]);
+    assert_eq!(outcome.code, 2);
+    let wanted = "line 2, `kind`: wanted one of six-axis, scara, cartesian (nearest: scara), found \"skara\"";
+    assert!(outcome.err.contains(wanted), "{}", outcome.err);
+    let outcome = r6(&["sim", "--model", "no-such-file.toml"]);
+    assert_eq!(outcome.code, 2);
+    assert!(outcome.err.contains("cannot be read"), "{}", outcome.err);
+}
+
+#[test]
 fn a_wrong_profile_file_is_named() {
     let file = TempFile::new("wrong-profile.toml", "max_conections = 2");
     let outcome = r6(&["sim", "--profile", file.path()]);

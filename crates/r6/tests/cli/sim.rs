@@ -2,7 +2,7 @@
 
 use std::net::TcpListener;
 
-use crate::support::{Robot, Running, r6};
+use crate::support::{Robot, Running, TempFile, r6};
 
 #[test]
 fn a_signal_ends_sim_cleanly() {
@@ -50,6 +50,34 @@ fn up_without_a_terminal_prints_lines() {
         assert_eq!(r6(&["-r", &address, "stop"]).code, 0);
         assert_ne!(up.line(), "", "a change of state is a line");
         assert_eq!(up.end(signal), Some(0), "{signal}");
+    }
+}
+
+#[test]
+fn a_model_of_four_axes_is_played() {
+    let document = include_str!("../../../../docs/MODELS.md");
+    let (_, example) = document.split_once("```toml\n").unwrap();
+    let file = TempFile::new("my-scara.toml", example.split_once("```").unwrap().0);
+    // Stretched, and with the second link 10 degrees off.
+    let bent = 225.0 + 175.0 * 10.0_f64.to_radians().cos();
+    for (model, x, height, turn) in [("generic-scara", 600.0, 300.0, 0.0), (file.path(), bent, 220.0, 10.0)] {
+        let robot = Robot::start(&["--model", model]);
+        let shows = |address, wanted: f64| {
+            let value = robot.value(address);
+            assert!(
+                (value.as_f64().unwrap() - wanted).abs() < 1e-5,
+                "{model} {address}: {value}, not {wanted}"
+            );
+        };
+        shows("axisNum", 4.0);
+        for (address, wanted) in [("world-0", x), ("world-2", height), ("world-3", turn), ("world-5", 0.0)] {
+            shows(address, wanted);
+        }
+        let moved = robot.r6(&["move", "axes", "0", "0", "-50", "30", "--wait"]);
+        assert_eq!(moved.code, 0, "{moved:?}");
+        for (address, wanted) in [("axis-2", -50.0), ("world-2", height - 50.0), ("world-3", turn + 30.0)] {
+            shows(address, wanted);
+        }
     }
 }
 
