@@ -128,7 +128,8 @@ impl Profile {
         (profile.duration() <= LONGEST).then_some(profile)
     }
 
-    /// The same with another `top` from `at` on, both above zero.
+    /// The same with another `top` from `at` on, which may lie ahead by as much as a change takes. It is no longer
+    /// asked for times before that.
     ///
     /// Nothing changes where the way that is left is too short for it: when the change to rest has been asked
     /// for, or would have to be before the change to `top` could take effect. `None` as for
@@ -143,8 +144,8 @@ impl Profile {
         }
         let mut next = self.clone();
         next.settle(at);
-        // A change that has not begun is replaced.
-        let waiting = next.changes.pop_if(|change| change.at > at);
+        // A change that has had no effect yet is replaced.
+        let waiting = next.changes.pop_if(|change| change.at >= at);
         let soonest = next.changes.last().map_or(at, |change| at.max(change.at + CLOSEST_CHANGES));
         let at = waiting.map_or(soonest, |change| change.at);
         let by = top - next.asked_speed();
@@ -172,11 +173,11 @@ impl Profile {
         self.settled.1 + self.changes.iter().map(|change| change.by).sum::<f64>()
     }
 
-    /// Forgets changes that are over at `at`; the profile is no longer asked for times before it.
+    /// Forgets changes that were over some time before `at`.
     fn settle(&mut self, at: f64) {
         let (position, speed) = &mut self.settled;
         self.changes.retain(|change| {
-            let over = change.ends() <= at;
+            let over = change.ends() + change.step.width() <= at;
             if over {
                 *position -= change.by * (change.at + change.step.lag());
                 *speed += change.by;

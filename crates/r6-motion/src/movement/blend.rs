@@ -142,3 +142,6 @@ pub(super) fn sum(first: &StrokeState, second: &StrokeState, corner: &Axes) -> S
     }
     StrokeState { axes: corner.with_arm(arm), speeds }
 }
+
+#[cfg(test)]
+mod tests;

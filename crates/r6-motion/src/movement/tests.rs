@@ -7,29 +7,29 @@ use crate::kinematics::forward;
 use crate::kinematics::tests::{arm_in_limits, model, possible};
 use crate::pose::Frame;
 
-fn conditions(global: f64) -> Conditions {
+pub(super) fn conditions(global: f64) -> Conditions {
     Conditions { global, ramps: Ramps::default(), frames: Frames::default() }
 }
 
-fn percent(target: MoveTarget, percent: f64) -> Move {
+pub(super) fn percent(target: MoveTarget, percent: f64) -> Move {
     Move { target, mask: MoveMask::SIX, speed: MoveSpeed::PercentOfMax(percent), delay: 0.0 }
 }
 
-fn to_axes(degrees: [f64; 6]) -> MoveTarget {
+pub(super) fn to_axes(degrees: [f64; 6]) -> MoveTarget {
     MoveTarget::Axes(Axes::of_arm(degrees).unwrap())
 }
 
-fn tool_down() -> Axes {
+pub(super) fn tool_down() -> Axes {
     Axes::of_arm([0.0, -10.0, 10.0, 0.0, -90.0, 0.0]).unwrap()
 }
 
 /// From the tool-down stance by so many mm.
-fn line_by(x: f64, y: f64, z: f64) -> MoveTarget {
+pub(super) fn line_by(x: f64, y: f64, z: f64) -> MoveTarget {
     let from = forward(model(), &tool_down(), &Frame::identity());
     MoveTarget::Line(Pose { x: from.x + x, y: from.y + y, z: from.z + z, ..from })
 }
 
-fn plan(start: &Axes, order: &Move, global: f64) -> Movement {
+pub(super) fn plan(start: &Axes, order: &Move, global: f64) -> Movement {
     Movement::plan(model(), start, order, &conditions(global)).unwrap()
 }
 
@@ -221,7 +221,7 @@ fn odd_times_are_answered() {
 }
 
 /// A move of any kind, mostly possible.
-fn any_move() -> impl Strategy<Value = (Axes, Move)> {
+pub(super) fn any_move() -> impl Strategy<Value = (Axes, Move)> {
     let offset = || prop::array::uniform3(-120.0..120.0);
     let target = prop_oneof![
         arm_in_limits().prop_map(to_axes),
@@ -242,12 +242,12 @@ fn odd_number() -> impl Strategy<Value = f64> {
     prop_oneof![4 => -400.0..400.0, 2 => 0.0..1.0, 1 => any::<f64>(), 1 => -1e7..1e7]
 }
 
-fn end_of(movement: &Movement) -> Axes {
+pub(super) fn end_of(movement: &Movement) -> Axes {
     movement.state_at(movement.duration()).axes
 }
 
 /// Where `old` is at `at` is where `new` starts, as fast.
-fn takes_over(old: &Movement, new: &Movement, at: f64) -> Result<(), TestCaseError> {
+pub(super) fn takes_over(old: &Movement, new: &Movement, at: f64) -> Result<(), TestCaseError> {
     let (was, is) = (old.state_at(at), new.state_at(0.0));
     for (was, is) in was.axes.degrees().iter().zip(is.axes.degrees()) {
         prop_assert!((was - is).abs() < 1e-9, "{was} {is}");
