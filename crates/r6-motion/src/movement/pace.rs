@@ -104,7 +104,8 @@ mod tests {
                 let time = pace.time(t);
                 let when = pace.when(time).unwrap();
                 prop_assert!((pace.time(when) - time).abs() < 1e-9, "{when} {t}");
-                prop_assert!(when <= t + 1e-9);
+                // Where time all but stands still, one instant is as good as the next.
+                prop_assert!(pace.rate(t) < 1e-3 || (when - t).abs() < 1e-9, "{when} {t}");
                 let rate = (pace.time(t + 1e-6) - time) / 1e-6;
                 prop_assert!((rate - pace.rate(t)).abs() < 1e-3 + 1e-5 / halt.min(gain));
             }
