@@ -173,6 +173,16 @@ impl Profile {
         self.settled.1 + self.changes.iter().map(|change| change.by).sum::<f64>()
     }
 
+    /// No speed on the way is above this, as a fraction of full speed.
+    #[must_use]
+    pub fn fastest(&self) -> f64 {
+        let mut asked = self.settled.1;
+        self.changes.iter().fold(asked, |fastest, change| {
+            asked += change.by;
+            fastest.max(asked)
+        })
+    }
+
     /// Forgets changes that were over some time before `at`.
     fn settle(&mut self, at: f64) {
         let (position, speed) = &mut self.settled;

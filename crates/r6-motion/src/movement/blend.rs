@@ -6,7 +6,7 @@
 //! can come in.
 
 use super::{Conditions, Move, Movement, Stroke, StrokeState};
-use crate::axes::{ARM_AXES, Axes, AxisNumber};
+use crate::axes::{ARM_AXES, Axes};
 use crate::error::PlanError;
 use crate::path::Path;
 
@@ -17,6 +17,9 @@ const SHARE_PER_LEVEL: f64 = 0.045;
 
 /// At how many instants of a corner the axes are compared with their limits.
 const LOOKS: u32 = 64;
+
+/// How often a corner is rounded half as much before it is not rounded at all.
+const TRIES: u32 = 5;
 
 /// How much a corner is rounded, 0 (the arm stops there) to 9 (`smooth`, manual 6.1.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -58,8 +61,8 @@ impl Movement {
     /// The same with a move that begins at `at`, or as soon after as the corner allows, and goes on from where
     /// this one ends. Time goes on: it is not counted anew.
     ///
-    /// A corner at which an axis might leave its limits is not rounded: the second move begins when the first has
-    /// ended. Errors as [`Movement::plan`]; [`PlanError::NotFinite`] also when a corner is still being rounded or the
+    /// A corner at which an axis might leave its limits is rounded less, and at last not at all: the second move then
+    /// begins when the first has ended. Errors as [`Movement::plan`]; [`PlanError::NotFinite`] also when a corner is still being rounded or the
     /// movement halts.
     pub fn join(
         &self,
@@ -72,16 +75,15 @@ impl Movement {
             return Err(PlanError::NotFinite);
         }
         let mut second = Stroke::plan(&self.model, &self.first.end(), order, conditions, 0.0)?;
-        let overlap = overlap(&self.first, blend).min(overlap(&second, blend));
         let end = self.first.ends();
-        second.starts = order.delay + self.pace.time(at).max(end - overlap).min(end);
-        let mut next = Self { second: Some(second), ..self.clone() };
-        if !next.corner_within_limits()
-            && let Some(second) = &mut next.second
-        {
-            second.starts = end + order.delay;
+        let overlap = overlap(&self.first, blend).min(overlap(&second, blend)).min(end - self.pace.time(at));
+        for overlap in (0..TRIES).map(|halved| overlap / f64::from(1_u32 << halved)).chain([0.0]) {
+            second.starts = end - overlap.max(0.0) + order.delay;
+            if overlap <= 0.0 || self.corner_within_limits(&second) {
+                break;
+            }
         }
-        Ok(next)
+        Ok(Self { second: Some(second), ..self.clone() })
     }
 
     /// When the first of two moves ends; `None` when there is one, or the movement halts before.
@@ -100,27 +102,35 @@ impl Movement {
         next
     }
 
-    /// Whether no axis can leave its soft limits while the corner is rounded.
+    /// Whether no axis can leave its soft limits while the corner before `second` is rounded.
     ///
     /// Where both moves take every axis one way there is nothing to look at: at each instant what is left of the
     /// first and what is done of the second are at most half of their ways. Else it is looked at often enough that
     /// no axis can be outside in between.
-    fn corner_within_limits(&self) -> bool {
-        let Some(second) = &self.second else { return true };
+    fn corner_within_limits(&self, second: &Stroke) -> bool {
         if let (Path::Axis(_), Path::Axis(_)) = (&*self.first.path, &*second.path) {
             return true;
         }
+        let corner = self.first.end();
         let (from, to) = (second.starts, self.first.ends());
         let step = (to - from).max(0.0) / f64::from(LOOKS);
+        // An axis is never faster than in the faster of the two.
+        let fastest = self.first.axis_speed().max(second.axis_speed());
         (0..=LOOKS).all(|look| {
-            let here = self.at(from + step * f64::from(look));
-            AxisNumber::ARM.into_iter().zip(here.axes.arm()).zip(&self.model.axes).all(
-                |((_, degrees), figures)| {
-                    let between = figures.max_speed * step / 2.0;
-                    figures.soft.contains(degrees - between) && figures.soft.contains(degrees + between)
-                },
-            )
+            let time = from + step * f64::from(look);
+            let here = sum(&self.first.at(time), &second.at(time), &corner);
+            here.axes.arm().into_iter().zip(&self.model.axes).all(|(degrees, figures)| {
+                let between = figures.max_speed * fastest * step / 2.0;
+                figures.soft.contains(degrees - between) && figures.soft.contains(degrees + between)
+            })
         })
+    }
+}
+
+impl Stroke {
+    /// The largest fraction of its full speed that any axis can have on it.
+    fn axis_speed(&self) -> f64 {
+        self.profile.fastest() / self.path.top_speed()
     }
 }
 

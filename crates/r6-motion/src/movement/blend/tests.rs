@@ -1,12 +1,14 @@
 use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
 
 use super::super::tests::{
     any_move, conditions, end_of, line_by, percent, plan, takes_over, to_axes, tool_down,
 };
 use super::*;
+use crate::kinematics::forward;
 use crate::kinematics::tests::{arm_in_limits, model, possible};
 use crate::movement::MoveTarget;
-use crate::pose::Pose;
+use crate::pose::{Frame, Pose};
 use crate::profile::{Ramps, SmoothStep};
 
 /// A ramp of 0.25 s and the filter.
@@ -120,18 +122,46 @@ fn a_third_move_does_not_join() {
     assert!((alone.duration() - movement.duration()).abs() < 1e-12, "time goes on");
 }
 
-/// Where an axis passes its limit between two lines, the corner is not rounded.
+/// Two lines at a limit: the nearer the axis is to it, the less the corner is rounded.
 #[test]
-fn a_corner_at_a_limit_is_not_rounded() {
-    let start = Axes::of_arm([154.6, -10.0, 10.0, 0.0, -90.0, 0.0]).unwrap();
-    let from = crate::kinematics::forward(model(), &start, &crate::pose::Frame::identity());
-    let aside = Pose { z: from.z - 40.0, ..from };
-    let first = plan(&start, &percent(MoveTarget::Line(aside), 10.0), 1.0);
-    let movement = joined(&first, &percent(MoveTarget::Line(from), 10.0), 1.0, Blend::MOST);
-    assert!(
-        (movement.duration() - 2.0 * first.duration()).abs() < 1e-9,
-        "J1 is within a degree of its limit"
-    );
+fn a_corner_at_a_limit_is_rounded_less() {
+    let mut last = f64::INFINITY;
+    for (j1, rounded) in [(150.0, true), (154.99, true), (154.9999, false)] {
+        let start = Axes::of_arm([j1, -10.0, 10.0, 0.0, -90.0, 0.0]).unwrap();
+        let from = forward(model(), &start, &Frame::identity());
+        let aside = Pose { z: from.z - 40.0, ..from };
+        let first = plan(&start, &percent(MoveTarget::Line(aside), 10.0), 1.0);
+        let movement = joined(&first, &percent(MoveTarget::Line(from), 10.0), 1.0, Blend::MOST);
+        let overlap = 2.0 * first.duration() - movement.duration();
+        assert!(overlap < last && (overlap > 0.01) == rounded, "J1 at {j1}: {overlap}");
+        last = overlap;
+    }
+}
+
+/// The tool on two lines after one another, at full speed: in the corner too it is never faster than it was told.
+#[test]
+fn the_tool_is_no_faster_in_a_corner() {
+    let mut runner =
+        TestRunner::new(ProptestConfig { max_global_rejects: 20_000, ..ProptestConfig::default() });
+    let offset = || prop::array::uniform3(-200.0..200.0);
+    let speed = |movement: &Movement, t: f64| {
+        let (a, b) = (movement.state_at(t - 1e-5).pose, movement.state_at(t + 1e-5).pose);
+        ((b.x - a.x).powi(2) + (b.y - a.y).powi(2) + (b.z - a.z).powi(2)).sqrt() / 2e-5
+    };
+    let cases = (offset(), offset(), 1.0..100.0, 1_u8..=9);
+    runner
+        .run(&cases, |([a, b, c], [x, y, z], told, level)| {
+            let order = percent(line_by(a, b, c), told);
+            let next = percent(line_by(x, y, z), told);
+            let (_, both) = corner_of((tool_down(), order, next, Blend::new(level)), 1.0)?;
+            let (begins, ends) = (both.second.as_ref().unwrap().starts, both.first_ends().unwrap());
+            for look in 0..=50 {
+                let now = speed(&both, begins + (ends - begins) * f64::from(look) / 50.0);
+                prop_assert!(now <= 2000.0 * told / 100.0 * 1.001 + 0.01, "{now}");
+            }
+            Ok(())
+        })
+        .unwrap();
 }
 
 /// Two moves of any kind after one another, mostly possible, and a level from 1 to 9.
