@@ -11,9 +11,9 @@ use tokio::time::{Instant, sleep, timeout_at};
 use crate::error::{NotSent, RequestError};
 use crate::job::Work;
 use crate::link::Lane;
-use crate::mode::OperationMode;
 use crate::robot::{Accepted, Robot};
 use crate::status::{AlarmAdvice, components, position_addresses};
+use r6_proto::OperationMode;
 
 /// Reads that may fail in a row before waiting is given up: one lost reply says nothing about the arm.
 const MAX_FAILED_READS: u32 = 3;

@@ -8,9 +8,9 @@ use r6_proto::axis::{AXES, AxisIndex};
 
 use crate::error::RequestError;
 use crate::link::Lane;
-use crate::mode::OperationMode;
 use crate::query::QueryResult;
 use crate::robot::Robot;
+use r6_proto::OperationMode;
 
 /// Axes and pose components that are asked for: the arms of this protocol have six at most, external axes apart.
 pub(crate) const ASKED_AXES: usize = 6;

@@ -9,9 +9,9 @@ use tokio::time::{Instant, sleep, timeout_at};
 use crate::error::{NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::job::Work;
 use crate::link::Lane;
-use crate::mode::OperationMode;
 use crate::motion::Sample;
 use crate::robot::Robot;
+use r6_proto::OperationMode;
 
 /// How long an arm may take to stand. One was seen to stop within 0.1 s, a paused one within 0.5 s; the rest is room for
 /// a stop that gets lost.
@@ -180,13 +180,16 @@ impl Robot {
 impl fmt::Display for StopReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let seconds = self.took.as_secs_f64();
+        let sent = match self.attempts {
+            1 => "sent once".to_owned(),
+            times => format!("sent {times} times"),
+        };
         if self.confirmed {
-            write!(f, "the arm stands ({seconds:.2} s, sent {} times)", self.attempts)?;
+            write!(f, "the arm stands ({seconds:.2} s, {sent})")?;
         } else {
             write!(
                 f,
-                "the arm was not seen to stand within {seconds:.2} s (sent {} times): use the emergency stop",
-                self.attempts
+                "the arm was not seen to stand within {seconds:.2} s ({sent}): use the emergency stop"
             )?;
         }
         match self.mode {

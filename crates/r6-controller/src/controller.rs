@@ -30,6 +30,9 @@ const LIMITS: Limits = Limits { max_frame_bytes: 65_536, max_depth: r6_proto::MA
 /// A cabinet's sockets are few; this bound only keeps a flood from filling the memory.
 pub const MAX_ACCEPTED: usize = 1024;
 
+/// How many oddities of one message are explained, each with its nearest right word.
+const MAX_EXPLAINED: usize = 8;
+
 /// One connection of a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ConnectionId(u64);
@@ -275,6 +278,19 @@ impl Desk<'_> {
         }
     }
 
+    /// Logs what is odd about a message: the first few with the nearest right word, the rest by their number. A hostile
+    /// peer can put thousands of wrong words into one frame, and each explanation costs a search.
+    fn explain(&mut self, oddities: impl Iterator<Item = impl std::fmt::Display>) {
+        let mut oddities = oddities;
+        for oddity in oddities.by_ref().take(MAX_EXPLAINED) {
+            self.warn(oddity.to_string());
+        }
+        match oddities.count() {
+            0 => {}
+            more => self.warn(format!("and {more} more of the kind")),
+        }
+    }
+
     fn info(&mut self, text: String) {
         self.log.add(self.now, Some(self.id), Level::Info, text);
     }
@@ -289,9 +305,7 @@ impl Desk<'_> {
     }
 
     fn handle(&mut self, message: &Message<'_>, outbox: &mut Outbox) {
-        for extra in message.extras() {
-            self.warn(extra.to_string());
-        }
+        self.explain(message.extras());
         let header = &message.header;
         match &message.body {
             Body::Query(query) => self.query(header, query, outbox),
@@ -344,11 +358,7 @@ impl Desk<'_> {
     }
 
     fn query(&mut self, header: &Header<'_>, query: &Query<'_>, outbox: &mut Outbox) {
-        for (_, address) in query.resolved() {
-            if let Err(unknown) = address {
-                self.warn(format!("{unknown}; left out of the reply"));
-            }
-        }
+        self.explain(query.resolved().filter_map(|(_, address)| address.err()));
         self.reply(header, RequestType::Query, outbox, |writer, machine, out| {
             writer.query(query.addresses, out, |data| {
                 for word in query.addresses.iter() {

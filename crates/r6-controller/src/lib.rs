@@ -21,8 +21,9 @@ pub mod snapshot;
 
 pub use controller::{ConnectionId, Controller};
 pub use log::{Level, LogLine};
-pub use mode::{OperationMode, StartState};
+pub use mode::StartState;
 pub use profile::{Profile, ProfileError};
 pub use r6_motion::RobotModel;
+pub use r6_proto::OperationMode;
 pub use settings::ControllerSettings;
 pub use snapshot::ControllerSnapshot;

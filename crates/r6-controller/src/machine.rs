@@ -25,10 +25,10 @@ pub use watchdog::Watchdog;
 
 use crate::instruction_list::InstructionList;
 use crate::io::{Io, OutputPoint};
-use crate::mode::OperationMode;
 use crate::profile::Profile;
 use crate::settings::ControllerSettings;
 use r6_motion::{Axes, Frame, Frames, MotionState, Pose, Ramps, RobotModel};
+use r6_proto::OperationMode;
 
 /// How many tools and workbenches can be defined: numbers 0 to 31.
 pub const MAX_FRAMES: u32 = 32;

@@ -3,7 +3,7 @@
 use r6_proto::AXES;
 
 use crate::machine::Machine;
-use crate::mode::OperationMode;
+use r6_proto::OperationMode;
 
 /// A virtual controller at one point in time.
 #[derive(Clone, Debug, PartialEq)]

@@ -117,7 +117,12 @@ fn command_switch_mold() {
     cell.run_ok(&json!([long_move()]));
     assert_eq!(cell.text("isMoving"), "1");
     let reply = cell.command(&["switchMold", "remot"]);
-    assert!(reply[1] == "err" && reply[2].contains("moving") || reply[2].contains("remote"), "{reply:?}");
+    assert_eq!(
+        (reply[1].as_str(), reply[2].as_str()),
+        ("err", "there is no program `remot`; nearest: `remote`")
+    );
+    let reply = cell.command(&["switchMold", "default"]);
+    assert_eq!((reply[1].as_str(), reply[2].as_str()), ("err", "the machine is moving"));
     assert_eq!(
         Cell::with_profile("r6-host").command(&["switchMold", "default"])[1],
         "err",

@@ -218,6 +218,17 @@ fn wrong_fields_are_refused_as_far_as_the_protocol_lets_us() {
 }
 
 #[test]
+fn thousands_of_wrong_words_are_counted_not_explained() {
+    let mut cell = Cell::new();
+    let words = vec!["\"axis9\""; 5000].join(",");
+    let reply = cell.ask(format!(r#"{{"reqType":"query","queryAddr":[{words}]}}"#));
+    assert!(reply.contains(r#""queryData":[]"#));
+    let log = cell.log();
+    assert!(log.contains("and 4992 more of the kind"), "{log}");
+    assert_eq!(log.lines().count(), 9);
+}
+
+#[test]
 fn heartbreak_is_not_answered_and_arms_the_watchdog() {
     let mut cell = Cell::new();
     cell.pass(60.0);

@@ -380,28 +380,29 @@ fn word(digits: &[u8]) -> Option<u8> {
 pub struct UnknownAddress {
     /// The name, cut at 64 characters.
     pub name: String,
-    /// What is known that comes near.
-    pub nearest: Option<&'static AddressInfo>,
 }
 
 impl UnknownAddress {
     fn of(name: &str) -> Self {
-        let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
-        let has_index = stem.len() < name.len();
-        let wanted = if has_index { format!("{}n", stem) } else { name.to_owned() };
-        let nearest = spelling::nearest(&wanted, ADDRESSES.iter().map(|row| row.name))
-            .or_else(|| spelling::nearest(stem.trim_end_matches('-'), ADDRESSES.iter().map(|row| row.name)));
-        Self {
-            name: name.chars().take(64).collect(),
-            nearest: nearest.and_then(|name| ADDRESSES.iter().find(|row| row.name == name)),
-        }
+        Self { name: name.chars().take(64).collect() }
+    }
+
+    /// The row of the table that comes nearest. It is looked for when it is asked for: a hostile peer can send
+    /// thousands of unknown names in one frame.
+    #[must_use]
+    pub fn nearest(&self) -> Option<&'static AddressInfo> {
+        let stem = self.name.trim_end_matches(|c: char| c.is_ascii_digit());
+        let wanted = if stem.len() < self.name.len() { format!("{stem}n") } else { self.name.clone() };
+        let nearest = |word: &str| spelling::nearest(word, ADDRESSES.iter().map(|row| row.name));
+        let name = nearest(&wanted).or_else(|| nearest(stem.trim_end_matches('-')))?;
+        ADDRESSES.iter().find(|row| row.name == name)
     }
 }
 
 impl fmt::Display for UnknownAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "`{}` is no query address", self.name)?;
-        match self.nearest {
+        match self.nearest() {
             None => Ok(()),
             Some(row) => match row.indices {
                 None => write!(f, "; nearest: `{}`", row.name),
@@ -450,7 +451,7 @@ mod tests {
             let Some((_, last)) = row.indices else { continue };
             assert!(Address::parse(&row.name.replace("-n", &format!("-{last}"))).is_ok(), "{}", row.name);
             let beyond = Address::parse(&row.name.replace("-n", &format!("-{}", last + 1)));
-            assert_eq!(beyond.unwrap_err().nearest.map(|near| near.name), Some(row.name));
+            assert_eq!(beyond.unwrap_err().nearest().map(|near| near.name), Some(row.name));
         }
     }
 
@@ -465,8 +466,8 @@ mod tests {
     fn an_unknown_address_names_the_nearest() {
         let error = Address::parse("axis-9").unwrap_err();
         assert_eq!(error.to_string(), "`axis-9` is no query address; nearest: `axis-n` with n from 0 to 7");
-        assert_eq!(Address::parse("curAlrm").unwrap_err().nearest.map(|row| row.name), Some("curAlarm"));
-        assert_eq!(Address::parse("axis-01").unwrap_err().nearest.map(|row| row.name), Some("axis-n"));
-        assert_eq!(Address::parse("qqqq").unwrap_err().nearest.map(|row| row.name), None);
+        assert_eq!(Address::parse("curAlrm").unwrap_err().nearest().map(|row| row.name), Some("curAlarm"));
+        assert_eq!(Address::parse("axis-01").unwrap_err().nearest().map(|row| row.name), Some("axis-n"));
+        assert_eq!(Address::parse("qqqq").unwrap_err().nearest().map(|row| row.name), None);
     }
 }

@@ -7,7 +7,9 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use crate::address::Address;
 use crate::dialect::{DsIdForm, Envelope};
+use crate::encode::write_integer;
 use crate::error::{EncodeError, JsonError};
 use crate::frame::{FrameBuffer, FrameError, Limits};
 use crate::message::{Body, Decoder, Message, RequestType, TypeKey};
@@ -47,6 +49,10 @@ impl Default for ClientSettings {
     }
 }
 
+/// How much may wait to be written: several times the frames of a full window, so that it only fills where the
+/// connection takes nothing.
+pub const MAX_OUTPUT_BYTES: usize = 1 << 20;
+
 /// Names one request of a session; its number is the request's `packID`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(u64);
@@ -71,6 +77,11 @@ pub enum SendError {
         /// The limit.
         limit: usize,
     },
+    /// The connection takes nothing: so much waits to be written already.
+    OutputFull {
+        /// The limit in bytes.
+        limit: usize,
+    },
     /// Too many requests wait for their replies.
     TooManyInFlight {
         /// The limit.
@@ -87,6 +98,9 @@ impl std::fmt::Display for SendError {
                 "the frame has {bytes} bytes, but the controller takes {limit}: send fewer instructions in one list \
                  and append the rest"
             ),
+            Self::OutputFull { limit } => {
+                write!(f, "{limit} bytes wait to be written already: the connection takes nothing")
+            }
             Self::TooManyInFlight { limit } => write!(f, "{limit} requests wait for their replies already"),
         }
     }
@@ -193,6 +207,8 @@ pub struct ClientSession {
     transmitted: usize,
     transmitted_before: u64,
     next_ticket: u64,
+    /// A `packID`, or the name of an address, while a request is being written.
+    digits: Vec<u8>,
     in_flight: VecDeque<InFlight>,
     timed_out: VecDeque<Ticket>,
     lost: VecDeque<(Ticket, bool)>,
@@ -226,6 +242,7 @@ impl ClientSession {
             transmitted: 0,
             transmitted_before: 0,
             next_ticket: settings.first_pack_id,
+            digits: Vec::new(),
             in_flight: VecDeque::new(),
             timed_out: VecDeque::new(),
             lost: VecDeque::new(),
@@ -245,13 +262,18 @@ impl ClientSession {
             return Err(SendError::TooManyInFlight { limit: self.settings.max_in_flight });
         }
         self.compact();
+        if self.output.len() > MAX_OUTPUT_BYTES {
+            return Err(SendError::OutputFull { limit: MAX_OUTPUT_BYTES });
+        }
         let ticket = Ticket(self.next_ticket);
         let before = self.output.len();
-        let digits = ticket.0.to_string();
+        self.digits.clear();
+        write_integer(&mut self.digits, i64::try_from(ticket.0).unwrap_or(i64::MAX));
+        let digits = std::str::from_utf8(&self.digits).unwrap_or_default();
         let envelope = Envelope {
             ds_id: self.settings.ds_id,
             type_key: self.settings.type_key,
-            pack_id: waits.then_some(digits.as_str()),
+            pack_id: waits.then_some(digits),
         };
         request.encode(&envelope, &mut self.output).map_err(SendError::Encode)?;
         let bytes = self.output.len() - before;
@@ -262,7 +284,7 @@ impl ClientSession {
         self.next_ticket += 1;
         if waits {
             let (word, addresses) = match request {
-                Request::Query(addresses) => ("query", hash_of_addresses(addresses)),
+                Request::Query(addresses) => ("query", hash_of_addresses(addresses, &mut self.digits)),
                 Request::Command(command) => (command.name().word(), 0),
                 Request::AddRcc { .. }
                 | Request::AddPoints(_)
@@ -282,10 +304,11 @@ impl ClientSession {
         Ok(ticket)
     }
 
+    /// Forgets what was transmitted, once it is at least half of the output: each byte is moved at most once.
     fn compact(&mut self) {
-        if self.transmitted > 0 && self.transmitted == self.output.len() {
+        if self.transmitted > 0 && self.transmitted * 2 >= self.output.len() {
             self.transmitted_before += u64::try_from(self.transmitted).unwrap_or(u64::MAX);
-            self.output.clear();
+            self.output.drain(..self.transmitted);
             self.transmitted = 0;
         }
     }
@@ -431,7 +454,13 @@ impl Matcher<'_> {
         let answers = match &message.body {
             Body::QueryReply(reply) => Answers::Query { addresses: reply.addresses },
             Body::CommandReply(reply) => Answers::Named(reply.command()),
-            Body::Rejected(rejection) => Answers::Broken(rejection.request),
+            Body::Rejected(rejection) => match rejection.request {
+                RequestType::Photo | RequestType::Heartbreak => return Assigned::Stray(StrayReason::NoReply),
+                request @ (RequestType::Query
+                | RequestType::Command
+                | RequestType::AddPoints
+                | RequestType::AddRcc) => Answers::Broken(request),
+            },
             Body::Photo(photo) => return Assigned::Photo(photo.cam_id),
             Body::Query(_) | Body::Command(_) | Body::AddPoints(_) | Body::AddRcc(_) => {
                 return Assigned::Stray(StrayReason::Echo);
@@ -446,7 +475,7 @@ impl Matcher<'_> {
         };
         match found.and_then(|at| self.in_flight.remove(at).ok_or(StrayReason::NothingWaits)) {
             Ok(waiting) => {
-                self.learn(message);
+                self.learn(message, waiting.request);
                 Assigned::Reply(waiting)
             }
             Err(reason) => Assigned::Stray(reason),
@@ -479,23 +508,29 @@ impl Matcher<'_> {
             }
             OutOfStep::Due | OutOfStep::Said => return Err(StrayReason::OutOfStep),
         }
-        self.in_flight
-            .iter()
-            .position(|waiting| waiting.may_be_answered_by(answers))
-            .ok_or(StrayReason::NothingWaits)
+        let mut candidates =
+            self.in_flight.iter().enumerate().filter(|(_, waiting)| waiting.may_be_answered_by(answers));
+        let (at, _) = candidates.next().ok_or(StrayReason::NothingWaits)?;
+        if matches!(answers, Answers::Broken(_)) && candidates.next().is_some() {
+            // It does not say what it answers, and more than one request could be meant.
+            return Err(StrayReason::Contradiction);
+        }
+        Ok(at)
     }
 
-    fn learn(&mut self, message: &Message<'_>) {
+    fn learn(&mut self, message: &Message<'_>, request: RequestType) {
         self.learned.echoes_pack_id = Some(message.header.pack_id.is_some());
         if let Body::QueryReply(reply) = &message.body {
             self.learned.echoes_query_addr = Some(reply.addresses.is_some());
         }
-        if let Body::CommandReply(reply) = &message.body {
+        // AddPoints and AddRCC name themselves, and say `command`, in every dialect: they tell nothing.
+        if let (Body::CommandReply(reply), RequestType::Command) = (&message.body, request) {
             self.learned.names_command = Some(reply.command().is_some());
         }
-        if let Some(word) = message.header.type_word {
+        if let (Some(word), RequestType::Query | RequestType::Command) = (message.header.type_word, request) {
             let echo = matches!(&*word.word(), b"queryEcho" | b"cmdEcho");
-            self.learned.echo_types = Some(echo);
+            // Only old firmware ever says it; one that did is old.
+            self.learned.echo_types = Some(echo || self.learned.echo_types == Some(true));
         }
     }
 }
@@ -508,7 +543,9 @@ impl InFlight {
                     && addresses.is_none_or(|addresses| hash_of_values(addresses) == self.addresses)
             }
             Answers::Named(Some(word)) => self.request != RequestType::Query && self.word == word,
-            Answers::Named(None) => self.request != RequestType::Query,
+            // Only the reply to a command goes without a name, before 2.0.2.1; AddPoints and AddRCC name themselves in
+            // every manual.
+            Answers::Named(None) => self.request == RequestType::Command,
             // Its type may be the template's "command" for AddPoints and AddRCC.
             Answers::Broken(RequestType::Command) => self.request != RequestType::Query,
             Answers::Broken(request) => self.request == *request,
@@ -529,13 +566,12 @@ impl Hash {
     }
 }
 
-fn hash_of_addresses(addresses: &[crate::address::Address]) -> u64 {
+fn hash_of_addresses(addresses: &[Address], name: &mut Vec<u8>) -> u64 {
     let mut hash = Hash::START;
-    let mut name = Vec::new();
     for address in addresses {
         name.clear();
-        address.write_name(&mut name);
-        hash.add(&name);
+        address.write_name(name);
+        hash.add(name);
     }
     hash.0
 }

@@ -23,6 +23,11 @@ impl<'a> Cursor<'a> {
         self.at
     }
 
+    /// Whether the cursor stands at this byte.
+    pub fn stands_at(&self, byte: u8) -> bool {
+        self.peek() == Some(byte)
+    }
+
     #[inline]
     fn peek(&self) -> Option<u8> {
         self.bytes.get(self.at).copied()

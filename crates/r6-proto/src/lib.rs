@@ -7,7 +7,10 @@
 //!
 //! Decoding is tolerant (every form that clients and controllers are known to send), encoding is strict (one
 //! compact form). `docs/PROTOCOL.md` describes the protocol field by field.
-#![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+#![cfg_attr(
+    not(test),
+    warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
+)]
 
 pub mod address;
 pub mod alarm;
@@ -20,6 +23,7 @@ pub mod frame;
 pub mod io_point;
 mod json;
 pub mod message;
+pub mod mode;
 pub mod reply;
 pub mod request;
 pub mod server;
@@ -32,5 +36,6 @@ pub use address::{ADDRESSES, Address, Port, RegisterIndex};
 pub use axis::{AXES, AxisIndex, AxisMask};
 pub use json::MAX_DEPTH;
 pub use message::{Body, Command, CommandName, Decoder, Message, Reading, RequestType};
+pub use mode::OperationMode;
 pub use request::Request;
 pub use spelling::nearest;

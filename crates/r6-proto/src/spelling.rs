@@ -5,7 +5,8 @@ const LONGEST_COMPARED: usize = 64;
 
 /// The word of `known` that `word` most probably meant, or `None` where nothing is near.
 ///
-/// Case and separators (`-`, `_`, space) do not count; beyond that about one wrong letter in three is forgiven.
+/// Case and separators (`-`, `_`, space) do not count; beyond that about one wrong letter in three is forgiven, and a
+/// word that was cut short counts as one wrong letter.
 pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
     if word.is_empty() || word.len() > LONGEST_COMPARED {
         return None;
@@ -13,10 +14,16 @@ pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Opti
     let folded = fold(word);
     known
         .into_iter()
-        .map(|candidate| (strsim::damerau_levenshtein(&folded, &fold(candidate)), candidate))
+        .map(|candidate| (distance(&folded, &fold(candidate)), candidate))
         .min_by_key(|(distance, candidate)| (*distance, candidate.len().abs_diff(word.len())))
         .filter(|(distance, candidate)| *distance * 3 <= candidate.len().max(folded.len()))
         .map(|(_, candidate)| candidate)
+}
+
+fn distance(word: &str, candidate: &str) -> usize {
+    // Three letters begin too many words to tell which one was meant.
+    let cut_short = word.len() > 3 && candidate.starts_with(word) && candidate.len() > word.len();
+    if cut_short { 1 } else { strsim::damerau_levenshtein(word, candidate) }
 }
 
 fn fold(word: &str) -> String {
@@ -27,7 +34,7 @@ fn fold(word: &str) -> String {
 mod tests {
     use super::*;
 
-    const WORDS: [&str; 4] = ["actionStop", "actionPause", "modifyStackData", "heartbreak"];
+    const WORDS: [&str; 5] = ["actionStop", "actionPause", "modifyTool", "modifyStackData", "heartbreak"];
 
     #[test]
     fn a_slip_is_recognised() {

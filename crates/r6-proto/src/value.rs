@@ -53,6 +53,11 @@ pub(crate) struct Node {
     pub kind: Kind,
 }
 
+impl Node {
+    /// Nothing, at the beginning of a frame.
+    pub const NULL: Self = Self { span: Span { start: 0, end: 0 }, kind: Kind::Null };
+}
+
 /// One JSON value of a frame, borrowed from the frame's bytes.
 ///
 /// Numbers and texts are told apart, but every reading method accepts both: controllers quote what
@@ -188,12 +193,42 @@ const LONGEST_NUMBER: usize = 64;
 
 fn parse_number(body: &[u8]) -> Option<f64> {
     let body = body.trim_ascii();
+    if let Some(number) = parse_plain_decimal(body) {
+        return Some(number);
+    }
     if body.is_empty() || body.len() > LONGEST_NUMBER {
         return None;
     }
     let shaped = body.iter().all(|byte| matches!(byte, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E'));
     let text = std::str::from_utf8(body).ok().filter(|_| shaped)?;
     text.parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+/// At most 15 digits with at most one point, as controllers and clients write them; `None` where it takes a closer look.
+///
+/// Exact: such digits and their power of ten are whole numbers that a double holds, and one division rounds once.
+fn parse_plain_decimal(body: &[u8]) -> Option<f64> {
+    const POWERS: [f64; 16] =
+        [1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+    const MOST_DIGITS: usize = 15;
+    let unsigned = body.strip_prefix(b"-").unwrap_or(body);
+    if unsigned.len() > MOST_DIGITS + 1 {
+        return None;
+    }
+    let (mut mantissa, mut digits, mut decimals) = (0_u64, 0, None);
+    for byte in unsigned {
+        match (byte, decimals) {
+            (b'0'..=b'9', _) => {
+                mantissa = mantissa * 10 + u64::from(byte - b'0');
+                digits += 1;
+                decimals = decimals.map(|count| count + 1);
+            }
+            (b'.', None) => decimals = Some(0),
+            (_, _) => return None,
+        }
+    }
+    let number = mantissa as f64 / POWERS.get(decimals.unwrap_or(0))?;
+    (1..=MOST_DIGITS).contains(&digits).then_some(if unsigned.len() < body.len() { -number } else { number })
 }
 
 fn parse_integer(body: &[u8]) -> Option<i64> {

@@ -191,9 +191,46 @@ fn replies_without_pack_id_are_matched_by_kind_and_order() {
             echoes_pack_id: Some(false),
             echoes_query_addr: Some(false),
             names_command: Some(false),
-            echo_types: Some(false),
+            echo_types: Some(true),
         }
     );
+}
+
+#[test]
+fn an_unnamed_ok_answers_a_command_and_never_a_motion() {
+    let mut session = session();
+    let list = [axis_move()];
+    let motion = sent(&mut session, 0, &Request::AddRcc { empty_list: true, instructions: &list });
+    let stop = sent(&mut session, 1, &Request::Command(&Command::ActionStop));
+    let ok = r#"{"dsID":"HCRemoteMonitor","cmdType":"cmdEcho","cmdReply":["ok"]}"#;
+    assert_eq!(feed(&mut session, 5, ok), [Seen::Outcome(stop, Outcome::Ok)]);
+    let refused = r#"{"dsID":"HCRemoteCommand","reqType":"command","cmdReply":["AddRCC","err"]}"#;
+    assert_eq!(feed(&mut session, 20, refused), [Seen::Outcome(motion, Outcome::Refused(None))]);
+    // What AddRCC says in every dialect has taught nothing about commands.
+    assert_eq!(session.learned().names_command, Some(false));
+    assert_eq!(session.learned().echo_types, Some(true));
+}
+
+#[test]
+fn a_broken_reply_is_matched_only_where_it_can_mean_one_request() {
+    let mut session = session();
+    let broken = r#"{"dsID":"HCRemoteMonitor","reqType":"cmdEcho","cmdReply":7}"#;
+    let stop = sent(&mut session, 0, &Request::Command(&Command::ActionStop));
+    let start = sent(&mut session, 0, &Request::Command(&Command::StartButton));
+    assert_eq!(feed(&mut session, 1, broken), [Seen::Stray(StrayReason::Contradiction)]);
+    let ok = r#"{"dsID":"HCRemoteMonitor","cmdType":"cmdEcho","cmdReply":["ok"]}"#;
+    assert_eq!(feed(&mut session, 2, ok), [Seen::Outcome(stop, Outcome::Ok)]);
+    assert_eq!(feed(&mut session, 3, broken), [Seen::Rejected(start, "cmdReply".to_owned())]);
+}
+
+#[test]
+fn a_broken_photo_request_answers_nothing_and_breaks_nothing() {
+    let mut session = session();
+    sent(&mut session, 0, &query(MODE));
+    session.handle_timeout(at(10_000));
+    assert!(matches!(session.poll_event(at(10_000)), Some(Event::TimedOut(_))));
+    let photo = r#"{"dsID":"www.hc-system.com.cam","reqType":"photo"}"#;
+    assert_eq!(feed(&mut session, 10_001, photo), [Seen::Stray(StrayReason::NoReply)]);
 }
 
 #[test]

@@ -8,15 +8,65 @@ use r6_testkit::{coverage, vector};
 
 /// The fields of the instructions of manual 6 and later, as `action.field`.
 const INSTRUCTION_FIELDS: &[&str] = &[
-    "oneshot", "action", "4.m0-m7", "4.ckStatus", "4.speed", "4.delay", "4.smooth", "4.tool", "4.coord", "10.m0-m7",
-    "17.m0-m7", "17.m0_p-m7_p", "51.isUse", "51.speed", "52.isUse", "52.ioNumber", "52.io_status", "100.type",
-    "100.point", "100.io_status", "100.limit", "100.isUnlimit", "200.type", "200.io_status", "200.point",
-    "200.delay", "204.type", "204.point", "204.point2", "800.cnt_id",
+    "oneshot",
+    "action",
+    "4.m0-m7",
+    "4.ckStatus",
+    "4.speed",
+    "4.delay",
+    "4.smooth",
+    "4.tool",
+    "4.coord",
+    "10.m0-m7",
+    "10.ckStatus",
+    "10.speed",
+    "10.delay",
+    "10.smooth",
+    "10.tool",
+    "10.coord",
+    "17.ckStatus",
+    "17.speed",
+    "17.delay",
+    "17.smooth",
+    "17.tool",
+    "17.coord",
+    "17.m0-m7",
+    "17.m0_p-m7_p",
+    "51.isUse",
+    "51.speed",
+    "52.isUse",
+    "52.ioNumber",
+    "52.io_status",
+    "100.type",
+    "100.point",
+    "100.io_status",
+    "100.limit",
+    "100.isUnlimit",
+    "200.type",
+    "200.io_status",
+    "200.point",
+    "200.delay",
+    "204.type",
+    "204.point",
+    "204.point2",
+    "800.cnt_id",
 ];
 
 /// The fields of points and photos (manual 5).
 const VISION_FIELDS: &[&str] = &[
-    "camID", "ret", "dsData.camID", "dsData.data", "ModelID", "X", "Y", "Z", "U", "V", "Angel", "Similarity", "Color",
+    "camID",
+    "ret",
+    "dsData.camID",
+    "dsData.data",
+    "ModelID",
+    "X",
+    "Y",
+    "Z",
+    "U",
+    "V",
+    "Angel",
+    "Similarity",
+    "Color",
     "Rel",
 ];
 
@@ -73,4 +123,76 @@ fn every_printed_and_every_captured_frame_has_a_row() {
 fn every_named_test_exists() {
     let missing = coverage::missing_tests(&coverage::protocol_rows());
     assert!(missing.is_empty(), "{}", missing.join("\n"));
+}
+
+/// The cells of the first table row of `docs/PROTOCOL.md` that names this item.
+fn documented(item: &str) -> Vec<String> {
+    let page = include_str!("../../../docs/PROTOCOL.md");
+    let quoted = format!("`{item}`");
+    let description = page.split("## Coverage").next().unwrap();
+    let row = description
+        .lines()
+        .find(|line| {
+            line.starts_with("| ") && line.split('|').skip(1).take(2).any(|cell| cell.trim() == quoted)
+        })
+        .unwrap_or_else(|| panic!("no row for {item}"));
+    row.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect()
+}
+
+fn port_word(ports: r6_proto::address::Ports) -> &'static str {
+    match ports {
+        r6_proto::address::Ports::Both => "both",
+        r6_proto::address::Ports::Mainboard => "mainboard",
+        r6_proto::address::Ports::Pendant => "pendant",
+    }
+}
+
+#[test]
+fn the_pages_address_rows_agree_with_the_table_in_the_code() {
+    for row in &ADDRESSES {
+        let cells = documented(row.name);
+        let number = row.source.strip_prefix("4.1.1 #");
+        assert_eq!(
+            number,
+            number.is_some().then_some(cells[0].as_str()),
+            "{}: its number in the manual",
+            row.name
+        );
+        assert!(cells.iter().any(|cell| cell == row.since), "{}: first in {}", row.name, row.since);
+        let port = port_word(row.ports);
+        assert!(cells.iter().any(|cell| cell.split(' ').next() == Some(port)), "{}: on {port}", row.name);
+        for unit in row.unit.split(", ").filter(|unit| ["mm", "deg", "s", "RPM"].contains(unit)) {
+            let told = |cell: &String| cell.split([' ', ';', ',']).any(|word| word == unit);
+            assert!(cells.iter().any(told), "{}: in {unit}", row.name);
+        }
+    }
+}
+
+#[test]
+fn the_pages_command_rows_agree_with_the_table_in_the_code() {
+    for row in &COMMANDS {
+        let cells = documented(row.word);
+        if let Some(number) = row.source.strip_prefix("4.2.1 #") {
+            assert_eq!(cells[0], number, "{}: its number in the manual", row.word);
+            assert_eq!(cells[4], port_word(row.ports), "{}: its port", row.word);
+            let told = if cells[2].is_empty() { 0 } else { cells[2].split(", ").count() };
+            // The page sums up "x, y, z" and "0 or 1" in its own words; none and some must agree.
+            assert_eq!(told == 0, row.arguments.is_empty(), "{}: its arguments", row.word);
+        }
+    }
+}
+
+#[test]
+fn the_coverage_table_cites_the_manual_as_the_code_does() {
+    let rows = coverage::protocol_rows();
+    let cited = |group: &str, item: &str| {
+        let row = rows.iter().find(|row| row.group == group && row.item == item);
+        row.map(|row| row.manual.clone()).unwrap_or_default()
+    };
+    for row in &ADDRESSES {
+        assert_eq!(cited("address", row.name), row.source);
+    }
+    for row in &COMMANDS {
+        assert_eq!(cited("command", row.word), row.source);
+    }
 }

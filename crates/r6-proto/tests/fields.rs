@@ -313,6 +313,50 @@ fn shape_2020() {
 }
 
 #[test]
+fn what_the_wire_cannot_carry_is_not_sent() {
+    use r6_proto::message::instruction::{Coordinates, Move, Output, OutputKind, PathSpeed};
+    let moved = |manner: Manner| Action::AxisMove(Move { target: Coordinates::from_slice(&[1.0]), manner });
+    let speed = |speed| moved(Manner { speed: Some(speed), ..Manner::default() });
+    let delay = |delay| moved(Manner { speed: Some(1.0), delay: Some(delay), ..Manner::default() });
+    for wrong in [-5.0, 0.0, 0.0004, 100.1, f64::NAN] {
+        assert_eq!(refused_to_send(speed(wrong)), "speed", "{wrong}");
+    }
+    for wrong in [-1.0, 1e6, f64::INFINITY] {
+        assert_eq!(refused_to_send(delay(wrong)), "delay", "{wrong}");
+        let output = Output { kind: OutputKind::Y, point: 1, on: true, delay: wrong };
+        assert_eq!(refused_to_send(Action::Output(output)), "delay", "{wrong}");
+    }
+    for wrong in [0.05, -3.0, 0.0] {
+        let speed = PathSpeed { in_use: true, speed: Some(wrong) };
+        assert_eq!(refused_to_send(Action::PathSpeed(speed)), "speed", "{wrong}");
+    }
+    let refused = |command: Command<'_>| {
+        let encoded = Request::Command(&command).encode(&Envelope::default(), &mut Vec::new());
+        encoded.unwrap_err().wanted
+    };
+    let register = r6_proto::RegisterIndex::new(800).unwrap();
+    let beyond = Command::RewriteData { register, value: 5_000_000_000, savable: false };
+    assert_eq!(refused(beyond), "a whole number of 32 bits");
+    assert_eq!(refused(Command::ModifyGspd { percent: 0.04 }), "0, or at least 0.1");
+}
+
+#[test]
+fn items_are_called_by_their_number_whatever_is_wrong_with_the_others() {
+    let frame = r#"{"reqType":"AddRCC","instructions":[{"action":"4","speed":"x","bogus":1},7,{"action":"999"},{"action":"4","bogus2":2}]}"#;
+    look(frame, |message| {
+        let places: Vec<String> =
+            message.extras().map(|extra| format!("{}: {}", extra.place, extra.key.text())).collect();
+        assert_eq!(places, ["instructions[0]: bogus", "instructions[3]: bogus2"]);
+    });
+    let frame = r#"{"emptyList":"1","dsData":[{"camID":"0","bogus":1,"data":[],"data":[{"action":"4","m0":"1","xpos":"2"}]}]}"#;
+    look(frame, |message| {
+        let places: Vec<String> =
+            message.extras().map(|extra| format!("{}: {}", extra.place, extra.key.text())).collect();
+        assert_eq!(places, ["dsData[0]: bogus", "dsData[0]: data", "instructions[0]: m0"]);
+    });
+}
+
+#[test]
 fn gbk_names() {
     let gbk = |text: &str| encoding_rs::GBK.encode(text).0.into_owned();
     // Their second bytes are a backslash, brackets and braces.
@@ -1327,4 +1371,22 @@ fn header_pack_id() {
         String::from_utf8(out).unwrap(),
         r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"heartbreak","packID":"7\""}"#
     );
+}
+
+#[test]
+fn instruction_10_and_17_have_the_manner_of_4() {
+    let members = r#""ckStatus":"0x05","speed":"12.5","delay":"0.5","smooth":"7","tool":"2","coord":"3""#;
+    let wanted = manner(members);
+    assert_eq!((wanted.tool, wanted.coord, wanted.delay), (Some(2), Some(3), Some(0.5)));
+    let Action::LinearMove(line) = action(&format!(r#""action":"10","m0":"1",{members}"#)) else {
+        panic!("action 10 is a linear move")
+    };
+    let Action::CurveMove(curve) = action(&format!(r#""action":"17","m0":"1","m0_p":"2",{members}"#)) else {
+        panic!("action 17 is a curve move")
+    };
+    assert_eq!((line.manner, curve.manner), (wanted, wanted));
+    for number in ["10", "17"] {
+        let wrong = instruction(&format!(r#""action":"{number}","smooth":"10""#)).unwrap_err();
+        assert_eq!(wrong.path, "instructions[0].smooth");
+    }
 }

@@ -40,14 +40,13 @@ static WHOLE_FRAMES: LazyLock<Vec<Bytes>> = LazyLock::new(|| {
         .collect()
 });
 
-/// So many times the usual number of cases, which `PROPTEST_CASES` sets.
-fn config(times: u32) -> ProptestConfig {
-    let usual = ProptestConfig::default();
-    ProptestConfig { cases: usual.cases.saturating_mul(times), failure_persistence: None, ..usual }
+/// `PROPTEST_CASES` in the environment takes the place of this number of cases.
+fn config(cases: u32) -> ProptestConfig {
+    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
 proptest! {
-    #![proptest_config(config(40))]
+    #![proptest_config(config(10_000))]
 
     #[test]
     fn every_request_is_decoded_as_it_was_encoded(
@@ -61,6 +60,18 @@ proptest! {
         check_header(&message, &request, &envelope)?;
         check_body(&message, &request, envelope.type_key)?;
         prop_assert_eq!(message.extras().len(), 0);
+    }
+
+    #[test]
+    fn decimals_are_read_to_the_last_bit(
+        text in "[+-]?([0-9]{1,18}|[0-9]{0,9}\\.[0-9]{0,9}|[0-9]{1,9}(\\.[0-9]{1,3})?e-?[0-9]{1,2}|-|\\.)",
+    ) {
+        let frame = format!(r#"{{"reqType":"query","queryData":["{text}"]}}"#);
+        let mut decoder = Decoder::new();
+        let message = decoder.decode(frame.as_bytes()).map_err(|error| TestCaseError::fail(error.to_string()))?;
+        let Body::QueryReply(reply) = message.body else { return Err(TestCaseError::fail("no reply")) };
+        let ours = reply.values.at(0).and_then(|value| value.number());
+        prop_assert_eq!(ours.map(f64::to_bits), text.parse::<f64>().ok().map(f64::to_bits));
     }
 
     #[test]
@@ -494,7 +505,7 @@ fn received(pieces: &[&[u8]], limits: Limits) -> Vec<Value> {
 }
 
 proptest! {
-    #![proptest_config(config(10))]
+    #![proptest_config(config(2_500))]
 
     #[test]
     fn any_split_of_vector_frames_gives_the_same_messages(

@@ -4,8 +4,8 @@ use r6_proto::message::Instruction;
 
 use super::Machine;
 use super::execution::{Activity, AfterHalt};
-use crate::mode::OperationMode;
 use crate::profile::{ReplaceInMotion, StopButton, StopMode, Unarmed};
+use r6_proto::OperationMode;
 
 /// Why AddRCC was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,10 +23,10 @@ impl Machine {
     /// The start button: in automatic the program runs, from where it was paused or from its first step.
     pub(crate) fn press_start(&mut self) -> Result<(), NotPossible> {
         self.ready_to_run()?;
-        if !self.mode.runs() {
+        if !self.mode.may_run() {
             self.mode = OperationMode::Running;
             self.last_pass = false;
-            self.note("automatic, running: started".to_owned());
+            self.note(format!("{}: started", self.mode));
         }
         self.go_on();
         Ok(())
@@ -58,7 +58,7 @@ impl Machine {
             | OperationMode::SingleStep
             | OperationMode::SingleCycle => Ok(()),
             OperationMode::Manual => Err("the machine is in manual: turn the key to automatic"),
-            OperationMode::Stop | OperationMode::None => {
+            OperationMode::Stop | OperationMode::None | OperationMode::Unknown(_) => {
                 Err("the machine is in stop: turn the key to automatic")
             }
         }
@@ -71,7 +71,7 @@ impl Machine {
 
     /// The stop button.
     pub(crate) fn press_stop(&mut self) {
-        if !self.mode.runs() {
+        if !self.mode.may_run() {
             return;
         }
         let second_press = self.last_pass;
@@ -89,7 +89,7 @@ impl Machine {
 
     /// `actionStop`: the motion stops at once, and start begins from the first step. The list stays.
     pub(crate) fn stop_action(&mut self) {
-        let ran = self.mode.runs();
+        let ran = self.mode.may_run();
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
         self.list.rewind();
         self.cycle_started = None;

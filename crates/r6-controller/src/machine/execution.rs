@@ -13,9 +13,9 @@ use super::Machine;
 use super::order::{Told, path_speed};
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
-use crate::mode::OperationMode;
 use crate::settings::REMOTE_MOLD;
 use r6_motion::{Blend, Movement, PlanError};
+use r6_proto::OperationMode;
 
 /// What a pass of the list takes at least, so that a list of steps that take no time cannot run endlessly often at
 /// one instant. Chosen: about the scan of a controller's program.
@@ -155,7 +155,7 @@ impl Activity {
 impl Machine {
     /// Whether remote instructions are executed: a program runs, and it is the one that waits for them.
     pub(crate) fn waits_for_remote(&self) -> bool {
-        self.mode.runs() && self.alarm == 0 && self.mold == REMOTE_MOLD
+        self.mode.may_run() && self.alarm == 0 && self.mold == REMOTE_MOLD
     }
 
     /// Runs steps until one takes time, or none is left.
@@ -427,7 +427,7 @@ impl Machine {
 
     /// Lets the move under way take a new global speed.
     pub(crate) fn replan_for_global_speed(&mut self) {
-        if matches!(self.activity, Activity::Paused(_)) && self.mode.runs() {
+        if matches!(self.activity, Activity::Paused(_)) && self.mode.may_run() {
             // It rests because the global speed was 0.
             self.resume_move();
             return;
@@ -445,7 +445,7 @@ impl Machine {
     /// The program stops running, without an alarm.
     pub(crate) fn leave_running(&mut self, why: &str) {
         self.last_pass = false;
-        if self.mode.runs() {
+        if self.mode.may_run() {
             self.mode = OperationMode::Auto;
             self.note(format!("{}: {why}", self.mode));
         }

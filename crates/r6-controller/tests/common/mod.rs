@@ -49,7 +49,8 @@ impl Cell {
     /// The next frame that may leave now.
     pub fn frame(&mut self) -> Option<String> {
         let frame = self.controller.poll_transmit(self.now, self.id)?;
-        Some(String::from_utf8(frame.to_vec()).unwrap())
+        // What a client sent that is not UTF-8 is echoed as it was sent.
+        Some(String::from_utf8_lossy(frame).into_owned())
     }
 
     /// The reply to a frame that is answered at once.

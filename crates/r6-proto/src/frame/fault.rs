@@ -51,7 +51,7 @@ pub enum FrameFault {
     },
     /// A `{` where JSON cannot have one: the frame was cut off, and this `{` begins the next one.
     ObjectWhereNoneCanStand,
-    /// The rest of the frame never came: [`FrameBuffer::abandon_partial`] gave it up.
+    /// The rest of the frame never came: [`FrameBuffer::abandon_partial`](super::FrameBuffer::abandon_partial) gave it up.
     Incomplete {
         /// How many bytes of it came.
         received: usize,

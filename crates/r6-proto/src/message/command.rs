@@ -274,7 +274,7 @@ pub enum Command<'a> {
     ModifyStackData {
         /// The stack.
         stack: u32,
-        /// Spacing in X, Y, Z, mm.
+        /// Spacing in X, Y, Z; the manual gives no unit, mm is our reading.
         spacing: [f64; 3],
         /// Count in X, Y, Z.
         count: [u32; 3],
@@ -288,7 +288,7 @@ pub enum Command<'a> {
     RewriteData {
         /// The register.
         register: RegisterIndex,
-        /// Its value.
+        /// Its value, 32 bits with sign.
         value: i64,
         /// Whether it survives a power cut.
         savable: bool,
@@ -299,7 +299,7 @@ pub enum Command<'a> {
         first: RegisterIndex,
         /// Whether they survive a power cut.
         savable: bool,
-        /// Their values, 1 to 101.
+        /// Their values, 1 to 101 of them, 32 bits with sign each.
         values: Vec<i64>,
     },
     /// Changes the acceleration and deceleration time of the path; on the wire seconds × 1000.
@@ -540,10 +540,14 @@ impl<'a> Command<'a> {
                 if !(0.0..=100.0).contains(percent) {
                     return Err(EncodeError { field: "percent", wanted: "from 0 to 100" });
                 }
-                integers(out, [whole("percent", percent * 10.0)?]);
+                let tenths = whole("percent", percent * 10.0)?;
+                if tenths == 0 && *percent > 0.0 {
+                    return Err(EncodeError { field: "percent", wanted: "0, or at least 0.1" });
+                }
+                integers(out, [tenths]);
             }
             Self::RewriteData { register, value, savable } => {
-                integers(out, [i64::from(register.number()), *value, flag(savable)]);
+                integers(out, [i64::from(register.number()), register_value(*value)?, flag(savable)]);
             }
             Self::RewriteDataList { first, savable, values } => {
                 let room = usize::from(RegisterIndex::LAST - first.number()) + 1;
@@ -555,7 +559,9 @@ impl<'a> Command<'a> {
                 }
                 let length = i64::try_from(values.len()).unwrap_or(i64::MAX);
                 integers(out, [i64::from(first.number()), length, flag(savable)]);
-                integers(out, values.iter().copied());
+                for value in values {
+                    integers(out, [register_value(*value)?]);
+                }
             }
             Self::ModifyAccDec { acceleration, deceleration } => {
                 for (field, seconds) in [("acceleration", acceleration), ("deceleration", deceleration)] {
@@ -592,6 +598,14 @@ fn whole(field: &'static str, value: f64) -> Result<i64, EncodeError> {
     #[expect(clippy::cast_possible_truncation, reason = "rounded and within ±1e9")]
     let whole = value.round() as i64;
     Ok(whole)
+}
+
+/// A register has 32 bits: its Modbus twin is two registers of 16.
+fn register_value(value: i64) -> Result<i64, EncodeError> {
+    match i32::try_from(value) {
+        Ok(value) => Ok(i64::from(value)),
+        Err(_) => Err(EncodeError { field: "value", wanted: "a whole number of 32 bits" }),
+    }
 }
 
 fn integers(out: &mut Vec<u8>, values: impl IntoIterator<Item = i64>) {

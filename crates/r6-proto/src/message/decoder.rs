@@ -1,11 +1,14 @@
 //! The decoder: one pass over a frame, into buffers that are used again for the next.
+//!
+//! This file reads the members at the top and decides what the frame is; `lists` reads what is nested in it.
+
+mod lists;
 
 use crate::error::{FieldError, JsonError};
 use crate::json::Cursor;
+use crate::message::decoder::lists::Lists;
 use crate::message::extra::{ExtraKind, ExtraNode, Place};
-use crate::message::fields::{FieldSet, FieldsView, excerpt};
-use crate::message::instruction::{Action, Instruction, UnknownAction};
-use crate::message::vision::{Point, PointSet};
+use crate::message::fields::excerpt;
 use crate::message::{
     AddPoints, AddRcc, Body, CommandReply, CommandWords, Header, Message, Photo, PhotoAnswer, Query,
     QueryReply, Rejection, RequestType, TypeKey, UnknownType,
@@ -80,10 +83,7 @@ pub struct Decoder {
     data: Vec<Node>,
     words: Vec<Node>,
     reply: Vec<Node>,
-    instructions: Vec<Instruction>,
-    fields: Vec<(Node, Node)>,
-    sets: Vec<PointSet>,
-    points: Vec<Point>,
+    lists: Lists,
     extras: Vec<ExtraNode>,
     error: Option<FieldError>,
 }
@@ -102,9 +102,9 @@ impl Decoder {
     /// [`Body::Rejected`] instead.
     pub fn decode<'a>(&'a mut self, bytes: &'a [u8]) -> Result<Message<'a>, JsonError> {
         self.clear();
-        let mut top = self.members(bytes)?;
+        let top = self.members(bytes)?;
         let (header, request) = self.header(bytes, &top);
-        let body = self.classify(bytes, &mut top, &header, request)?;
+        let body = self.classify(bytes, &top, &header, request)?;
         self.report_out_of_place(&top, body);
         let body = self.view(bytes, &top, &header, body);
         Ok(Message { header, body, bytes, extras: &self.extras })
@@ -115,10 +115,7 @@ impl Decoder {
         self.data.clear();
         self.words.clear();
         self.reply.clear();
-        self.instructions.clear();
-        self.fields.clear();
-        self.sets.clear();
-        self.points.clear();
+        self.lists.clear();
         self.extras.clear();
         self.error = None;
     }
@@ -137,6 +134,12 @@ impl Decoder {
                 Some(Top::QueryData) => list(&mut cursor, bytes, &mut self.data)?,
                 Some(Top::CmdData) => list(&mut cursor, bytes, &mut self.words)?,
                 Some(Top::CmdReply) => list(&mut cursor, bytes, &mut self.reply)?,
+                Some(Top::Instructions) if cursor.stands_at(b'[') => {
+                    self.lists.instructions(&mut cursor, bytes, &mut self.extras)?
+                }
+                Some(Top::DsData) if cursor.stands_at(b'[') && says_add_points(&top, bytes) => {
+                    self.lists.cameras(&mut cursor, bytes, &mut self.extras)?
+                }
                 Some(_) | None => cursor.value()?,
             };
             let slot = known.and_then(|known| top.0.get_mut(known as usize));
@@ -188,7 +191,7 @@ impl Decoder {
     fn classify(
         &mut self,
         bytes: &[u8],
-        top: &mut TopNodes,
+        top: &TopNodes,
         header: &Header<'_>,
         request: Option<RequestType>,
     ) -> Result<Shape, JsonError> {
@@ -221,16 +224,20 @@ impl Decoder {
             }
             Shape::AddPoints => {
                 match require_list(bytes, top, Top::DsData, "a list of cameras with their points") {
-                    Ok(()) => self.camera_sets(bytes, top)?,
+                    Ok(()) => self.lists.checked_cameras(bytes, top.at(Top::DsData), &mut self.extras)?,
                     Err(error) => Err(error),
                 }
             }
-            Shape::AddRcc => match require_list(bytes, top, Top::Instructions, "a list of instructions") {
-                Ok(()) => self.instruction_list(bytes, top)?,
-                Err(error) => Err(error),
-            },
-            Shape::AddRcc2020 => match require_list(bytes, top, Top::DsData, "a list of instructions") {
-                Ok(()) => self.instruction_sets_2020(bytes, top)?,
+            Shape::AddRcc => require_list(bytes, top, Top::Instructions, "a list of instructions")
+                .and_then(|()| require_flag(bytes, top))
+                .and_then(|()| self.lists.checked_instructions()),
+            Shape::AddRcc2020 => match require_list(bytes, top, Top::DsData, "a list of instructions")
+                .and_then(|()| require_flag(bytes, top))
+            {
+                Ok(()) => {
+                    let sets = top.value(Top::DsData, bytes);
+                    self.lists.instructions_2020(bytes, sets, &mut self.extras)?
+                }
                 Err(error) => Err(error),
             },
             Shape::Heartbreak | Shape::Unknown | Shape::Rejected(_) => Ok(()),
@@ -255,222 +262,6 @@ impl Decoder {
                 nearest: None,
             }),
         }
-    }
-
-    fn instruction_list(
-        &mut self,
-        bytes: &[u8],
-        top: &TopNodes,
-    ) -> Result<Result<(), FieldError>, JsonError> {
-        let checked = require_flag(bytes, top);
-        let read = self.instructions_at(bytes, top.at(Top::Instructions), false)?;
-        Ok(checked.and(read))
-    }
-
-    /// `dsData: [{camID, data: [instruction …]}]`: the shape that clients of 2020 send.
-    fn instruction_sets_2020(
-        &mut self,
-        bytes: &[u8],
-        top: &TopNodes,
-    ) -> Result<Result<(), FieldError>, JsonError> {
-        let mut checked = require_flag(bytes, top);
-        let sets = top.value(Top::DsData, bytes).map(|sets| sets.items());
-        for set in sets.into_iter().flatten() {
-            let read = self.instructions_at(bytes, member(bytes, set, b"data")?, true)?;
-            checked = checked.and(read);
-        }
-        Ok(checked)
-    }
-
-    fn instructions_at(
-        &mut self,
-        bytes: &[u8],
-        list: Option<Node>,
-        shape_2020: bool,
-    ) -> Result<Result<(), FieldError>, JsonError> {
-        let Some(list) = list.filter(|list| list.kind == Kind::List) else {
-            return Ok(Err(FieldError {
-                path: "dsData[].data".to_owned(),
-                found: None,
-                wanted: "a list of instructions",
-                nearest: None,
-            }));
-        };
-        let mut cursor = Cursor::new(bytes, list.span.start as usize);
-        cursor.open_list()?;
-        let mut checked = Ok(());
-        let mut first = true;
-        while cursor.next_element(first)? {
-            first = false;
-            let number = u32::try_from(self.instructions.len()).unwrap_or(u32::MAX);
-            let place = Place::Instruction(number);
-            let start = cursor.at();
-            if bytes.get(start) != Some(&b'{') {
-                let found = Value::new(bytes, cursor.value()?);
-                checked = checked.and(Err(not_an_object(place, found)));
-                continue;
-            }
-            let mut set = FieldSet::read(&mut cursor, bytes, place, &mut self.extras)?;
-            if shape_2020 {
-                set.translate_2020();
-            }
-            match self.instruction(bytes, &set, place, start)? {
-                Ok(instruction) => self.instructions.push(instruction),
-                Err(error) => {
-                    checked = checked.and(Err(error));
-                }
-            }
-        }
-        Ok(checked)
-    }
-
-    fn instruction(
-        &mut self,
-        bytes: &[u8],
-        set: &FieldSet,
-        place: Place,
-        start: usize,
-    ) -> Result<Result<Instruction, FieldError>, JsonError> {
-        let mut view = FieldsView::new(bytes, set, place);
-        Ok(match Instruction::from_fields(&mut view) {
-            Err(error) => Err(error),
-            Ok(Some(instruction)) => {
-                for value in view.unused() {
-                    // The key stands right before its value; its text is found by walking back to the quotes.
-                    if let Some(key) = key_before(bytes, value) {
-                        self.extras.push(ExtraNode { place, key, value, kind: ExtraKind::OutOfPlace });
-                    }
-                }
-                Ok(instruction)
-            }
-            Ok(None) => {
-                // Of an action that nobody knows no key is unknown: they are its fields.
-                let own = self.extras.iter().rposition(|extra| extra.place != place).map_or(0, |at| at + 1);
-                self.extras.extract_if(own.., |extra| extra.kind != ExtraKind::DuplicateKey).for_each(drop);
-                let first = u32::try_from(self.fields.len()).unwrap_or(u32::MAX);
-                let mut cursor = Cursor::new(bytes, start);
-                cursor.open_object()?;
-                let mut before_first = true;
-                let mut oneshot = false;
-                let mut action = 0;
-                while let Some(key) = cursor.next_key(before_first)? {
-                    before_first = false;
-                    let node = cursor.value()?;
-                    let value = Value::new(bytes, node);
-                    match &*Value::new(bytes, key).word() {
-                        b"oneshot" => oneshot = value.flag().unwrap_or(false),
-                        b"action" => action = value.integer().unwrap_or(0),
-                        _ => self.fields.push((key, node)),
-                    }
-                }
-                let end = u32::try_from(self.fields.len()).unwrap_or(u32::MAX);
-                Ok(Instruction {
-                    oneshot,
-                    action: Action::Unknown(UnknownAction { action, fields: (first, end) }),
-                })
-            }
-        })
-    }
-
-    /// `dsData: [{camID, data: [point …]}]` (manual 5.2).
-    fn camera_sets(&mut self, bytes: &[u8], top: &TopNodes) -> Result<Result<(), FieldError>, JsonError> {
-        let Some(list) = top.at(Top::DsData) else { return Ok(Ok(())) };
-        let mut cursor = Cursor::new(bytes, list.span.start as usize);
-        cursor.open_list()?;
-        let mut checked = Ok(());
-        let mut first = true;
-        while cursor.next_element(first)? {
-            first = false;
-            let place = Place::Set(u32::try_from(self.sets.len()).unwrap_or(u32::MAX));
-            if bytes.get(cursor.at()) != Some(&b'{') {
-                let found = Value::new(bytes, cursor.value()?);
-                checked = checked.and(Err(not_an_object(place, found)));
-                continue;
-            }
-            let read = self.camera_set(&mut cursor, bytes, place)?;
-            checked = checked.and(read);
-        }
-        Ok(checked)
-    }
-
-    fn camera_set(
-        &mut self,
-        cursor: &mut Cursor<'_>,
-        bytes: &[u8],
-        place: Place,
-    ) -> Result<Result<(), FieldError>, JsonError> {
-        let start = self.points.len();
-        let mut cam_id = None;
-        let mut data = None;
-        let mut checked = Ok(());
-        cursor.open_object()?;
-        let mut first = true;
-        while let Some(key) = cursor.next_key(first)? {
-            first = false;
-            let name = Value::new(bytes, key).word();
-            let in_data = *name == *b"data" && bytes.get(cursor.at()) == Some(&b'[');
-            let value = if in_data {
-                if data.is_some() {
-                    self.points.truncate(start);
-                }
-                let at = cursor.at();
-                checked = self.camera_points(cursor, bytes)?;
-                Node { span: Span::new(at, cursor.at()), kind: Kind::List }
-            } else {
-                cursor.value()?
-            };
-            let earlier = match &*name {
-                b"camID" => cam_id.replace(value),
-                b"data" => data.replace(value),
-                _ => {
-                    self.extras.push(ExtraNode { place, key, value, kind: ExtraKind::UnknownKey });
-                    None
-                }
-            };
-            if let Some(value) = earlier {
-                self.extras.push(ExtraNode { place, key, value, kind: ExtraKind::DuplicateKey });
-            }
-        }
-        let wrong = |field: &str, node: Option<Node>, wanted| FieldError {
-            path: format!("{place}.{field}"),
-            found: node.map(|node| excerpt(Value::new(bytes, node))),
-            wanted,
-            nearest: None,
-        };
-        let id = cam_id.and_then(|node| Value::new(bytes, node).integer());
-        if data.is_none_or(|node| node.kind != Kind::List) {
-            return Ok(Err(wrong("data", data, "a list of points")));
-        }
-        let Some(cam_id) = id else {
-            return Ok(Err(wrong("camID", cam_id, "a whole number")));
-        };
-        self.sets.push(PointSet { cam_id, first: start, end: self.points.len() });
-        Ok(checked)
-    }
-
-    fn camera_points(
-        &mut self,
-        cursor: &mut Cursor<'_>,
-        bytes: &[u8],
-    ) -> Result<Result<(), FieldError>, JsonError> {
-        cursor.open_list()?;
-        let mut checked = Ok(());
-        let mut first = true;
-        while cursor.next_element(first)? {
-            first = false;
-            let place = Place::Point(u32::try_from(self.points.len()).unwrap_or(u32::MAX));
-            if bytes.get(cursor.at()) != Some(&b'{') {
-                let found = Value::new(bytes, cursor.value()?);
-                checked = checked.and(Err(not_an_object(place, found)));
-                continue;
-            }
-            let set = FieldSet::read(cursor, bytes, place, &mut self.extras)?;
-            match Point::from_fields(&mut FieldsView::new(bytes, &set, place)) {
-                Ok(point) => self.points.push(point),
-                Err(error) => checked = checked.and(Err(error)),
-            }
-        }
-        Ok(checked)
     }
 
     /// Members that are known but mean nothing in a frame of this shape.
@@ -506,10 +297,10 @@ impl Decoder {
         let empty_list = || top.value(Top::EmptyList, bytes).and_then(|value| value.flag());
         let add_rcc = |shape_2020| AddRcc {
             empty_list: empty_list(),
-            instructions: &self.instructions,
+            instructions: self.lists.found_instructions(),
             shape_2020,
             bytes,
-            fields: &self.fields,
+            fields: self.lists.found_fields(),
         };
         match shape {
             Shape::Query => Body::Query(Query { addresses: values(&self.addresses) }),
@@ -527,7 +318,10 @@ impl Decoder {
             Shape::PhotoAnswer => {
                 Body::PhotoAnswer(PhotoAnswer { cam_id: integer(Top::CamId), ret: integer(Top::Ret) })
             }
-            Shape::AddPoints => Body::AddPoints(AddPoints { sets: &self.sets, points: &self.points }),
+            Shape::AddPoints => {
+                let (sets, points) = self.lists.found_points();
+                Body::AddPoints(AddPoints { sets, points })
+            }
             Shape::AddRcc => Body::AddRcc(add_rcc(false)),
             Shape::AddRcc2020 => Body::AddRcc(add_rcc(true)),
             Shape::Unknown => Body::Unknown(UnknownType { word: header.type_word }),
@@ -554,6 +348,12 @@ enum Shape {
     AddRcc2020,
     Unknown,
     Rejected(RequestType),
+}
+
+/// Whether the members read so far say that this is AddPoints: then its points can be read on the way.
+fn says_add_points(top: &TopNodes, bytes: &[u8]) -> bool {
+    let word = top.value(Top::ReqType, bytes).or_else(|| top.value(Top::CmdType, bytes));
+    word.is_some_and(|word| RequestType::from_word(&word.word()) == Some(RequestType::AddPoints))
 }
 
 /// The type of a frame that does not say it, by what it holds.
@@ -585,38 +385,6 @@ fn list(cursor: &mut Cursor<'_>, bytes: &[u8], nodes: &mut Vec<Node>) -> Result<
         nodes.push(cursor.value()?);
     }
     Ok(Node { span: Span::new(start, cursor.at()), kind: Kind::List })
-}
-
-/// The member of an object that was checked before.
-fn member(bytes: &[u8], object: Value<'_>, name: &[u8]) -> Result<Option<Node>, JsonError> {
-    if object.node.kind != Kind::Object {
-        return Ok(None);
-    }
-    let mut cursor = Cursor::new(bytes, object.node.span.start as usize);
-    cursor.open_object()?;
-    let mut found = None;
-    let mut first = true;
-    while let Some(key) = cursor.next_key(first)? {
-        first = false;
-        let value = cursor.value()?;
-        if *Value::new(bytes, key).word() == *name {
-            found = Some(value);
-        }
-    }
-    Ok(found)
-}
-
-/// The key of a member whose value is known, in a frame that was checked before.
-fn key_before(bytes: &[u8], value: Node) -> Option<Node> {
-    let quote = usize::from(matches!(value.kind, Kind::Text { .. }));
-    let before = bytes.get(..(value.span.start as usize).checked_sub(quote)?)?;
-    let end = before.iter().rposition(|byte| *byte == b'"')?;
-    let start = before.get(..end)?.iter().rposition(|byte| *byte == b'"')? + 1;
-    Some(Node { span: Span::new(start, end), kind: Kind::Text { has_escape: false, utf8: true } })
-}
-
-fn not_an_object(place: Place, found: Value<'_>) -> FieldError {
-    FieldError { path: place.to_string(), found: Some(excerpt(found)), wanted: "an object", nearest: None }
 }
 
 fn top_error(top: &TopNodes, bytes: &[u8], key: Top, wanted: &'static str) -> FieldError {

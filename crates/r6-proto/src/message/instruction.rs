@@ -123,9 +123,9 @@ pub struct CurveMove {
 pub struct Manner {
     /// `ckStatus`: the axes that move; left out, all that are given.
     pub mask: Option<AxisMask>,
-    /// `speed`: percent, 0.1 steps.
+    /// `speed`: percent, above 0 to 100. The manual has steps of 0.1; up to three decimals are sent.
     pub speed: Option<f64>,
-    /// `delay`: seconds to wait before the move, 0.1 s steps.
+    /// `delay`: seconds to wait before the move, 0 to 86400. The manual has steps of 0.1; up to three decimals are sent.
     pub delay: Option<f64>,
     /// `smooth`: blend level 0 to 9.
     pub smooth: Option<BlendLevel>,
@@ -360,9 +360,15 @@ impl Instruction {
                 write_coordinates(&mut object, &curve.end, Fields::M_P)?;
                 curve.manner.encode(&mut object)?;
             }
-            Action::PathSpeed(speed) => {
-                object.quoted_flag("isUse", speed.in_use);
-                if let Some(speed) = speed.speed {
+            Action::PathSpeed(path) => {
+                object.quoted_flag("isUse", path.in_use);
+                if let Some(speed) = path.speed {
+                    // Where it is switched off, 0 is what clients send.
+                    let least = if path.in_use { 1.0 } else { 0.0 };
+                    if speed.fract() != 0.0 || !(least..=100_000.0).contains(&speed) {
+                        let wanted = "a whole number of mm/s, from 1 to 100000";
+                        return Err(EncodeError { field: "speed", wanted });
+                    }
                     object.quoted_fixed("speed", speed, Decimals::FEW)?;
                 }
             }
@@ -376,7 +382,7 @@ impl Instruction {
                 object.quoted_integer("type", output.kind.number());
                 object.quoted_flag("io_status", output.on);
                 object.quoted_integer("point", within("point", output.point, 32, "a point from 0 to 32")?);
-                object.quoted_fixed("delay", output.delay, Decimals::FEW)?;
+                object.quoted_fixed("delay", sendable_seconds("delay", output.delay)?, Decimals::FEW)?;
             }
             Action::BoardOutput(output) => {
                 let (OutputBoard::Y(board) | OutputBoard::M(board)) = output.board;
@@ -438,6 +444,14 @@ fn pairs(fields: &mut FieldsView<'_>, field: usize) -> Result<PairMask, FieldErr
     Ok(PairMask::from_bits(bits.unwrap_or(0)))
 }
 
+fn sendable_seconds(field: &'static str, seconds: f64) -> Result<f64, EncodeError> {
+    if (0.0..=LONGEST_TIME).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err(EncodeError { field, wanted: "seconds, from 0 to 86400" })
+    }
+}
+
 fn seconds(fields: &mut FieldsView<'_>, field: usize) -> Result<Option<f64>, FieldError> {
     fields.optional(field, "seconds, from 0 to 86400", |value| {
         value.number().filter(|time| (0.0..=LONGEST_TIME).contains(time))
@@ -479,10 +493,14 @@ impl Manner {
             out.push(b'"');
         }
         if let Some(speed) = self.speed {
+            // What rounds to 0 would be another speed than the one that was meant.
+            if !(0.001..=100.0).contains(&speed) {
+                return Err(EncodeError { field: "speed", wanted: "percent, from 0.001 to 100" });
+            }
             object.quoted_fixed("speed", speed, Decimals::TENTHS)?;
         }
         if let Some(delay) = self.delay {
-            object.quoted_fixed("delay", delay, Decimals::TENTHS)?;
+            object.quoted_fixed("delay", sendable_seconds("delay", delay)?, Decimals::TENTHS)?;
         }
         if let Some(smooth) = self.smooth {
             object.quoted_integer("smooth", i64::from(smooth.level()));
@@ -569,7 +587,7 @@ impl Wait {
                 WaitCondition::FallingEdge => 3,
             },
         );
-        object.quoted_fixed("limit", self.limit, Decimals::FEW)?;
+        object.quoted_fixed("limit", sendable_seconds("limit", self.limit)?, Decimals::FEW)?;
         object.quoted_flag("isUnlimit", self.unlimited);
         Ok(())
     }

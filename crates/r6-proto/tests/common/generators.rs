@@ -115,8 +115,9 @@ pub fn command() -> impl Strategy<Value = Command<'static>> {
         (any::<u32>(), [decimal(1000, 1_000_000), decimal(10, 100), decimal(1, 10)], any::<[u32; 3]>())
             .prop_map(|(stack, spacing, count)| Command::ModifyStackData { stack, spacing, count }),
         (0..=1000_u16).prop_map(|steps| Command::ModifyGspd { percent: f64::from(steps) / 10.0 }),
-        (register(), any::<i64>(), any::<bool>())
-            .prop_map(|(register, value, savable)| Command::RewriteData { register, value, savable }),
+        (register(), any::<i32>(), any::<bool>()).prop_map(|(register, value, savable)| {
+            Command::RewriteData { register, value: i64::from(value), savable }
+        }),
         rewrite_data_list(),
         (1..=60_000_u16, 1..=60_000_u16).prop_map(|(acceleration, deceleration)| Command::ModifyAccDec {
             acceleration: f64::from(acceleration) / 1000.0,
@@ -133,7 +134,7 @@ pub fn command() -> impl Strategy<Value = Command<'static>> {
 fn rewrite_data_list() -> impl Strategy<Value = Command<'static>> {
     register().prop_flat_map(|first| {
         let room = usize::from(RegisterIndex::LAST - first.number()) + 1;
-        (any::<bool>(), vec(any::<i64>(), 1..=room))
+        (any::<bool>(), vec(any::<i32>().prop_map(i64::from), 1..=room))
             .prop_map(move |(savable, values)| Command::RewriteDataList { first, savable, values })
     })
 }
@@ -149,7 +150,7 @@ fn action() -> impl Strategy<Value = Action> {
         motion().prop_map(Action::LinearMove),
         (coordinates(), coordinates(), manner())
             .prop_map(|(middle, end, manner)| Action::CurveMove(CurveMove { middle, end, manner })),
-        (any::<bool>(), option::of(decimal(1000, 1_000_000)))
+        (any::<bool>(), option::of((1..=100_000_u32).prop_map(f64::from)))
             .prop_map(|(in_use, speed)| Action::PathSpeed(PathSpeed { in_use, speed })),
         (any::<bool>(), 0..=31_u8, any::<bool>())
             .prop_map(|(in_use, input, on)| Action::StopOnSignal(StopOnSignal { in_use, input, on })),
@@ -211,7 +212,7 @@ fn manner() -> impl Strategy<Value = Manner> {
     let smooth = (0..=9_u8).prop_filter_map("a blend level", BlendLevel::new);
     (
         option::of(mask),
-        option::of(positive(1000, 1_000_000)),
+        option::of((1..=100_000_u32).prop_map(|thousandths| f64::from(thousandths) / 1000.0)),
         option::of(seconds()),
         option::of(smooth),
         option::of(any::<u32>()),

@@ -74,7 +74,9 @@ pub fn wire(value: WireValue<'_>) -> Value {
     } else if value.is_list() {
         value.items().map(wire).collect::<Vec<_>>().into()
     } else {
-        serde_json::from_slice(value.wire()).expect("a value of a decoded frame is JSON")
+        // Only an object with GBK inside is no JSON to others: its bytes have to do.
+        serde_json::from_slice(value.wire())
+            .unwrap_or_else(|_| String::from_utf8_lossy(value.wire()).into_owned().into())
     }
 }
 

@@ -55,7 +55,8 @@ impl OperationMode {
     }
 
     /// Whether a program can be running in this mode. A mode that nobody knows counts: the state tells the rest.
-    pub(crate) fn may_run(self) -> bool {
+    #[must_use]
+    pub fn may_run(self) -> bool {
         match self {
             Self::Running | Self::SingleStep | Self::SingleCycle | Self::Unknown(_) => true,
             Self::None | Self::Manual | Self::Auto | Self::Stop => false,

@@ -1,0 +1,26 @@
+//! One file per subcommand.
+
+pub mod alarm;
+pub mod command;
+pub mod completions;
+pub mod inspect;
+pub mod job;
+pub mod r#move;
+pub mod query;
+pub mod run;
+pub mod sim;
+pub mod status;
+pub mod stop;
+pub mod up;
+pub mod watch;
+
+use crate::exit::{Exit, Failure};
+
+/// Runs an asynchronous command to its end.
+pub fn block_on(work: impl Future<Output = Result<Exit, Failure>>) -> Result<Exit, Failure> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()
+        .map_err(|error| Failure::usage(format!("the system gives no threads or timers: {error}")))?;
+    runtime.block_on(work)
+}

@@ -1,0 +1,57 @@
+//! `r6 alarm`: what alarm codes mean.
+
+use clap::Args;
+use r6_proto::alarm::AlarmCode;
+
+use crate::exit::{Exit, Failure};
+use crate::output;
+
+/// Say what alarm codes mean, which axis they name, and what to do
+#[derive(Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+No robot is asked. The exit code is 1 if a code is not in the table.
+
+Examples:
+  r6 alarm 135
+  r6 alarm 42 200 219 --json"
+)]
+pub struct AlarmArgs {
+    /// Alarm codes, as `curAlarm` and the pendant show them
+    #[arg(value_name = "CODE", required = true)]
+    codes: Vec<u32>,
+    /// Print a JSON list
+    #[arg(long)]
+    json: bool,
+}
+
+/// Explains the codes.
+pub fn run(args: &AlarmArgs) -> Result<Exit, Failure> {
+    let alarms: Vec<_> = args.codes.iter().map(|code| AlarmCode(*code).decode()).collect();
+    if args.json {
+        let list: Vec<_> = alarms
+            .iter()
+            .map(|alarm| {
+                serde_json::json!({
+                    "code": alarm.code.0,
+                    "text": alarm.text,
+                    "axis": alarm.axis.map(|axis| axis.to_string()),
+                    "remedy": alarm.remedy,
+                    "known": alarm.known,
+                    "seen_live": alarm.seen_live,
+                })
+            })
+            .collect();
+        output::json_pretty(&list);
+    } else {
+        for alarm in &alarms {
+            output::line(alarm);
+            output::line(format_args!("  what to do: {}", alarm.remedy));
+            if alarm.seen_live && alarm.code.0 != 0 {
+                output::line("  real controllers were seen to raise it");
+            }
+        }
+    }
+    Ok(if alarms.iter().all(|alarm| alarm.known) { Exit::Done } else { Exit::Refused })
+}

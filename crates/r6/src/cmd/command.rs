@@ -1,0 +1,127 @@
+//! `r6 command`: sends one command of the table.
+
+mod arguments;
+
+use clap::Args;
+use r6_proto::CommandName;
+use r6_proto::message::command::{COMMANDS, CommandInfo};
+
+use crate::exit::{Exit, Failure};
+use crate::output::{self, table::Table};
+use crate::robot::RobotArgs;
+
+/// Send one command, with its arguments in the units of people
+#[derive(Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+The arguments are in the units of people and are converted: modifyGSPD 5 sends 50, which is 5 %. \
+An accepted command says nothing about what the machine does: look with `r6 status`.
+
+Examples:
+  r6 command --list                          every command with its arguments
+  r6 command modifyGSPD 5                    global speed 5 %
+  r6 command modifyOutput 0 3 1              output board 0, point 3, on
+  r6 command rewriteData 800 -300000 0       register 800, not kept over a power cut
+  r6 command modifyCounter 0 -1 20           target of counter 0; -1 keeps its count
+  r6 command clearAlarm"
+)]
+pub struct CommandArgs {
+    /// Name of the command
+    #[arg(required_unless_present = "list")]
+    name: Option<String>,
+    /// Its arguments
+    #[arg(value_name = "ARGUMENT", allow_negative_numbers = true)]
+    arguments: Vec<String>,
+    /// Print the table of commands; no robot is asked
+    #[arg(long, conflicts_with_all = ["name", "arguments"])]
+    list: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Sends the command and prints the answer.
+pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
+    let Some(word) = &args.name else {
+        list(args.json);
+        return Ok(Exit::Done);
+    };
+    let name = named(word)?;
+    let command = arguments::read(name, &args.arguments)
+        .map_err(|problem| Failure::usage(format!("{name}: {problem}")).advise(usage(name.info())))?;
+    robot
+        .with(async |robot| {
+            let accepted = robot.command(command).await?;
+            let milliseconds = output::readings::milliseconds(accepted.after);
+            if args.json {
+                output::json(&serde_json::json!({
+                    "robot": robot.address(), "command": name.word(), "accepted": true, "after_ms": milliseconds,
+                }));
+            } else {
+                output::line(format_args!("{name} accepted after {milliseconds:.1} ms"));
+            }
+            Ok(Exit::Done)
+        })
+        .await
+}
+
+fn named(word: &str) -> Result<CommandName, Failure> {
+    CommandName::exact(word.as_bytes()).ok_or_else(|| {
+        let advice = match CommandName::nearest(word) {
+            Some(near) => format!("nearest: `{near}`; all of them: r6 command --list"),
+            None => "all commands: r6 command --list".to_owned(),
+        };
+        Failure::usage(format!("there is no command `{word}`")).advise(advice)
+    })
+}
+
+/// How a command is typed, with the meaning of each argument.
+fn usage(info: &CommandInfo) -> String {
+    let meanings: Vec<_> =
+        info.arguments.iter().map(|argument| format!("{}: {}", argument.name, argument.meaning)).collect();
+    match meanings.is_empty() {
+        true => format!("usage: r6 command {}", info.word),
+        false => format!("usage: r6 command {} ({})", pattern(info), meanings.join("; ")),
+    }
+}
+
+fn pattern(info: &CommandInfo) -> String {
+    let mut pattern = info.word.to_owned();
+    for argument in info.arguments {
+        pattern.push(' ');
+        pattern.push_str(&argument.name.to_uppercase());
+    }
+    if info.word == CommandName::RewriteDataList.word() {
+        pattern.push('…');
+    }
+    pattern
+}
+
+fn list(json: bool) {
+    if json {
+        let rows: Vec<_> = COMMANDS
+            .iter()
+            .map(|row| {
+                let arguments: Vec<_> = row
+                    .arguments
+                    .iter()
+                    .map(|argument| serde_json::json!({ "name": argument.name, "meaning": argument.meaning }))
+                    .collect();
+                serde_json::json!({
+                    "word": row.word, "arguments": arguments, "meaning": row.meaning, "since": row.since,
+                })
+            })
+            .collect();
+        output::json_pretty(&rows);
+        return;
+    }
+    let mut table = Table::new();
+    for row in &COMMANDS {
+        table.row([&pattern(row), &row.meaning]);
+        for argument in row.arguments {
+            table.row([&"", &format!("  {}: {}", argument.name, argument.meaning)]);
+        }
+    }
+    output::line(table);
+}

@@ -1,0 +1,235 @@
+//! The arguments of a command, from the words of the command line to the units of the wire.
+
+use std::borrow::Cow;
+use std::str::FromStr;
+
+use r6_proto::address::RegisterIndex;
+use r6_proto::{Command, CommandName};
+
+/// Reads the arguments of a command, in the units of the table of commands.
+pub fn read(name: CommandName, words: &[String]) -> Result<Command<'static>, String> {
+    let arguments = Arguments { name, words };
+    arguments.check_count()?;
+    Ok(match name {
+        CommandName::ActionStop => Command::ActionStop,
+        CommandName::ActionPause => Command::ActionPause,
+        CommandName::ActionSingleCycle => Command::ActionSingleCycle,
+        CommandName::StartButton => Command::StartButton,
+        CommandName::StopButton => Command::StopButton,
+        CommandName::ClearAlarmRunNext => Command::ClearAlarmRunNext,
+        CommandName::ClearAlarmContinue => Command::ClearAlarmContinue,
+        CommandName::ClearAlarm => Command::ClearAlarm,
+        CommandName::SwitchMold => Command::SwitchMold { mold: Cow::Owned(arguments.word(0).to_owned()) },
+        CommandName::ModifyCounter => Command::ModifyCounter {
+            id: arguments.whole(0)?,
+            current: arguments.count(1)?,
+            target: arguments.count(2)?,
+        },
+        CommandName::ModifyOutput => Command::ModifyOutput {
+            board: arguments.up_to(0, 7)?,
+            point: arguments.up_to(1, 31)?,
+            on: arguments.flag(2)?,
+        },
+        CommandName::ModifyStackData => Command::ModifyStackData {
+            stack: arguments.whole(0)?,
+            spacing: [arguments.number(1)?, arguments.number(2)?, arguments.number(3)?],
+            count: [arguments.whole(4)?, arguments.whole(5)?, arguments.whole(6)?],
+        },
+        CommandName::ModifyGspd => {
+            Command::ModifyGspd { percent: arguments.between(0, 0.0..=100.0, "percent from 0 to 100")? }
+        }
+        CommandName::RewriteData => Command::RewriteData {
+            register: arguments.register(0)?,
+            value: arguments.whole(1)?,
+            savable: arguments.flag(2)?,
+        },
+        CommandName::RewriteDataList => arguments.register_list()?,
+        CommandName::ModifyAccDec => Command::ModifyAccDec {
+            acceleration: arguments.between(0, 0.001..=60.0, "seconds from 0.001 to 60")?,
+            deceleration: arguments.between(1, 0.001..=60.0, "seconds from 0.001 to 60")?,
+        },
+        CommandName::SwitchTool => Command::SwitchTool { tool: arguments.whole(0)? },
+        CommandName::ModifyTool => Command::ModifyTool {
+            tool: arguments.whole(0)?,
+            offset: [
+                arguments.number(1)?,
+                arguments.number(2)?,
+                arguments.number(3)?,
+                arguments.number(4)?,
+                arguments.number(5)?,
+                arguments.number(6)?,
+            ],
+        },
+        CommandName::SwitchCoordinate => Command::SwitchCoordinate { workbench: arguments.whole(0)? },
+    })
+}
+
+struct Arguments<'a> {
+    name: CommandName,
+    words: &'a [String],
+}
+
+impl Arguments<'_> {
+    fn check_count(&self) -> Result<(), String> {
+        let wanted = self.name.info().arguments.len();
+        let given = self.words.len();
+        let open_ended = self.name == CommandName::RewriteDataList;
+        let enough = given == wanted || (open_ended && given > wanted);
+        if enough {
+            return Ok(());
+        }
+        let arguments = match wanted {
+            0 => "no argument".to_owned(),
+            1 => "1 argument".to_owned(),
+            _ => format!("{wanted} arguments"),
+        };
+        Err(format!("it takes {arguments}, {given} given"))
+    }
+
+    fn word(&self, index: usize) -> &str {
+        self.words.get(index).map_or("", String::as_str)
+    }
+
+    fn wrong(&self, index: usize, wanted: &str) -> String {
+        let name = self.name.info().arguments.get(index).map_or("argument", |argument| argument.name);
+        format!("{name} is `{}`, but has to be {wanted}", self.word(index))
+    }
+
+    fn whole<T: FromStr>(&self, index: usize) -> Result<T, String> {
+        self.word(index).parse().map_err(|_| self.wrong(index, "a whole number in range"))
+    }
+
+    fn up_to(&self, index: usize, last: u8) -> Result<u8, String> {
+        let value = self.word(index).parse().ok().filter(|value| *value <= last);
+        value.ok_or_else(|| self.wrong(index, &format!("a whole number from 0 to {last}")))
+    }
+
+    /// A count, or -1 to keep what it has.
+    fn count(&self, index: usize) -> Result<Option<u32>, String> {
+        match self.word(index) {
+            "-1" => Ok(None),
+            word => word.parse().map(Some).map_err(|_| self.wrong(index, "a count from 0, or -1 to keep it")),
+        }
+    }
+
+    fn flag(&self, index: usize) -> Result<bool, String> {
+        match self.word(index) {
+            "1" | "on" => Ok(true),
+            "0" | "off" => Ok(false),
+            _ => Err(self.wrong(index, "1 or 0")),
+        }
+    }
+
+    fn number(&self, index: usize) -> Result<f64, String> {
+        self.between(index, -1e6..=1e6, "a number of mm or degrees")
+    }
+
+    fn between(
+        &self,
+        index: usize,
+        range: std::ops::RangeInclusive<f64>,
+        wanted: &str,
+    ) -> Result<f64, String> {
+        let value = self.word(index).parse::<f64>().ok().filter(|value| range.contains(value));
+        value.ok_or_else(|| self.wrong(index, wanted))
+    }
+
+    fn register(&self, index: usize) -> Result<RegisterIndex, String> {
+        let register = self.word(index).parse().ok().and_then(RegisterIndex::new);
+        register.ok_or_else(|| self.wrong(index, "a register from 800 to 900"))
+    }
+
+    fn register_list(&self) -> Result<Command<'static>, String> {
+        let first = self.register(0)?;
+        let length: usize = self.whole(1)?;
+        let savable = self.flag(2)?;
+        let words = self.words.get(3..).unwrap_or_default();
+        if words.len() != length {
+            return Err(format!("length says {length}, but {} values follow", words.len()));
+        }
+        let room = usize::from(RegisterIndex::LAST - first.number()) + 1;
+        if length == 0 || length > room {
+            return Err(format!("{length} values do not fit into registers {} to 900", first.number()));
+        }
+        let values = words
+            .iter()
+            .map(|word| word.parse().map_err(|_| format!("value `{word}` has to be a whole number")))
+            .collect::<Result<_, _>>()?;
+        Ok(Command::RewriteDataList { first, savable, values })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_words(line: &str) -> Result<Command<'static>, String> {
+        let mut words = line.split(' ').map(str::to_owned);
+        let name = CommandName::exact(words.next().unwrap().as_bytes()).unwrap();
+        read(name, &words.collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn people_type_percent_and_millimetres() {
+        assert_eq!(read_words("modifyGSPD 5"), Ok(Command::ModifyGspd { percent: 5.0 }));
+        assert_eq!(
+            read_words("modifyTool 1 0 -10.5 100 0 0 90"),
+            Ok(Command::ModifyTool { tool: 1, offset: [0.0, -10.5, 100.0, 0.0, 0.0, 90.0] })
+        );
+        assert_eq!(
+            read_words("modifyCounter 3 -1 20"),
+            Ok(Command::ModifyCounter { id: 3, current: None, target: Some(20) })
+        );
+    }
+
+    #[test]
+    fn registers_in_a_row_have_to_fit_their_length() {
+        let first = RegisterIndex::new(899).unwrap();
+        assert_eq!(
+            read_words("rewriteDataList 899 2 0 1 -2"),
+            Ok(Command::RewriteDataList { first, savable: false, values: vec![1, -2] })
+        );
+        assert_eq!(
+            read_words("rewriteDataList 899 3 0 1 -2"),
+            Err("length says 3, but 2 values follow".to_owned())
+        );
+        assert_eq!(
+            read_words("rewriteDataList 899 3 0 1 2 3"),
+            Err("3 values do not fit into registers 899 to 900".to_owned())
+        );
+    }
+
+    #[test]
+    fn every_command_reads_from_arguments_in_range() {
+        for name in CommandName::ALL {
+            let words: Vec<String> = match name {
+                CommandName::RewriteData => vec!["800", "1", "0"],
+                CommandName::RewriteDataList => vec!["800", "1", "0", "5"],
+                CommandName::ModifyStackData | CommandName::ModifyTool => vec!["1"; 7],
+                _ => vec!["1"; name.info().arguments.len()],
+            }
+            .into_iter()
+            .map(str::to_owned)
+            .collect();
+            assert_eq!(read(name, &words).map(|command| command.name()), Ok(name));
+            assert!(read(name, &[]).is_err() || name.info().arguments.is_empty(), "{name}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_names_the_argument() {
+        assert_eq!(
+            read_words("modifyGSPD 500"),
+            Err("percent is `500`, but has to be percent from 0 to 100".to_owned())
+        );
+        assert_eq!(
+            read_words("modifyOutput 0 32 1"),
+            Err("point is `32`, but has to be a whole number from 0 to 31".to_owned())
+        );
+        assert_eq!(read_words("actionStop now"), Err("it takes no argument, 1 given".to_owned()));
+        assert_eq!(
+            read_words("rewriteData 799 1 0"),
+            Err("register is `799`, but has to be a register from 800 to 900".to_owned())
+        );
+    }
+}

@@ -1,0 +1,156 @@
+//! `r6 run`: sends the instructions of a file.
+
+mod json_program;
+mod lines;
+mod toml_program;
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use crate::cmd::job::frames::Batch;
+use crate::cmd::job::{self, JobArgs};
+use crate::exit::{Exit, Failure};
+use crate::output;
+use crate::robot::RobotArgs;
+
+/// The largest program file that is read: far more than any list of instructions, and little enough for memory.
+const MAX_FILE_BYTES: u64 = 16 * 1024 * 1024;
+
+/// Send the instructions of a file
+#[derive(Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+FILE.json holds AddRCC frames as the manual prints them, // comments included, in any accepted \
+spelling or shape; they are checked, and sent in one strict form.
+
+FILE.toml is written by people: one [[instruction]] table for each step, in order.
+  repeat = false          true: the list starts over, for ever
+  append = false          true: append to the instruction list instead of replacing it
+  [[instruction]]
+  do = \"axis-move\"        to = [degrees of J1, J2, …]
+  do = \"linear-move\"      to = [X, Y, Z] or [X, Y, Z, U, V, W], mm and degrees
+  do = \"curve-move\"       through = [X, Y, Z, U, V, W], to = [X, Y, Z, U, V, W]
+                          moves also: speed (percent), blend (0-9), delay (seconds before),
+                          mask (0x3F), tool, work_frame
+  do = \"wait\"             seconds; or: source (\"input\", \"m\", \"eu\"), board, point,
+                          until (\"on\", \"off\", \"rising\", \"falling\"), limit (seconds)
+  do = \"output\"           kind (\"y\", \"m\", \"euy\"), point, on, delay (seconds before);
+                          or pulse (seconds)
+  do = \"board-output\"     kind (\"y\", \"m\"), board (0, 1), set = [points], clear = [points]
+  do = \"stop-on-signal\"   point, on; watch = false ends it
+  do = \"path-speed\"       mm_per_s; without it the path speed is switched off
+  do = \"workbench\"        number
+
+The machine is looked at first, as for `r6 move`. A list too long for one frame (2048 bytes) is \
+sent in several. A wait without a limit waits for ever.
+
+Examples:
+  r6 run examples/programs/square.toml --wait
+  r6 run examples/programs/blend-j1.json --wait
+  r6 run examples/programs/manual-6-1-1-axis-move.json --once --wait
+  r6 run examples/programs/square.toml --dry-run       the frames that would be sent"
+)]
+pub struct RunArgs {
+    /// The program: .json or .toml
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Run a list that repeats only once
+    #[arg(long)]
+    once: bool,
+    #[command(flatten)]
+    job: JobArgs,
+}
+
+/// What a file says.
+#[derive(Debug, PartialEq)]
+struct Program {
+    batches: Vec<Batch>,
+    /// What the reader of the file should know: odd spellings, unknown keys.
+    remarks: Vec<String>,
+}
+
+/// Reads the file and sends what it says.
+pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
+    let name = args.file.display();
+    let mut program = read(&args.file)?;
+    for remark in &program.remarks {
+        output::note(format_args!("r6: {name}: {remark}"));
+    }
+    if args.job.append
+        && let Some(first) = program.batches.first_mut()
+    {
+        first.replace = false;
+    }
+    if args.once {
+        program
+            .batches
+            .iter_mut()
+            .flat_map(|batch| &mut batch.instructions)
+            .for_each(|step| step.oneshot = true);
+    }
+    if args.job.wait && job::repeats(&program.batches) {
+        return Err(Failure::usage(format!(
+            "{name} repeats until it is stopped, so there is no end to wait for"
+        ))
+        .advise("add --once to run it once"));
+    }
+    job::carry_out(&args.job, program.batches, &robot).await
+}
+
+fn read(file: &Path) -> Result<Program, Failure> {
+    let name = file.display();
+    let text = read_text(file)?;
+    let program = match file.extension().and_then(|extension| extension.to_str()) {
+        Some("json") => json_program::read(&text),
+        Some("toml") => toml_program::read(&text),
+        Some(_) | None => {
+            return Err(Failure::usage(format!("{name}: a program ends in .json or .toml")));
+        }
+    };
+    let program = program.map_err(|error| {
+        let failure = Failure::usage(format!("{name}:{error}"));
+        match error.advice {
+            Some(advice) => failure.advise(advice),
+            None => failure,
+        }
+    })?;
+    if program.batches.iter().skip(1).any(|batch| batch.replace) {
+        return Err(Failure::usage(format!(
+            "{name}: a later frame replaces the list while the first one runs"
+        ))
+        .advise("give it \"emptyList\":\"0\", or run the frames from files of their own"));
+    }
+    Ok(program)
+}
+
+fn read_text(file: &Path) -> Result<String, Failure> {
+    let name = file.display();
+    let unreadable = |error: std::io::Error| Failure::usage(format!("{name} cannot be read: {error}"));
+    let length = std::fs::metadata(file).map_err(unreadable)?.len();
+    if length > MAX_FILE_BYTES {
+        return Err(Failure::usage(format!(
+            "{name} has {length} bytes; a program has at most {MAX_FILE_BYTES}"
+        )));
+    }
+    std::fs::read_to_string(file).map_err(unreadable)
+}
+
+/// What is wrong with a file, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct FileError {
+    /// Line and column, counted from 1; `None` where the whole file is meant.
+    at: Option<(usize, usize)>,
+    what: String,
+    advice: Option<String>,
+}
+
+impl std::fmt::Display for FileError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.at {
+            Some((line, column)) => write!(f, "{line}:{column}: {}", self.what),
+            None => write!(f, " {}", self.what),
+        }
+    }
+}

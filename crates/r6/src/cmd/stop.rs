@@ -1,0 +1,69 @@
+//! `r6 stop`: ends the motion and clears the list.
+
+use clap::Args;
+use r6_client::{ListAfterStop, StopReport};
+use serde_json::json;
+
+use crate::exit::{Exit, Failure};
+use crate::output;
+use crate::robot::RobotArgs;
+
+const NO_EMERGENCY_STOP: &str = "This is an ordinary command over a network, not an emergency stop: only the wired button protects people.";
+
+/// End the motion and clear the instruction list (not an emergency stop)
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Sends actionStop until the machine is seen to stand, then clears what is left in the instruction \
+list, so that it does not start again later. The program on the pendant has to be started again \
+before the next motion.
+
+This is an ordinary command over a network, not an emergency stop: only the wired button protects \
+people.
+
+The exit code is 0 once the machine was seen to stand, else 4.
+
+Examples:
+  r6 stop
+  r6 stop --json")]
+pub struct StopArgs {
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Stops and prints what was seen.
+pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
+    robot
+        .with(async |robot| {
+            let report = robot.stop().await?;
+            if args.json {
+                output::json_pretty(&as_json(robot.address(), &report));
+            } else {
+                output::line(&report);
+                output::line(NO_EMERGENCY_STOP);
+            }
+            Ok(if report.confirmed { Exit::Done } else { Exit::Unknown })
+        })
+        .await
+}
+
+fn as_json(address: &str, report: &StopReport) -> serde_json::Value {
+    let list = match &report.list {
+        ListAfterStop::WasEmpty => "was empty",
+        ListAfterStop::Cleared => "cleared",
+        ListAfterStop::Refused(_) => "refused",
+        ListAfterStop::Unknown(_) => "unknown",
+        ListAfterStop::NotTried(_) => "not tried",
+    };
+    json!({
+        "robot": address,
+        "confirmed": report.confirmed,
+        "attempts": report.attempts,
+        "took_ms": output::readings::milliseconds(report.took),
+        "moving": report.moving,
+        "mode": report.mode.map(r6_client::OperationMode::number),
+        "alarm": report.alarm,
+        "list_length": report.list_length,
+        "list": list,
+    })
+}

@@ -1,0 +1,120 @@
+//! `r6 up`: the whole cell on this machine, with its live state.
+
+use std::time::Duration;
+
+use clap::Args;
+use crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use r6_sim::{ControllerHandle, Simulation};
+use tokio::sync::broadcast::error::{RecvError, TryRecvError};
+
+use crate::cmd::sim::{self, CellArgs};
+use crate::exit::{Exit, Failure};
+use crate::output;
+use crate::output::screen::{Screen, View};
+use crate::signals::Ending;
+
+/// How often the screen is drawn: smooth to the eye, and little work.
+const DRAW_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Start a whole virtual cell on this machine and show its live state
+#[derive(Debug, Args)]
+#[command(after_help = "\
+On a terminal the state is shown live; q or Ctrl-C ends it. Elsewhere there is one line for each \
+thing that happens.
+
+Examples:
+  r6 up
+  r6 up --listen 0.0.0.0:9760                   reachable from other machines: it has no login
+  r6 up --profile r6-pendant --start stopped
+
+Then, in a second shell:
+  r6 status
+  r6 move axes 10 0 0 0 30 0 --speed 50 --wait")]
+pub struct UpArgs {
+    #[command(flatten)]
+    cell: CellArgs,
+}
+
+impl UpArgs {
+    /// Whether the state is shown on a screen of its own.
+    pub fn has_screen(&self) -> bool {
+        output::is_terminal()
+    }
+}
+
+/// Runs the cell until it is ended.
+pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
+    let has_screen = args.has_screen();
+    let mut ending = Ending::watch()?;
+    let simulation = sim::start(args.cell, 1).await?;
+    let result = tokio::select! {
+        shown = show(&simulation, has_screen) => shown,
+        () = ending.signalled() => Ok(()),
+    };
+    simulation.shutdown().await;
+    result.map(|()| Exit::Done)
+}
+
+async fn show(simulation: &Simulation, has_screen: bool) -> Result<(), Failure> {
+    let Some(controller) = simulation.controllers().first() else { return Ok(()) };
+    if has_screen { show_screen(controller).await } else { show_lines(controller).await }
+}
+
+/// Commands to try in a second shell.
+fn hints(controller: &ControllerHandle) -> [String; 3] {
+    let address = controller.address();
+    let robot =
+        if address.to_string() == "127.0.0.1:9760" { String::new() } else { format!(" -r {address}") };
+    [
+        format!("r6{robot} status"),
+        format!("r6{robot} move axes 10 0 0 0 30 0 --speed 50 --wait"),
+        format!("r6{robot} watch axis-0 axis-4 isMoving --every 100ms"),
+    ]
+}
+
+async fn show_lines(controller: &ControllerHandle) -> Result<(), Failure> {
+    let mut log = controller.log();
+    let state = controller.snapshot();
+    output::line(format_args!("listening on {}", controller.address()));
+    output::line(format_args!("{}, profile {}, mode {}", state.machine_name, state.profile, state.mode));
+    for hint in hints(controller) {
+        output::line(format_args!("try: {hint}"));
+    }
+    loop {
+        match log.recv().await {
+            Ok(line) => output::line(sim::log_text(&line)),
+            Err(RecvError::Lagged(lost)) => output::line(format_args!("({lost} lines were lost)")),
+            Err(RecvError::Closed) => return Ok(()),
+        }
+    }
+}
+
+async fn show_screen(controller: &ControllerHandle) -> Result<(), Failure> {
+    let failed = |error: std::io::Error| Failure::usage(format!("the terminal cannot be drawn on: {error}"));
+    let mut log = controller.log();
+    let mut view = View::new(controller.address(), hints(controller));
+    let mut screen = Screen::open().map_err(failed)?;
+    let mut ticks = tokio::time::interval(DRAW_INTERVAL);
+    loop {
+        ticks.tick().await;
+        loop {
+            match log.try_recv() {
+                Ok(line) => view.add_line(sim::log_text(&line)),
+                Err(TryRecvError::Lagged(lost)) => view.add_line(format!("({lost} lines were lost)")),
+                Err(TryRecvError::Empty | TryRecvError::Closed) => break,
+            }
+        }
+        screen.draw(&view, &controller.snapshot()).map_err(failed)?;
+        while event::poll(Duration::ZERO).map_err(failed)? {
+            if ends(&event::read().map_err(failed)?) {
+                return Ok(());
+            }
+        }
+    }
+}
+
+fn ends(event: &Event) -> bool {
+    let Event::Key(key) = event else { return false };
+    let control_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+    key.kind == KeyEventKind::Press && (control_c || matches!(key.code, KeyCode::Char('q') | KeyCode::Esc))
+}

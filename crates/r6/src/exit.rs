@@ -1,0 +1,183 @@
+//! How a run of r6 ends: the exit code, and for a failure one or two lines that say what, where, and what to do.
+
+use std::fmt;
+use std::process::ExitCode;
+
+use r6_client::{Effect, NotSent, RequestError, WaitError};
+
+use crate::output::{self, alarm};
+
+/// The exit codes, for the help.
+pub const CODES: &str = "\
+Exit codes:
+  0  done
+  1  refused by the controller, or a condition is not met; `inspect`: something is wrong
+  2  usage: the command line or a file is wrong, nothing was sent
+  3  unreachable, or no reply
+  4  outcome unknown: the request left and may have acted; look at the machine before going on";
+
+/// Examples and exit codes, for the long help.
+pub const EXAMPLES_AND_CODES: &str = "\
+Examples:
+  r6 up                                             a whole cell on this machine; then, in a second shell:
+  r6 status                                         what it does, and whether it takes motion
+  r6 move axes 10 0 0 0 30 0 --speed 50 --wait      the first motion
+  r6 watch axis-0 axis-1 isMoving --every 100ms
+  r6 stop
+  r6 -r 192.168.1.10 status                         the same for a real controller
+
+Exit codes:
+  0  done
+  1  refused by the controller, or a condition is not met; `inspect`: something is wrong
+  2  usage: the command line or a file is wrong, nothing was sent
+  3  unreachable, or no reply
+  4  outcome unknown: the request left and may have acted; look at the machine before going on";
+
+/// How a run ends, as the shell sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// 0: it is done.
+    Done,
+    /// 1: the controller said no, or a condition was not met.
+    Refused,
+    /// 2: the command line or a file is wrong; nothing was sent.
+    Usage,
+    /// 3: no connection, or no reply to a question.
+    NoReply,
+    /// 4: a request left and may have acted.
+    Unknown,
+}
+
+impl Exit {
+    /// The code for the shell.
+    pub fn code(self) -> ExitCode {
+        ExitCode::from(match self {
+            Self::Done => 0,
+            Self::Refused => 1,
+            Self::Usage => 2,
+            Self::NoReply => 3,
+            Self::Unknown => 4,
+        })
+    }
+}
+
+/// Why a run failed, in the words that are printed.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Failure {
+    exit: Exit,
+    what: String,
+    advice: Option<String>,
+}
+
+impl Failure {
+    /// Something was said no to.
+    pub fn refused(what: impl fmt::Display) -> Self {
+        Self::new(Exit::Refused, what)
+    }
+
+    /// The command line or a file is wrong.
+    pub fn usage(what: impl fmt::Display) -> Self {
+        Self::new(Exit::Usage, what)
+    }
+
+    /// Nobody knows what became of a request.
+    pub fn unknown(what: impl fmt::Display) -> Self {
+        Self::new(Exit::Unknown, what)
+    }
+
+    fn new(exit: Exit, what: impl fmt::Display) -> Self {
+        Self { exit, what: what.to_string(), advice: None }
+    }
+
+    /// Adds a second line: what to do.
+    pub fn advise(mut self, advice: impl Into<String>) -> Self {
+        self.advice = Some(advice.into());
+        self
+    }
+
+    /// Puts what was being done before the message.
+    pub fn while_doing(mut self, what: impl fmt::Display) -> Self {
+        self.what = format!("{what}: {}", self.what);
+        self
+    }
+
+    /// The same failure with another exit code.
+    pub fn with_exit(mut self, exit: Exit) -> Self {
+        self.exit = exit;
+        self
+    }
+
+    /// Prints it and tells the exit code.
+    pub fn report(&self) -> ExitCode {
+        output::note(self);
+        self.exit.code()
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "r6: {}", self.what)?;
+        match &self.advice {
+            Some(advice) => write!(f, "\n    {advice}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl From<RequestError> for Failure {
+    fn from(error: RequestError) -> Self {
+        let exit = match &error {
+            RequestError::NotSent(NotSent::BadAddress { .. } | NotSent::Wire(_)) => Exit::Usage,
+            RequestError::NotSent(
+                NotSent::Unreachable { .. }
+                | NotSent::ConnectTimedOut { .. }
+                | NotSent::Disconnected
+                | NotSent::StateNotRead
+                | NotSent::Busy { .. }
+                | NotSent::Closed,
+            ) => Exit::NoReply,
+            RequestError::Refused(_) => Exit::Refused,
+            RequestError::OutcomeUnknown(unknown) => match unknown.request().effect {
+                Effect::Reads => Exit::NoReply,
+                Effect::Changes | Effect::Moves | Effect::Stops => Exit::Unknown,
+            },
+        };
+        let failure = Self::new(exit, &error);
+        match &error {
+            RequestError::NotSent(NotSent::Unreachable { address, .. }) if is_local(address) => {
+                failure.advise("for a virtual controller, start `r6 up` in another shell")
+            }
+            RequestError::NotSent(_) | RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => failure,
+        }
+    }
+}
+
+fn is_local(address: &str) -> bool {
+    ["127.", "localhost", "[::1]"].iter().any(|start| address.starts_with(start))
+}
+
+impl From<WaitError> for Failure {
+    fn from(error: WaitError) -> Self {
+        match error {
+            WaitError::AlarmRaised { code } => {
+                Self::refused(format!("the motion ended with alarm {}", alarm::short(code)))
+                    .advise(format!("{}; `r6 stop` clears the rest of the list", alarm::advice(code)))
+            }
+            WaitError::Stopped { mode } => {
+                Self::refused(format!("the motion was stopped: the operation mode is now {mode}"))
+                    .advise("the rest of the list may start again later: `r6 stop` clears it")
+            }
+            WaitError::TimedOut { after, list_length } => {
+                let left = match list_length {
+                    Some(length) => format!(", with {length} instructions left in the list"),
+                    None => String::new(),
+                };
+                Self::unknown(format!("not done within {after:?}{left}; the arm may go on moving"))
+                    .advise("look with `r6 status`, end it with `r6 stop`; --timeout waits longer")
+            }
+            WaitError::Request(error) => Self::from(error)
+                .while_doing("the list was sent, then the state could not be read")
+                .with_exit(Exit::Unknown),
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! Logs of the program itself, on stderr.
+
+use clap::Args;
+use tracing_subscriber::EnvFilter;
+
+/// How much the program tells about itself.
+#[derive(Debug, Args)]
+pub struct LogArgs {
+    /// Log to stderr: -v what happens, -vv more, -vvv every frame
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
+    verbose: u8,
+}
+
+/// Begins to log. With a full screen on the terminal nothing is logged, for it would be written across the screen.
+pub fn begin(args: &LogArgs, has_screen: bool) {
+    let level = match args.verbose {
+        // What a virtual controller says is printed by `r6 sim` and `r6 up` themselves.
+        0 => "warn,r6_sim=error",
+        1 => "info",
+        2 => "debug",
+        3.. => "trace",
+    };
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+    let filter = if has_screen { EnvFilter::new("off") } else { filter };
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+}

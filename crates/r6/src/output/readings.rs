@@ -1,0 +1,161 @@
+//! Values of query addresses, for eyes and for programs.
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use r6_client::{NoReading, QueryResult};
+use r6_proto::{Address, Reading};
+use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
+
+use crate::output::table::Table;
+
+/// Each address with its value, unit and meaning.
+pub fn table(result: &QueryResult) -> Table {
+    let mut table = Table::with_right_columns(&[1]);
+    for (address, value) in result.rows() {
+        table.row([address, &value_text(*address, value), &unit(*address), &meaning(*address)]);
+    }
+    table
+}
+
+/// One line: only the values, in the order asked.
+pub fn values_line(result: &QueryResult) -> String {
+    let values: Vec<_> = result.rows().iter().map(|(address, value)| value_text(*address, value)).collect();
+    values.join("  ")
+}
+
+/// A value as people read it; `-` where there is none.
+fn value_text(address: Address, value: &Result<Reading, NoReading>) -> String {
+    match value {
+        Ok(Reading::Word(word)) => format!("0x{word:08X}"),
+        Ok(Reading::Decimal(number)) => format!("{number:.3}"),
+        Ok(Reading::Integer(mode)) if address == Address::CurMode => {
+            r6_client::OperationMode::of_number(*mode).to_string()
+        }
+        Ok(
+            reading @ (Reading::Text(_)
+            | Reading::Integer(_)
+            | Reading::Flag(_)
+            | Reading::Texts(_)
+            | Reading::Counter(_)),
+        ) => reading.to_string(),
+        Err(NoReading::Unsupported) => "-".to_owned(),
+        Err(NoReading::Unreadable(_)) => "?".to_owned(),
+    }
+}
+
+/// The unit of one address: a pose has mm for its first three components and degrees for the others.
+pub fn unit(address: Address) -> &'static str {
+    let Address::World(component) = address else { return address.info().unit };
+    if component.number() < 3 { "mm" } else { "deg" }
+}
+
+/// What one address tells: the table's words, with its own index in them.
+fn meaning(address: Address) -> String {
+    let words = address.info().meaning;
+    match (address, address.index()) {
+        (Address::World(component), _) => format!("pose, {}", component.world_name()),
+        (
+            Address::Axis(axis) | Address::CurTorque(axis) | Address::CurSpeed(axis) | Address::Faxis(axis),
+            _,
+        ) => words.replace("axis n", &axis.to_string()),
+        (Address::CurMode, _) => "operation mode".to_owned(),
+        (Address::Addr(register), _) => format!("register {}", register.number()),
+        (_, Some(word)) => {
+            let last = 32 * u64::from(word) + 32;
+            words.replace("32n+32", &last.to_string()).replace("32n+1", &(last - 31).to_string())
+        }
+        (_, None) => words.to_owned(),
+    }
+}
+
+/// The addresses that have no value, each with the reason.
+pub fn problems(result: &QueryResult) -> impl Iterator<Item = (Address, &NoReading)> {
+    result.rows().iter().filter_map(|(address, value)| value.as_ref().err().map(|error| (*address, error)))
+}
+
+/// One sample as a JSON object: when, how long it took, the values by address, and why some are missing.
+pub struct Sample<'r> {
+    robot: &'r str,
+    at: SystemTime,
+    result: &'r QueryResult,
+}
+
+impl<'r> Sample<'r> {
+    /// A sample taken now.
+    pub fn now(robot: &'r str, result: &'r QueryResult) -> Self {
+        Self { robot, at: SystemTime::now(), result }
+    }
+}
+
+impl Serialize for Sample<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("robot", self.robot)?;
+        let unix = self.at.duration_since(UNIX_EPOCH).unwrap_or_default();
+        map.serialize_entry("unix_ms", &u64::try_from(unix.as_millis()).unwrap_or(u64::MAX))?;
+        map.serialize_entry("took_ms", &milliseconds(self.result.took()))?;
+        map.serialize_entry("values", &Values(self.result))?;
+        map.serialize_entry("problems", &Problems(self.result))?;
+        map.end()
+    }
+}
+
+struct Values<'r>(&'r QueryResult);
+
+impl Serialize for Values<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.0.rows().len()))?;
+        for (address, value) in self.0.rows() {
+            map.serialize_entry(&address.to_string(), &value.as_ref().ok().map(Value))?;
+        }
+        map.end()
+    }
+}
+
+struct Problems<'r>(&'r QueryResult);
+
+impl Serialize for Problems<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for (address, error) in problems(self.0) {
+            map.serialize_entry(&address.to_string(), &error.to_string())?;
+        }
+        map.end()
+    }
+}
+
+struct Value<'r>(&'r Reading);
+
+impl Serialize for Value<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            Reading::Text(text) => serializer.serialize_str(text),
+            Reading::Integer(number) => serializer.serialize_i64(*number),
+            Reading::Decimal(number) => serializer.serialize_f64(*number),
+            Reading::Word(word) => serializer.serialize_u32(*word),
+            Reading::Flag(flag) => serializer.serialize_bool(*flag),
+            Reading::Texts(texts) => {
+                let mut list = serializer.serialize_seq(Some(texts.len()))?;
+                for text in texts {
+                    list.serialize_element(text)?;
+                }
+                list.end()
+            }
+            Reading::Counter(counter) => {
+                let mut map = serializer.serialize_map(None)?;
+                map.serialize_entry("id", &counter.id)?;
+                map.serialize_entry("target", &counter.target)?;
+                map.serialize_entry("current", &counter.current)?;
+                if let Some(name) = &counter.name {
+                    map.serialize_entry("name", name)?;
+                }
+                map.end()
+            }
+        }
+    }
+}
+
+/// Milliseconds with three decimals.
+pub fn milliseconds(time: Duration) -> f64 {
+    (time.as_secs_f64() * 1e6).round() / 1e3
+}

@@ -1,0 +1,248 @@
+//! The screen of `r6 up`: one virtual controller, live.
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+
+use r6_controller::ControllerSnapshot;
+use r6_proto::AxisIndex;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Paragraph};
+
+use crate::output::alarm;
+
+/// Log lines that are kept: more than any terminal is high.
+const KEPT_LINES: usize = 200;
+
+/// What is shown besides the controller's state.
+#[derive(Debug)]
+pub struct View {
+    address: SocketAddr,
+    hints: [String; 3],
+    lines: VecDeque<String>,
+}
+
+impl View {
+    /// A view without log lines.
+    pub fn new(address: SocketAddr, hints: [String; 3]) -> Self {
+        Self { address, hints, lines: VecDeque::new() }
+    }
+
+    /// Adds a line of the log.
+    pub fn add_line(&mut self, line: String) {
+        if self.lines.len() >= KEPT_LINES {
+            self.lines.pop_front();
+        }
+        self.lines.push_back(line);
+    }
+}
+
+/// The terminal while it is drawn on; dropping it gives the terminal back as it was.
+pub struct Screen {
+    terminal: ratatui::DefaultTerminal,
+}
+
+impl Screen {
+    /// Takes the terminal. A panic gives it back too.
+    pub fn open() -> std::io::Result<Self> {
+        Ok(Self { terminal: ratatui::try_init()? })
+    }
+
+    /// Draws the state.
+    pub fn draw(&mut self, view: &View, state: &ControllerSnapshot) -> std::io::Result<()> {
+        self.terminal.draw(|frame| draw(frame, view, state)).map(|_| ())
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        ratatui::restore();
+    }
+}
+
+fn draw(frame: &mut Frame<'_>, view: &View, state: &ControllerSnapshot) {
+    let axes = u16::try_from(state.axis_limits.len()).unwrap_or(8).min(8);
+    let [head, middle, log, hints] = Layout::vertical([
+        Constraint::Length(5),
+        Constraint::Length(axes + 2),
+        Constraint::Min(3),
+        Constraint::Length(5),
+    ])
+    .areas(frame.area());
+    let [bars, pose] = Layout::horizontal([Constraint::Min(40), Constraint::Length(24)]).areas(middle);
+    draw_head(frame, head, view, state);
+    draw_axes(frame, bars, state);
+    draw_pose(frame, pose, state);
+    draw_log(frame, log, view);
+    draw_hints(frame, hints, view);
+}
+
+fn bold(text: impl Into<String>) -> Span<'static> {
+    Span::styled(text.into(), Style::new().add_modifier(Modifier::BOLD))
+}
+
+fn draw_head(frame: &mut Frame<'_>, area: Rect, view: &View, state: &ControllerSnapshot) {
+    let alarm_style =
+        if state.alarm == 0 { Style::new().fg(Color::Green) } else { Style::new().fg(Color::Red) };
+    let motion = if state.moving {
+        Span::styled("moving", Style::new().fg(Color::Yellow))
+    } else {
+        Span::raw("at rest")
+    };
+    let homed = if state.homed { "homed" } else { "not homed" };
+    let lines = vec![
+        Line::from(vec![
+            Span::raw("mode "),
+            bold(format!("{} ({})", state.mode, state.mode.number())),
+            Span::raw("   alarm "),
+            Span::styled(alarm::short(i64::from(state.alarm)), alarm_style),
+            Span::raw(format!("   {homed}, ")),
+            motion,
+        ]),
+        Line::raw(format!(
+            "list {}   global speed {:.1} %   cycle {:.1} s   connections {}",
+            state.list_length, state.global_speed_percent, state.cycle_seconds, state.connections
+        )),
+        Line::raw(format!("firmware {}   profile {}", state.version, state.profile)),
+    ];
+    let title = format!(" {} at {} ", state.machine_name, view.address);
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
+}
+
+fn draw_axes(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
+    // `J1  -155 ` in front of the bar and ` 155  10.000 deg` behind it, and the frame.
+    let width = usize::from(area.width).saturating_sub(35);
+    let lines: Vec<_> = AxisIndex::ALL
+        .iter()
+        .zip(state.axis_limits.iter().zip(state.axes))
+        .map(|(axis, ((lowest, highest), angle))| {
+            Line::raw(format!(
+                "{axis} {lowest:6.0} {} {highest:<5.0}{angle:10.3} deg",
+                bar(angle, *lowest, *highest, width)
+            ))
+        })
+        .collect();
+    frame.render_widget(
+        Paragraph::new(lines).block(Block::bordered().title(" axes within soft limits ")),
+        area,
+    );
+}
+
+/// A scale from limit to limit with a mark where the axis stands.
+fn bar(angle: f64, lowest: f64, highest: f64, width: usize) -> String {
+    let last = width.saturating_sub(1);
+    let share = ((angle - lowest) / (highest - lowest)).clamp(0.0, 1.0);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "a share of a terminal's width; what is no number becomes 0"
+    )]
+    let at = (share * last as f64).round() as usize;
+    (0..width).map(|column| if column == at { '█' } else { '·' }).collect()
+}
+
+fn draw_pose(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
+    let lines: Vec<_> = AxisIndex::ALL
+        .iter()
+        .zip(state.world)
+        .map(|(component, value)| {
+            let unit = if component.number() < 3 { "mm" } else { "deg" };
+            Line::raw(format!("{}  {value:12.3} {unit}", component.world_name()))
+        })
+        .collect();
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" pose ")), area);
+}
+
+fn draw_log(frame: &mut Frame<'_>, area: Rect, view: &View) {
+    let room = usize::from(area.height).saturating_sub(2);
+    let skipped = view.lines.len().saturating_sub(room);
+    let lines: Vec<_> = view.lines.iter().skip(skipped).map(|line| Line::raw(line.as_str())).collect();
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" log ")), area);
+}
+
+fn draw_hints(frame: &mut Frame<'_>, area: Rect, view: &View) {
+    let lines: Vec<_> = view.hints.iter().map(|hint| Line::raw(hint.as_str())).collect();
+    let title = " try in a second shell — q ends ";
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
+}
+
+#[cfg(test)]
+mod tests {
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+
+    use super::*;
+
+    fn state() -> ControllerSnapshot {
+        ControllerSnapshot {
+            version: "v".to_owned(),
+            machine_name: "r6 virtual BRTIRUS0707A".to_owned(),
+            profile: "hc1".to_owned(),
+            model: "BRTIRUS0707A".to_owned(),
+            mode: r6_controller::OperationMode::Running,
+            alarm: 135,
+            homed: true,
+            moving: true,
+            list_length: 3,
+            axes: [10.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0],
+            axis_limits: vec![(-155.0, 155.0); 6],
+            world: [400.0, -50.0, 500.0, 180.0, 0.0, 0.0],
+            global_speed_percent: 100.0,
+            cycle_seconds: 1.5,
+            connections: 2,
+        }
+    }
+
+    fn drawn(width: u16, height: u16) -> String {
+        let mut view = View::new(
+            SocketAddr::from(([127, 0, 0, 1], 9760)),
+            ["r6 status".to_owned(), String::new(), String::new()],
+        );
+        for number in 0..300 {
+            view.add_line(format!("line {number}"));
+        }
+        let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
+        terminal.draw(|frame| draw(frame, &view, &state())).unwrap();
+        let buffer = terminal.backend().buffer().clone();
+        let cells: Vec<_> = buffer.content().iter().map(ratatui::buffer::Cell::symbol).collect();
+        cells.chunks(usize::from(width)).map(|row| row.concat() + "\n").collect()
+    }
+
+    #[test]
+    fn everything_that_matters_is_on_a_usual_terminal() {
+        let text = drawn(100, 30);
+        for part in [
+            "127.0.0.1:9760",
+            "(7)",
+            "J6: positive soft limit",
+            "moving",
+            "list 3",
+            "10.000 deg",
+            "-50.000 mm",
+            "line 299",
+            "r6 status",
+        ] {
+            assert!(text.contains(part), "{part} in\n{text}");
+        }
+        assert!(!text.contains("line 200"), "{text}");
+    }
+
+    #[test]
+    fn a_tiny_terminal_is_no_error() {
+        for (width, height) in [(1, 1), (10, 3), (40, 8)] {
+            assert_eq!(drawn(width, height).lines().count(), usize::from(height));
+        }
+    }
+
+    #[test]
+    fn the_mark_stands_where_the_axis_does() {
+        assert_eq!(bar(0.0, -10.0, 10.0, 5), "··█··");
+        assert_eq!(bar(-99.0, -10.0, 10.0, 5), "█····");
+        assert_eq!(bar(10.0, -10.0, 10.0, 5), "····█");
+        assert_eq!(bar(f64::NAN, -10.0, 10.0, 3), "█··");
+        assert_eq!(bar(0.0, -10.0, 10.0, 0), "");
+    }
+}

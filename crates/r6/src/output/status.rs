@@ -1,0 +1,223 @@
+//! The state of a machine, for eyes and for programs.
+
+use r6_client::{Status, Unmet};
+use r6_proto::{AXES, AxisIndex};
+use serde_json::{Map, Value, json};
+
+use crate::output::alarm;
+use crate::output::table::Table;
+
+/// How many axes and pose components are shown where the controller does not say how many it has.
+const USUAL_AXES: usize = 6;
+
+/// The whole state as text; the last lines say whether it takes motion, and if not, why.
+pub fn text(address: &str, status: &Status) -> String {
+    let unknown = || "?".to_owned();
+    let yes_no = |flag: Option<bool>| flag.map_or("?", |flag| if flag { "yes" } else { "no" });
+    let seconds = |time: Option<f64>| time.map_or_else(unknown, |time| format!("{time:.1} s"));
+    let mut table = Table::new();
+    table.row([&"mode", &status.mode.map_or_else(unknown, |mode| mode.to_string())]);
+    table.row([&"alarm", &status.alarm.map_or_else(unknown, alarm::short)]);
+    table.row([&"homed", &yes_no(status.homed)]);
+    table.row([&"moving", &yes_no(status.moving)]);
+    table.row([&"list", &status.list_length.map_or_else(unknown, list_text)]);
+    if let Some(program) = &status.program {
+        table.row([&"program", program]);
+    }
+    table.row([&"cycle", &format!("{}, last {}", seconds(status.cycle), seconds(status.last_cycle))]);
+    format!("{}\n\n{table}\n\n{}\n\n{}", head(address, status), positions(status), verdict(status))
+}
+
+fn head(address: &str, status: &Status) -> String {
+    let name = status.machine_name.as_deref().unwrap_or("unnamed machine");
+    let firmware = status.firmware.as_deref().unwrap_or("unknown");
+    let kind = if is_virtual(status) { ", a virtual controller" } else { "" };
+    format!("{name}, firmware {firmware}, at {address}{kind}")
+}
+
+/// Whether the machine says of itself, by its name, that it is none.
+fn is_virtual(status: &Status) -> bool {
+    status.machine_name.as_ref().is_some_and(|name| name.to_lowercase().contains("virtual"))
+}
+
+fn list_text(length: i64) -> String {
+    match length {
+        0 => "empty".to_owned(),
+        1 => "1 instruction".to_owned(),
+        length => format!("{length} instructions"),
+    }
+}
+
+fn shown_axes(status: &Status) -> usize {
+    let count = status.axis_count.and_then(|count| usize::try_from(count).ok());
+    let known = status.axes.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
+    count.unwrap_or(USUAL_AXES).min(known.max(USUAL_AXES)).min(AXES)
+}
+
+/// Axes and pose of a state, one under the other.
+fn positions(status: &Status) -> Table {
+    position_table(status.axes.get(..shown_axes(status)).unwrap_or_default(), &status.pose)
+}
+
+/// Axes and pose, one under the other, as many axes as are given.
+pub fn position_table(axes: &[Option<f64>], pose: &[Option<f64>]) -> Table {
+    let mut table = Table::with_right_columns(&[1, 2, 3, 4, 5, 6, 7, 8]);
+    let number = |value: &Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3}"));
+    let shown = axes.iter().rposition(Option::is_some).map_or(0, |last| last + 1).max(USUAL_AXES);
+    let mut row = |title: &str, cells: Vec<String>| table.push([vec![title.to_owned()], cells].concat());
+    row("axis", AxisIndex::ALL.iter().take(shown).map(ToString::to_string).collect());
+    row("deg", axes.iter().take(shown).map(number).collect());
+    let components = AxisIndex::ALL.iter().take(USUAL_AXES);
+    row("pose", components.map(|component| component.world_name().to_owned()).collect());
+    row("mm, deg", pose.iter().take(USUAL_AXES).map(number).collect());
+    table
+}
+
+/// `READY`, or `NOT READY` with each unmet condition and below what to do about it.
+pub fn verdict(status: &Status) -> String {
+    let unmet = status.unmet();
+    if unmet.is_empty() { "READY".to_owned() } else { not_ready(&unmet) }
+}
+
+/// `NOT READY:`, the conditions in one line, and a line for each that says what to do.
+pub fn not_ready(unmet: &[Unmet]) -> String {
+    let names: Vec<_> = unmet.iter().map(|unmet| condition(*unmet).1).collect();
+    let mut text = format!("NOT READY: {}", names.join(", "));
+    for unmet in unmet {
+        text.push_str("\n  ");
+        text.push_str(&advice(*unmet));
+    }
+    text
+}
+
+/// A condition's word for programs and its name for people.
+fn condition(unmet: Unmet) -> (&'static str, String) {
+    match unmet {
+        Unmet::Mode { found } => ("mode", format!("mode is {found}")),
+        Unmet::Alarm { code } => ("alarm", format!("alarm {code}")),
+        Unmet::NotHomed => ("not_homed", "not homed".to_owned()),
+        Unmet::Moving => ("moving", "moving".to_owned()),
+        Unmet::LeftoverList { length } => {
+            ("leftover_list", format!("{} left in the list", list_text(length)))
+        }
+        Unmet::Unknown { address } => ("unknown", format!("{address} unknown")),
+    }
+}
+
+fn advice(unmet: Unmet) -> String {
+    match unmet {
+        Unmet::Alarm { code } => {
+            format!("alarm {}: {} (`r6 command clearAlarm`)", alarm::short(code), alarm::advice(code))
+        }
+        Unmet::Mode { .. } => format!("{unmet} (a virtual controller: `r6 command startButton`)"),
+        Unmet::Moving | Unmet::LeftoverList { .. } => format!("{unmet} (`r6 stop` does both)"),
+        Unmet::NotHomed | Unmet::Unknown { .. } => unmet.to_string(),
+    }
+}
+
+/// The whole state as JSON, units in the names; `null` where the controller has no such value.
+pub fn json(address: &str, status: &Status) -> Value {
+    let mut pose = Map::new();
+    for (component, value) in AxisIndex::ALL.iter().zip(status.pose).take(USUAL_AXES) {
+        let unit = if component.number() < 3 { "mm" } else { "deg" };
+        pose.insert(format!("{}_{unit}", component.world_name().to_lowercase()), json!(value));
+    }
+    let axes: Vec<_> = status.axes.iter().take(shown_axes(status)).collect();
+    let unmet: Vec<_> = status
+        .unmet()
+        .into_iter()
+        .map(|unmet| {
+            let (word, name) = condition(unmet);
+            json!({ "condition": word, "is": name, "advice": advice(unmet) })
+        })
+        .collect();
+    json!({
+        "robot": address,
+        "machine_name": status.machine_name,
+        "virtual": is_virtual(status),
+        "firmware": status.firmware,
+        "program": status.program,
+        "mode": status.mode.map(r6_client::OperationMode::number),
+        "mode_name": status.mode.map(|mode| mode.to_string()),
+        "alarm": status.alarm,
+        "alarm_text": status.alarm.filter(|code| *code != 0).map(alarm::short),
+        "homed": status.homed,
+        "moving": status.moving,
+        "list_length": status.list_length,
+        "axis_count": status.axis_count,
+        "axes_deg": axes,
+        "pose": pose,
+        "cycle_s": status.cycle,
+        "last_cycle_s": status.last_cycle,
+        "ready": unmet.is_empty(),
+        "unmet": unmet,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use r6_client::OperationMode;
+
+    use super::*;
+
+    fn ready() -> Status {
+        Status {
+            firmware: Some("v1.1".to_owned()),
+            machine_name: Some("r6 virtual BRTIRUS0707A".to_owned()),
+            program: None,
+            mode: Some(OperationMode::Running),
+            alarm: Some(0),
+            homed: Some(true),
+            moving: Some(false),
+            axis_count: Some(6),
+            axes: [Some(0.0), Some(10.0), Some(-20.5), Some(0.0), Some(30.0), Some(0.0), None, None],
+            pose: [Some(400.0), Some(-50.0), Some(500.0), Some(180.0), Some(0.0), Some(0.0), None, None],
+            list_length: Some(0),
+            cycle: Some(1.25),
+            last_cycle: None,
+        }
+    }
+
+    #[test]
+    fn a_ready_machine_ends_with_ready() {
+        let text = text("127.0.0.1:9760", &ready());
+        let mut lines = text.lines();
+        assert_eq!(
+            lines.next(),
+            Some("r6 virtual BRTIRUS0707A, firmware v1.1, at 127.0.0.1:9760, a virtual controller")
+        );
+        assert_eq!(lines.next_back(), Some("READY"));
+        assert!(text.contains("mode    running (7)"), "{text}");
+        assert!(text.contains("list    empty"), "{text}");
+        assert!(text.contains("deg        0.000   10.000  -20.500"), "{text}");
+    }
+
+    #[test]
+    fn every_unmet_condition_is_named_and_has_its_advice() {
+        let status = Status {
+            mode: Some(OperationMode::Stop),
+            alarm: Some(42),
+            homed: None,
+            list_length: Some(3),
+            ..ready()
+        };
+        let text = verdict(&status);
+        let lines: Vec<_> = text.lines().collect();
+        assert_eq!(
+            lines.first(),
+            Some(&"NOT READY: alarm 42, mode is stop (3), origin unknown, 3 instructions left in the list")
+        );
+        assert_eq!(lines.len(), 5);
+        assert!(text.contains("clearAlarm") && text.contains("r6 stop"), "{text}");
+    }
+
+    #[test]
+    fn json_has_units_in_its_names() {
+        let json = json("127.0.0.1:9760", &ready());
+        assert_eq!(json["pose"]["x_mm"], 400.0);
+        assert_eq!(json["pose"]["u_deg"], 180.0);
+        assert_eq!(json["axes_deg"].as_array().map(Vec::len), Some(6));
+        assert_eq!(json["last_cycle_s"], Value::Null);
+        assert_eq!(json["ready"], true);
+    }
+}

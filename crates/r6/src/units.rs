@@ -1,0 +1,111 @@
+//! Values of the command line, read with their units and limits.
+
+use std::time::Duration;
+
+use r6_proto::AxisMask;
+use r6_proto::message::instruction::BlendLevel;
+
+/// A time such as `100ms`, `1.5s`, `2m`; a bare number is seconds.
+pub fn duration(text: &str) -> Result<Duration, String> {
+    let (number, scale) = match text {
+        _ if text.ends_with("ms") => (text.trim_end_matches("ms"), 0.001),
+        _ if text.ends_with('s') => (text.trim_end_matches('s'), 1.0),
+        _ if text.ends_with('m') => (text.trim_end_matches('m'), 60.0),
+        _ => (text, 1.0),
+    };
+    let seconds = number.trim().parse::<f64>().map(|number| number * scale);
+    match seconds {
+        // A day is longer than anything that is waited for at a terminal.
+        Ok(seconds) if seconds > 0.0 && seconds <= 86_400.0 => Ok(Duration::from_secs_f64(seconds)),
+        Ok(_) => Err("a time has to be above 0 and at most a day".to_owned()),
+        Err(_) => Err("write a time as 100ms, 1.5s or 2m".to_owned()),
+    }
+}
+
+/// A coordinate in mm or degrees.
+pub fn coordinate(text: &str) -> Result<f64, String> {
+    finite(text, -1e6..=1e6, "a number of mm or degrees")
+}
+
+/// A speed in percent, in steps of 0.1.
+pub fn speed_percent(text: &str) -> Result<f64, String> {
+    let speed = finite(text, 0.1..=100.0, "percent from 0.1 to 100")?;
+    let tenths = speed * 10.0;
+    if (tenths - tenths.round()).abs() > 1e-6 {
+        return Err("the controller knows steps of 0.1 percent".to_owned());
+    }
+    Ok(speed)
+}
+
+/// Seconds from 0, in the controller's steps of 0.1.
+pub fn delay_seconds(text: &str) -> Result<f64, String> {
+    finite(text, 0.0..=86_400.0, "seconds from 0")
+}
+
+/// A blend level from 0 to 9.
+pub fn blend_level(text: &str) -> Result<BlendLevel, String> {
+    text.parse()
+        .ok()
+        .and_then(BlendLevel::new)
+        .ok_or_else(|| "a blend level is a whole number from 0 to 9".to_owned())
+}
+
+/// An axis mask, hexadecimal (`0x3F`) or decimal (`63`).
+pub fn axis_mask(text: &str) -> Result<AxisMask, String> {
+    let bits = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+        Some(digits) => u8::from_str_radix(digits, 16).ok(),
+        None => text.parse().ok(),
+    };
+    bits.filter(|bits| *bits != 0).map(AxisMask::from_bits).ok_or_else(|| {
+        "a mask is a number from 0x01 to 0xFF: bit 0 is J1 (or X), bit 5 is J6 (or W)".to_owned()
+    })
+}
+
+fn finite(text: &str, range: std::ops::RangeInclusive<f64>, wanted: &str) -> Result<f64, String> {
+    text.parse::<f64>()
+        .ok()
+        .filter(|number| range.contains(number))
+        .ok_or_else(|| format!("it has to be {wanted}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_have_units() {
+        assert_eq!(duration("100ms"), Ok(Duration::from_millis(100)));
+        assert_eq!(duration("1.5s"), Ok(Duration::from_millis(1500)));
+        assert_eq!(duration("2m"), Ok(Duration::from_secs(120)));
+        assert_eq!(duration("3"), Ok(Duration::from_secs(3)));
+        for wrong in ["0s", "-1s", "ms", "", "1h", "nan", "inf", "99999999s"] {
+            assert!(duration(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn masks_are_hexadecimal_or_decimal() {
+        assert_eq!(axis_mask("0x3F"), Ok(AxisMask::SIX));
+        assert_eq!(axis_mask("63"), Ok(AxisMask::SIX));
+        for wrong in ["0", "0x", "3F", "256", "0x100", "-1"] {
+            assert!(axis_mask(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn speeds_are_above_zero_in_tenths() {
+        assert_eq!(speed_percent("0.1"), Ok(0.1));
+        assert_eq!(speed_percent("12.3"), Ok(12.3));
+        for wrong in ["0", "0.05", "12.34", "100.1", "-5", "nan", "fast"] {
+            assert!(speed_percent(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn coordinates_are_finite() {
+        assert_eq!(coordinate("-90.5"), Ok(-90.5));
+        for wrong in ["nan", "inf", "1e9", "", "1,5"] {
+            assert!(coordinate(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! The help of every subcommand, as snapshots, and that its examples are right.
+
+use crate::support::r6;
+
+/// Every subcommand, in the order of the help.
+const SUBCOMMANDS: [&str; 15] = [
+    "up",
+    "sim",
+    "status",
+    "query",
+    "watch",
+    "command",
+    "move",
+    "move axes",
+    "move line",
+    "move curve",
+    "run",
+    "stop",
+    "alarm",
+    "inspect",
+    "completions",
+];
+
+#[test]
+fn the_help_of_r6() {
+    let help = r6(&["--help"]);
+    assert_eq!(help.code, 0);
+    insta::assert_snapshot!("help", help.out);
+}
+
+#[test]
+fn the_help_of_every_subcommand() {
+    for subcommand in SUBCOMMANDS {
+        let args: Vec<_> = subcommand.split(' ').chain(["--help"]).collect();
+        let help = r6(&args);
+        assert_eq!(help.code, 0, "{subcommand}");
+        assert!(help.out.contains("Examples:"), "{subcommand} has no examples");
+        insta::assert_snapshot!(format!("help_{}", subcommand.replace(' ', "_")), help.out);
+    }
+}
+
+#[test]
+fn every_subcommand_is_in_the_list() {
+    let help = r6(&["--help"]).out;
+    let listed: Vec<_> = help
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    let top: Vec<_> = SUBCOMMANDS.into_iter().filter(|name| !name.contains(' ')).collect();
+    assert_eq!(listed, top);
+}
+
+#[test]
+fn every_example_can_be_parsed() {
+    for subcommand in SUBCOMMANDS {
+        let args: Vec<_> = subcommand.split(' ').chain(["--help"]).collect();
+        for line in r6(&args).out.lines().filter_map(|line| line.strip_prefix("  r6 ")) {
+            // What stands behind two blanks explains, what stands behind a bar or an arrow is for the shell.
+            let example =
+                line.split("  ").next().unwrap_or_default().split(['|', '>']).next().unwrap_or_default();
+            let mut args: Vec<_> = example.split_whitespace().collect();
+            if example.contains(".toml") && example.starts_with("sim") {
+                continue;
+            }
+            // The parser reads everything before it finds the one word that it does not know.
+            args.push("--no-such-option");
+            let outcome = r6(&args);
+            assert_eq!(outcome.code, 2, "{example}");
+            assert!(
+                outcome.err.contains("unexpected argument '--no-such-option'"),
+                "{example}: {}",
+                outcome.err
+            );
+        }
+    }
+}

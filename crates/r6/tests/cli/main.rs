@@ -1,0 +1,10 @@
+//! The built binary as people use it: its help, the commands that need no robot, and all others against `r6 sim`.
+
+mod help;
+mod inspect;
+mod motion;
+mod offline;
+mod robot;
+mod run;
+mod sim;
+mod support;

@@ -1,0 +1,130 @@
+//! Commands that need no robot, and what a wrong command line comes to.
+
+use crate::support::{TempFile, r6};
+
+#[test]
+fn an_alarm_is_explained() {
+    let outcome = r6(&["alarm", "135"]);
+    assert_eq!(outcome.code, 0);
+    insta::assert_snapshot!(outcome.out, @r"
+    alarm 135: J6: positive soft limit
+      what to do: the target, or the way to it, lies beyond the soft limit: correct it, move the axis back by hand if it stands there, then clear the alarm
+      real controllers were seen to raise it
+    ");
+    let json = r6(&["alarm", "42", "135", "--json"]).json();
+    assert_eq!(json[0]["code"], 42);
+    assert_eq!(json[1]["axis"], "J6");
+}
+
+#[test]
+fn an_alarm_that_nobody_knows_is_code_1() {
+    let outcome = r6(&["alarm", "4999"]);
+    assert_eq!(outcome.code, 1);
+    assert!(outcome.out.contains("not in the table"), "{}", outcome.out);
+}
+
+#[test]
+fn tables_are_printed_without_a_robot() {
+    let commands = r6(&["command", "--list"]);
+    assert_eq!(commands.code, 0);
+    assert!(commands.out.contains("rewriteData REGISTER VALUE SAVABLE"), "{}", commands.out);
+    assert_eq!(r6(&["command", "--list", "--json"]).json().as_array().map(Vec::len), Some(19));
+    let addresses = r6(&["query", "--list"]);
+    assert_eq!(addresses.code, 0);
+    assert!(
+        addresses.out.lines().any(|line| line.starts_with("axis-n") && line.contains("0–7")),
+        "{}",
+        addresses.out
+    );
+    assert_eq!(r6(&["query", "--list", "--json"]).json().as_array().map(Vec::len), Some(26));
+}
+
+#[test]
+fn completions_are_for_every_shell() {
+    for (shell, part) in [("bash", "complete -F"), ("zsh", "#compdef r6"), ("fish", "complete -c r6")] {
+        let outcome = r6(&["completions", shell]);
+        assert_eq!(outcome.code, 0);
+        assert!(outcome.out.contains(part), "{shell}");
+    }
+}
+
+#[test]
+fn a_dry_run_prints_the_frame_and_asks_nobody() {
+    let outcome = r6(&[
+        "-r",
+        "127.0.0.1:1",
+        "move",
+        "axes",
+        "0",
+        "10",
+        "-20",
+        "0",
+        "30",
+        "0",
+        "--speed",
+        "20",
+        "--blend",
+        "3",
+        "--dry-run",
+    ]);
+    assert_eq!((outcome.code, outcome.err.as_str()), (0, ""));
+    insta::assert_snapshot!(outcome.out, @r#"{"dsID":"www.hc-system.com.HCRemoteCommand","reqType":"AddRCC","packID":"1","emptyList":"1","instructions":[{"oneshot":"1","action":"4","m0":"0.000","m1":"10.000","m2":"-20.000","m3":"0.000","m4":"30.000","m5":"0.000","m6":"0.000","m7":"0.000","ckStatus":"0x3F","speed":"20.0","delay":"0.0","smooth":"3"}]}"#);
+}
+
+#[test]
+fn lines_and_curves_have_their_own_actions() {
+    let line = r6(&["move", "line", "450", "0", "500.5", "--append", "--dry-run"]).json();
+    let step = &line["instructions"][0];
+    assert_eq!(
+        (&line["emptyList"], &step["action"], &step["ckStatus"]),
+        (&"0".into(), &"10".into(), &"0x07".into())
+    );
+    assert_eq!(step["m2"], "500.500");
+    let numbers = ["450", "50", "500", "180", "0", "0", "400", "-100", "500", "180", "0", "-1"];
+    let curve = r6(&[&["move", "curve"][..], &numbers, &["--delay", "0.5", "--dry-run"]].concat()).json();
+    let step = &curve["instructions"][0];
+    assert_eq!((&step["action"], &step["ckStatus"]), (&"17".into(), &"0x3F".into()));
+    assert_eq!(
+        (&step["m1"], &step["m1_p"], &step["m5_p"]),
+        (&"50.000".into(), &"-100.000".into(), &"-1.000".into())
+    );
+    assert_eq!(step["delay"], "0.5");
+}
+
+/// Each of these is wrong; the message has to say this.
+#[test]
+fn a_wrong_command_line_is_code_2_and_says_why() {
+    let cases: [(&[&str], &str); 17] = [
+        (&["query", "axis-9"], "nearest: `axis-n` with n from 0 to 7"),
+        (&["query", "curAlrm"], "nearest: `curAlarm`"),
+        (&["command", "modifyGSP", "5"], "nearest: `modifyGSPD`"),
+        (&["command", "modifyGSPD", "500"], "percent from 0 to 100"),
+        (&["command", "modifyOutput", "0", "3"], "usage: r6 command modifyOutput BOARD POINT STATE"),
+        (&["move", "axes"], "required"),
+        (&["move", "axes", "1", "2", "3", "4", "5", "6", "7", "8", "9"], "unexpected value"),
+        (&["move", "axes", "nan"], "a number of mm or degrees"),
+        (&["move", "axes", "1", "--speed", "0"], "percent from 0.1 to 100"),
+        (&["move", "axes", "1", "--speed", "0.05"], "percent from 0.1 to 100"),
+        (&["move", "axes", "1", "--blend", "10"], "from 0 to 9"),
+        (&["move", "axes", "1", "2", "--mask", "0x07"], "mask 0x07 names J3, for which no number is given"),
+        (&["move", "line", "1", "2", "3", "4"], "3 or 6 numbers"),
+        (&["move", "curve", "1", "2", "3"], "a curve has 12 numbers, 3 given"),
+        (&["watch", "axis-0", "--every", "1h"], "write a time as 100ms"),
+        (&["sim", "--profile", "hc2"], "nearest: `hc1`"),
+        (&["sim", "--listen", "127.0.0.1:0", "--model", "BRTIRUS0707B"], "nearest: `BRTIRUS0707A`"),
+    ];
+    for (args, wrong) in cases {
+        let outcome = r6(args);
+        assert_eq!(outcome.code, 2, "{args:?}: {outcome:?}");
+        assert!(outcome.err.contains(wrong), "{args:?}: {}", outcome.err);
+        assert_eq!(outcome.out, "", "{args:?}");
+    }
+}
+
+#[test]
+fn a_wrong_profile_file_is_named() {
+    let file = TempFile::new("wrong-profile.toml", "max_conections = 2");
+    let outcome = r6(&["sim", "--profile", file.path()]);
+    assert_eq!(outcome.code, 2);
+    assert!(outcome.err.contains("max_connections"), "{}", outcome.err);
+}

@@ -1,0 +1,140 @@
+//! Reading from a robot and sending it commands.
+
+use std::net::{TcpListener, TcpStream};
+
+use crate::support::{Robot, Running, TempFile, r6};
+
+#[test]
+fn a_robot_that_is_ready_says_so() {
+    let robot = Robot::start(&[]);
+    let status = robot.r6(&["status"]);
+    assert_eq!(status.code, 0, "{status:?}");
+    assert_eq!(status.last_line(), "READY");
+    let head = format!("at {}, a virtual controller", robot.address());
+    assert!(status.out.lines().next().is_some_and(|line| line.ends_with(&head)), "{}", status.out);
+    let json = robot.r6(&["status", "--json"]).json();
+    assert_eq!((&json["ready"], &json["mode"], &json["alarm"]), (&true.into(), &7.into(), &0.into()));
+    assert_eq!(json["axes_deg"].as_array().map(Vec::len), Some(6));
+    assert!(json["pose"]["x_mm"].is_number());
+}
+
+#[test]
+fn a_robot_that_is_not_ready_says_what_to_do() {
+    let robot = Robot::start(&["--start", "stopped"]);
+    let status = robot.r6(&["status"]);
+    assert_eq!(status.code, 1);
+    assert!(status.out.contains("NOT READY: mode is stop (3)\n  "), "{}", status.out);
+    let json = robot.r6(&["status", "--json"]).json();
+    assert_eq!(json["unmet"][0]["condition"], "mode");
+}
+
+#[test]
+fn every_profile_can_be_asked() {
+    for profile in ["hc1", "r6-host", "r6-pendant", "legacy"] {
+        let robot = Robot::start(&["--profile", profile]);
+        let status = robot.r6(&["status"]);
+        assert_eq!((status.code, status.last_line()), (0, "READY"), "{profile}: {status:?}");
+    }
+}
+
+#[test]
+fn what_the_controller_does_not_have_is_code_1() {
+    let robot = Robot::start(&[]);
+    let outcome = robot.r6(&["query", "axis-0", "curMold", "curMode"]);
+    assert_eq!(outcome.code, 1);
+    insta::assert_snapshot!(outcome.out, @r"
+    axis-0         0.000  deg  position of J1 (mm on a linear axis)
+    curMold            -       name of the program (mold) in use
+    curMode  running (7)       operation mode
+    ");
+    assert_eq!(outcome.err, "r6: curMold: the controller has no such value\n");
+    let outcome = robot.r6(&["query", "axis-0", "counterList", "origin", "output-0"]);
+    assert_eq!((outcome.code, outcome.err.as_str()), (0, ""));
+}
+
+#[test]
+fn watching_ends_by_count_or_by_signal() {
+    let robot = Robot::start(&[]);
+    let outcome = robot.r6(&["watch", "axis-0", "isMoving", "--every", "1ms", "--times", "3", "--json"]);
+    assert_eq!(outcome.code, 0);
+    let samples: Vec<serde_json::Value> =
+        outcome.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(samples.len(), 3);
+    assert_eq!(samples[2]["values"], serde_json::json!({"axis-0": 0.0, "isMoving": false}));
+    assert!(samples[0]["unix_ms"].as_u64() <= samples[2]["unix_ms"].as_u64());
+    let mut watch = Running::start(&["-r", robot.address(), "watch", "axis-0", "--every", "10ms"]);
+    assert_eq!(watch.line(), "axis-0");
+    assert_eq!(watch.line(), "0.000");
+    assert_eq!(watch.end("INT"), Some(0));
+}
+
+#[test]
+fn commands_are_in_the_units_of_people() {
+    let robot = Robot::start(&[]);
+    let outcome = robot.r6(&["command", "rewriteData", "800", "-300000", "0"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    assert!(outcome.out.starts_with("rewriteData accepted after "), "{}", outcome.out);
+    assert_eq!(robot.value("Addr-800"), -300_000);
+    assert_eq!(robot.r6(&["command", "rewriteDataList", "801", "2", "0", "7", "-8"]).code, 0);
+    assert_eq!((robot.value("Addr-801"), robot.value("Addr-802")), (7.into(), (-8).into()));
+    assert_eq!(robot.r6(&["command", "modifyOutput", "0", "3", "on"]).code, 0);
+    assert_eq!(robot.value("output-0"), 8);
+    let json = robot.r6(&["command", "modifyGSPD", "5", "--json"]).json();
+    assert_eq!((&json["command"], &json["accepted"]), (&"modifyGSPD".into(), &true.into()));
+}
+
+#[test]
+fn a_refusal_is_code_1() {
+    let robot = Robot::start(&["--profile", "r6-host"]);
+    let outcome = robot.r6(&["command", "clearAlarm"]);
+    assert_eq!(outcome.code, 1, "{outcome:?}");
+    assert!(outcome.err.starts_with("r6: the controller refused clearAlarm"), "{}", outcome.err);
+}
+
+#[test]
+fn nobody_there_is_code_3_and_names_the_way_out() {
+    // The near end of a connection: its port is taken, and nobody listens on it.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    for args in
+        [&["status"][..], &["query", "axis-0"], &["watch", "axis-0"], &["stop"], &["move", "axes", "1"]]
+    {
+        let outcome = r6(&[&["-r", &address], args].concat());
+        assert_eq!(outcome.code, 3, "{args:?}: {outcome:?}");
+        assert!(outcome.err.contains(&address) && outcome.err.contains("r6 up"), "{args:?}: {}", outcome.err);
+        assert_eq!(outcome.err.lines().count(), 2, "{args:?}: {}", outcome.err);
+    }
+    assert_eq!(r6(&["-r", "127.0.0.1:no", "status"]).code, 2);
+}
+
+#[test]
+fn no_reply_is_code_3() {
+    // It takes connections into its backlog and never says a word.
+    let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = silent.local_addr().unwrap().to_string();
+    let outcome = r6(&["-r", &address, "query", "axis-0"]);
+    assert_eq!(outcome.code, 3, "{outcome:?}");
+    assert!(outcome.err.contains("no reply within"), "{}", outcome.err);
+}
+
+#[test]
+fn motion_without_an_answer_is_code_4_and_is_not_sent_again() {
+    let profile = TempFile::new("silent.toml", "add_rcc_silent_over = 10");
+    let robot = Robot::start(&["--profile", profile.path()]);
+    let outcome = robot.r6(&["move", "axes", "10"]);
+    assert_eq!(outcome.code, 4, "{outcome:?}");
+    assert!(outcome.err.contains("Do not send it again"), "{}", outcome.err);
+}
+
+#[test]
+fn the_address_comes_from_option_or_environment() {
+    let robot = Robot::start(&[]);
+    let outcome = std::process::Command::new(env!("CARGO_BIN_EXE_r6"))
+        .args(["query", "axis-0"])
+        .env("R6_ROBOT", robot.address())
+        .output()
+        .unwrap();
+    assert!(outcome.status.success(), "{outcome:?}");
+    assert_eq!(r6(&["query", "axis-0", "--robot", robot.address()]).code, 0);
+}

@@ -1,0 +1,121 @@
+//! `r6 run`: programs in JSON and in TOML.
+
+use std::fmt::Write;
+
+use crate::support::{Robot, TempFile, r6, root};
+
+const MANUAL_EXAMPLE: &str = "examples/programs/manual-6-1-1-axis-move.json";
+
+#[test]
+fn the_manuals_example_runs_once() {
+    let robot = Robot::start(&[]);
+    let outcome = robot.r6(&["run", MANUAL_EXAMPLE, "--once", "--wait"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    let angle = robot.value("axis-4").as_f64().unwrap();
+    assert!((angle + 90.0).abs() < 1e-3, "{angle}");
+}
+
+#[test]
+fn a_list_that_repeats_is_named_and_has_no_end() {
+    let outcome = r6(&["run", MANUAL_EXAMPLE, "--wait"]);
+    assert_eq!(outcome.code, 2);
+    assert!(outcome.err.contains("add --once"), "{}", outcome.err);
+    let robot = Robot::start(&[]);
+    let outcome = robot.r6(&["run", MANUAL_EXAMPLE]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    assert!(outcome.out.contains("this list repeats until stopped: r6 stop"), "{}", outcome.out);
+    assert_eq!(robot.value("RemoteCmdLen"), 1);
+    assert_eq!(robot.r6(&["stop"]).code, 0);
+    assert_eq!(robot.value("RemoteCmdLen"), 0);
+}
+
+#[test]
+fn the_example_in_toml_runs() {
+    let robot = Robot::start(&[]);
+    assert_eq!(robot.r6(&["command", "modifyGSPD", "100"]).code, 0);
+    let outcome = robot.r6(&["run", "examples/programs/square.toml", "--wait"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    assert!((robot.value("world-1").as_f64().unwrap() + 50.0).abs() < 0.01);
+    assert_eq!(robot.value("output-0"), 0);
+}
+
+#[test]
+fn every_example_is_read() {
+    let mut count = 0;
+    for entry in std::fs::read_dir(root().join("examples/programs")).unwrap() {
+        let path = entry.unwrap().path();
+        let outcome = r6(&["run", path.to_str().unwrap(), "--dry-run"]);
+        assert_eq!(outcome.code, 0, "{}: {outcome:?}", path.display());
+        assert!(outcome.out.lines().all(|frame| frame.len() <= 2048 && frame.contains("\"AddRCC\"")));
+        count += 1;
+    }
+    assert!(count > 1);
+}
+
+#[test]
+fn a_long_list_goes_out_in_several_frames() {
+    let mut text = String::new();
+    for step in 0..20 {
+        writeln!(text, "[[instruction]]\ndo = \"axis-move\"\nto = [{}]\nspeed = 100\nblend = 1", step % 2)
+            .unwrap();
+    }
+    let program = TempFile::new("long.toml", &text);
+    let frames = r6(&["run", program.path(), "--dry-run"]);
+    let empty: Vec<_> = frames.out.lines().map(|frame| frame.contains("\"emptyList\":\"1\"")).collect();
+    assert!(empty.len() > 1 && empty[0] && empty[1..].iter().all(|replace| !replace), "{empty:?}");
+    let robot = Robot::start(&[]);
+    let outcome = robot.r6(&["run", program.path(), "--wait"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    assert_eq!(outcome.out.matches("accepted after").count(), empty.len());
+    assert!((robot.value("axis-0").as_f64().unwrap() - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn the_printed_example_is_refused_with_its_misprints() {
+    let vector = r6_testkit::vector::load("manual_6_1_1_axis_move");
+    let printed = TempFile::new("printed.json", &String::from_utf8_lossy(&vector.frame));
+    let outcome = r6(&["run", printed.path(), "--dry-run"]);
+    assert_eq!(outcome.code, 2, "{outcome:?}");
+    assert!(outcome.err.contains(":18:19: key `ckStatus` has no value"), "{}", outcome.err);
+    assert!(outcome.err.contains("0x3F"), "{}", outcome.err);
+    assert_eq!(outcome.err.lines().count(), 2, "{}", outcome.err);
+}
+
+#[test]
+fn comments_and_odd_spellings_are_taken_and_remarked() {
+    let text = r#"{ // 唯一标识
+        "dsID":"HCRemoteCommand", "cmdType":"AddRCC", "emptyList":1,
+        "instructions":[{"oneshot":1,"action":4,"m0":5,"ckStatus":1,"speed":"20","sped":3}] // end
+    }"#;
+    let program = TempFile::new("odd.json", text);
+    let outcome = r6(&["run", program.path(), "--dry-run"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    insta::assert_snapshot!(outcome.out, @r#"{"dsID":"www.hc-system.com.HCRemoteCommand","reqType":"AddRCC","packID":"1","emptyList":"1","instructions":[{"oneshot":"1","action":"4","m0":"5.000","ckStatus":"0x01","speed":"20.0"}]}"#);
+    assert!(outcome.err.contains("`sped`") && outcome.err.contains("nearest: `speed`"), "{}", outcome.err);
+}
+
+#[test]
+fn what_is_wrong_in_a_file_has_its_line() {
+    for (name, text, wrong) in [
+        (
+            "key.toml",
+            "[[instruction]]\ndo = \"axis-move\"\nto = [1]\nsped = 5\n",
+            ":4:1: unknown field `sped`",
+        ),
+        ("kind.toml", "[[instruction]]\ndo = \"axes\"\n", ":2:6: unknown variant `axes`"),
+        ("step.toml", "\n[[instruction]]\ndo = \"wait\"\n", ":2:1: instruction 1: `seconds` is missing"),
+        ("query.json", "{\"reqType\":\"query\",\"queryAddr\":[]}", ":1:1: this frame has no instructions"),
+        (
+            "two.json",
+            "{\"reqType\":\"AddRCC\",\"instructions\":[]} {\"reqType\":\"AddRCC\",\"emptyList\":1,\"instructions\":[]}",
+            "a later frame replaces the list",
+        ),
+        ("program.txt", "", "ends in .json or .toml"),
+    ] {
+        let file = TempFile::new(name, text);
+        let outcome = r6(&["run", file.path(), "--dry-run"]);
+        assert_eq!(outcome.code, 2, "{name}: {outcome:?}");
+        assert!(outcome.err.contains(wrong), "{name}: {}", outcome.err);
+        assert!(outcome.err.lines().count() <= 2, "{name}: {}", outcome.err);
+    }
+}

@@ -1,0 +1,154 @@
+//! Runs the built binary, and virtual controllers for it to talk to.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::PathBuf;
+use std::process::{Child, ChildStdout, Command, Stdio};
+
+/// What a run of r6 came to.
+#[derive(Debug)]
+pub struct Outcome {
+    pub code: i32,
+    pub out: String,
+    pub err: String,
+}
+
+impl Outcome {
+    /// stdout as JSON.
+    pub fn json(&self) -> serde_json::Value {
+        serde_json::from_str(&self.out).unwrap_or_else(|error| panic!("{error}: {self:?}"))
+    }
+
+    /// The last line of stdout.
+    pub fn last_line(&self) -> &str {
+        self.out.lines().next_back().unwrap_or_default()
+    }
+}
+
+/// The binary, with nothing of the tester's own terminal and environment.
+fn command(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_r6"));
+    command
+        .args(args)
+        .env_remove("R6_ROBOT")
+        .env_remove("RUST_LOG")
+        .env("COLUMNS", "110")
+        .current_dir(root());
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// The root of the repository.
+pub fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Runs r6 to its end.
+pub fn r6(args: &[&str]) -> Outcome {
+    outcome(command(args).output().unwrap())
+}
+
+/// Runs r6 to its end with something on stdin.
+pub fn r6_with_input(args: &[&str], input: &[u8]) -> Outcome {
+    let mut child = command(args).stdin(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(input).unwrap();
+    outcome(child.wait_with_output().unwrap())
+}
+
+fn outcome(output: std::process::Output) -> Outcome {
+    Outcome {
+        code: output.status.code().unwrap_or(-1),
+        out: String::from_utf8(output.stdout).unwrap(),
+        err: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+/// A run of r6 that goes on until it is ended.
+pub struct Running {
+    child: Child,
+    out: BufReader<ChildStdout>,
+}
+
+impl Running {
+    /// Starts r6.
+    pub fn start(args: &[&str]) -> Self {
+        let mut child = command(args).stderr(Stdio::null()).spawn().unwrap();
+        let out = BufReader::new(child.stdout.take().unwrap());
+        Self { child, out }
+    }
+
+    /// The next line of stdout; empty once there is none.
+    pub fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.out.read_line(&mut line).unwrap();
+        line.trim_end().to_owned()
+    }
+
+    /// Sends a signal (`INT`, `TERM`) and tells the exit code.
+    pub fn end(mut self, signal: &str) -> Option<i32> {
+        let sent = Command::new("kill").args([&format!("-{signal}"), &self.child.id().to_string()]).status();
+        assert!(sent.unwrap().success());
+        self.child.wait().unwrap().code()
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A virtual controller on a free port.
+pub struct Robot {
+    _running: Running,
+    address: String,
+}
+
+impl Robot {
+    /// Starts one with further arguments for `r6 sim`.
+    pub fn start(args: &[&str]) -> Self {
+        let mut running = Running::start(&[&["sim", "--listen", "127.0.0.1:0"], args].concat());
+        let line = running.line();
+        let address = line.strip_prefix("listening on ").unwrap_or_else(|| panic!("{line}")).to_owned();
+        Self { _running: running, address }
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// Runs r6 for this robot.
+    pub fn r6(&self, args: &[&str]) -> Outcome {
+        r6(&[&["-r", self.address()], args].concat())
+    }
+
+    /// The value of one query address.
+    pub fn value(&self, address: &str) -> serde_json::Value {
+        self.r6(&["query", address, "--json"]).json()["values"][address].clone()
+    }
+}
+
+/// A file for one test, removed with it.
+pub struct TempFile(PathBuf);
+
+impl TempFile {
+    /// Writes a file of this name, which has to be unique among the tests.
+    pub fn new(name: &str, text: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("r6-test-{}-{name}", std::process::id()));
+        std::fs::write(&path, text).unwrap();
+        Self(path)
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &str {
+        self.0.to_str().unwrap()
+    }
+}
+
+impl Drop for TempFile {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
