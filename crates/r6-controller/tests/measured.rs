@@ -144,7 +144,7 @@ const STROKE: f64 = 8.0;
 const SHORT_STROKE: f64 = 0.09;
 
 fn unit_b() -> Cell {
-    let mut model = *RobotModel::named("BRTIRUS0707A").unwrap();
+    let mut model = RobotModel::named("BRTIRUS0707A").unwrap().to_owned();
     for (axis, full) in model.axes.iter_mut().zip(UNIT_B_FULL_SPEEDS) {
         axis.max_speed = full;
     }

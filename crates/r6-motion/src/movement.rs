@@ -191,7 +191,7 @@ impl Movement {
         conditions: &Conditions,
     ) -> Result<Self, PlanError> {
         let first = Stroke::plan(model, start, order, conditions, 0.0)?;
-        Ok(Self { model: *model, first, second: None, pace: Pace::EVEN })
+        Ok(Self { model: model.to_owned(), first, second: None, pace: Pace::EVEN })
     }
 
     /// How long it takes, delay included.
