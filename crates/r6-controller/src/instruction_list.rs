@@ -60,6 +60,12 @@ impl InstructionList {
         self.steps.get(self.next)
     }
 
+    /// The instruction so many after the one whose turn it is, in this pass; 0 is that one.
+    #[must_use]
+    pub fn ahead(&self, steps: usize) -> Option<&Instruction> {
+        self.steps.get(self.next.checked_add(steps)?)
+    }
+
     /// The number in the list of the instruction whose turn it is.
     #[must_use]
     pub fn position(&self) -> usize {

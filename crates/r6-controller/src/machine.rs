@@ -6,6 +6,8 @@
 mod buttons;
 mod command;
 mod execution;
+mod look_ahead;
+mod order;
 mod watchdog;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -181,7 +183,7 @@ impl Machine {
     #[must_use]
     pub fn next_event(&self) -> Option<Instant> {
         let pulse = self.pulses.iter().map(|(due, _, _)| *due).min();
-        [self.activity.ends_at(), pulse, self.watchdog.due()].into_iter().flatten().min()
+        [self.activity.next_event(), pulse, self.watchdog.due()].into_iter().flatten().min()
     }
 
     fn handle_event(&mut self) {
@@ -203,7 +205,7 @@ impl Machine {
             self.io.set(point, on);
             self.io_changed();
         }
-        if self.activity.ends_at().is_some_and(|end| end <= now) {
+        if self.activity.next_event().is_some_and(|end| end <= now) {
             self.finish_activity();
         }
     }

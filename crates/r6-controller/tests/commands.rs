@@ -294,11 +294,11 @@ fn command_modify_acc_dec() {
         cell.pass(60.0);
         cell.number("lastCycle")
     };
-    // A trapezoid takes distance / speed + half of each ramp.
+    // The way at full speed, half of each ramp, and the filter of 0.128 s.
     let cruise = 90.0 / 220.8;
-    assert!((time_of_move(None) - (cruise + 0.25)).abs() < 1e-6);
+    assert!((time_of_move(None) - (cruise + 0.25 + 0.128)).abs() < 1e-6);
     let slow = time_of_move(Some(["300", "400"]));
-    assert!((slow - (cruise + 0.35)).abs() < 1e-6, "{slow}");
+    assert!((slow - (cruise + 0.35 + 0.128)).abs() < 1e-6, "{slow}");
 }
 
 #[test]

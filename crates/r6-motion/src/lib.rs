@@ -25,7 +25,7 @@ pub mod robot_model;
 pub use axes::{ARM_AXES, AXES, Axes, AxisNumber, MoveMask};
 pub use error::{LimitSide, NotFinite, PlanError};
 pub use kinematics::{Frames, InverseError};
-pub use movement::{Conditions, MotionState, Move, MoveSpeed, MoveTarget, Movement};
+pub use movement::{Blend, Conditions, MotionState, Move, MoveSpeed, MoveTarget, Movement};
 pub use pose::{Frame, Pose};
 pub use profile::Ramps;
 pub use robot_model::{Geometry, RobotModel};

@@ -1,17 +1,28 @@
-//! One move from rest to rest: a delay, a path, and a profile that says when the arm is where on it.
+//! A move from rest to rest, or two with a rounded corner between them.
+//!
+//! A move is a delay, a path, and a profile that says when the arm is where on it. Two moves are blended by
+//! letting the second begin before the first has come to rest, and adding up what both do to each axis. The
+//! ramp down and the ramp up then make one curve: the arm does not stop, its speed has no jump, and no axis is
+//! faster than in either move.
 //!
 //! A movement counts its own time from 0. Stopping, going on and a change of global speed make a new movement
 //! that takes over at an instant of the old one, on the same path, without a jump in position or speed.
 
+mod blend;
+mod pace;
+
 use std::sync::Arc;
 
-use super::axes::{AXES, Axes, MoveMask};
+use super::axes::{ARM_AXES, AXES, Axes, MoveMask};
 use super::error::PlanError;
 use super::kinematics::{Frames, world};
 use super::path::{AxisPath, CurvePath, LinearPath, Path};
 use super::pose::Pose;
-use super::profile::{PathPoint, Profile, Ramps};
+use super::profile::{Profile, Ramps};
 use super::robot_model::RobotModel;
+use pace::Pace;
+
+pub use blend::Blend;
 
 /// How long `actionStop` takes, seconds (reported, unit B: 0.078 s, 0.28 mm).
 pub const STOP_SECONDS: f64 = 0.078;
@@ -90,41 +101,42 @@ pub struct MotionState {
     pub done: bool,
 }
 
-/// A planned move, or what became of one. All times are seconds from its own start.
+/// A planned move, two blended ones, or what became of them. All times are seconds from its own start.
 #[derive(Clone, Debug)]
 pub struct Movement {
     model: RobotModel,
+    first: Stroke,
+    /// What began before the first has ended.
+    second: Option<Stroke>,
+    /// The time that both count by.
+    pace: Pace,
+}
+
+/// One move in the time of its movement.
+#[derive(Clone, Debug)]
+struct Stroke {
     frames: Frames,
     path: Arc<Path>,
-    ramps: Ramps,
     /// Fraction of full speed before the global speed.
     told_speed: f64,
     profile: Profile,
-    aim: Aim,
+    /// When it sets out.
+    starts: f64,
 }
 
-/// What the profile is for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Aim {
-    /// To the end of the path, after a delay.
-    Finish { delay: f64 },
-    /// To rest on the way; `delay` is what was left of it.
-    Halt { delay: f64 },
+/// One move at one instant.
+struct StrokeState {
+    axes: Axes,
+    speeds: [f64; ARM_AXES],
 }
 
-impl Movement {
-    /// Plans a move from rest at `start`.
-    ///
-    /// The speed law (reported, unit B): speed × global speed × full speed of the slowest axis, or × full
-    /// line speed. The ramps are the times to *full* speed, so the acceleration is the same whatever the
-    /// speed. A line that would take an axis beyond its own full speed is slowed down as a whole.
-    ///
-    /// Errors: see [`PlanError`]; each has its alarm.
-    pub fn plan(
+impl Stroke {
+    fn plan(
         model: &RobotModel,
         start: &Axes,
         order: &Move,
         conditions: &Conditions,
+        from: f64,
     ) -> Result<Self, PlanError> {
         let told_speed = match order.speed {
             MoveSpeed::PercentOfMax(percent) => percent / 100.0,
@@ -135,29 +147,63 @@ impl Movement {
         }
         fraction(told_speed, conditions.global)?;
         let path = plan_path(model, start, order, &conditions.frames)?;
-        let at = PathPoint { position: 0.0, speed: 0.0 };
-        let profile = profile_to_end(&path, at, told_speed, conditions.global, conditions.ramps)?;
-        Ok(Self {
-            model: model.clone(),
-            frames: conditions.frames,
-            path: Arc::new(path),
-            ramps: conditions.ramps,
-            told_speed,
-            profile,
-            aim: Aim::Finish { delay: order.delay },
-        })
+        let top = top_speed(&path, told_speed, conditions.global)?;
+        let profile = Profile::plan(path.length(), top, conditions.ramps).ok_or(PlanError::Speed)?;
+        let starts = from + order.delay;
+        Ok(Self { frames: conditions.frames, path: Arc::new(path), told_speed, profile, starts })
+    }
+
+    fn ends(&self) -> f64 {
+        self.starts + self.profile.duration()
+    }
+
+    fn end(&self) -> Axes {
+        self.path.at(f64::INFINITY).axes
+    }
+
+    fn at(&self, time: f64) -> StrokeState {
+        let here = self.profile.at(time - self.starts);
+        let there = self.path.at(here.position);
+        let speed = if time >= self.starts { here.speed } else { 0.0 };
+        StrokeState { axes: there.axes, speeds: there.slope.map(|slope| slope * speed) }
+    }
+
+    /// From `time` on with another global speed.
+    fn with_global(&self, time: f64, global: f64) -> Result<Self, PlanError> {
+        let top = top_speed(&self.path, self.told_speed, global)?;
+        let profile = self.profile.with_top(time - self.starts, top).ok_or(PlanError::Speed)?;
+        Ok(Self { profile, ..self.clone() })
+    }
+}
+
+impl Movement {
+    /// Plans a move from rest at `start`.
+    ///
+    /// The speed law (reported, unit B): speed × global speed × full speed of the slowest axis, or × full
+    /// line speed. The ramps take the same time whatever the speed, so a short way is gone below the speed that
+    /// was told. A line that would take an axis beyond its own full speed is slowed down as a whole.
+    ///
+    /// Errors: see [`PlanError`]; each has its alarm.
+    pub fn plan(
+        model: &RobotModel,
+        start: &Axes,
+        order: &Move,
+        conditions: &Conditions,
+    ) -> Result<Self, PlanError> {
+        let first = Stroke::plan(model, start, order, conditions, 0.0)?;
+        Ok(Self { model: model.to_owned(), first, second: None, pace: Pace::EVEN })
     }
 
     /// How long it takes, delay included.
     #[must_use]
     pub fn duration(&self) -> f64 {
-        self.delay() + self.profile.duration()
+        self.pace.when(self.last().ends()).unwrap_or_else(|| self.pace.settles())
     }
 
     /// Whether it ends at the end of its path; a halted one does only when that came first.
     #[must_use]
     pub fn reaches_end(&self) -> bool {
-        self.profile.end() >= self.path.length()
+        self.pace.when(self.last().ends()).is_some()
     }
 
     /// The arm `seconds` after the start; rest at exactly the end from [`Movement::duration`] on, or a
@@ -165,19 +211,34 @@ impl Movement {
     #[must_use]
     pub fn state_at(&self, seconds: f64) -> MotionState {
         let done = seconds >= self.duration() - END_ROUNDING;
-        let here = self.profile.at(if done { f64::INFINITY } else { seconds - self.delay() });
-        let speed = if seconds >= self.delay() { here.speed } else { 0.0 };
-        let there = self.path.at(here.position);
+        let t = since_start(seconds);
+        let (time, rate) = match (done, self.reaches_end()) {
+            (true, true) => (f64::INFINITY, 0.0),
+            (true, false) => (self.pace.time(self.pace.settles()), 0.0),
+            (false, _) => (self.pace.time(t), self.pace.rate(t)),
+        };
+        let here = self.at(time);
         let mut axis_speeds = [0.0; AXES];
-        for (slot, slope) in axis_speeds.iter_mut().zip(there.slope) {
-            *slot = slope * speed;
+        if seconds >= 0.0 {
+            for (slot, speed) in axis_speeds.iter_mut().zip(here.speeds) {
+                *slot = speed * rate;
+            }
         }
-        MotionState {
-            axes: there.axes,
-            axis_speeds,
-            pose: world(&self.model, &there.axes, &self.frames),
-            done,
+        let pose = world(&self.model, &here.axes, &self.last().frames);
+        MotionState { axes: here.axes, axis_speeds, pose, done }
+    }
+
+    /// Both moves at one time of the plan.
+    fn at(&self, time: f64) -> StrokeState {
+        match &self.second {
+            None => self.first.at(time),
+            Some(second) if time >= self.first.ends() => second.at(time),
+            Some(second) => blend::sum(&self.first.at(time), &second.at(time), &self.first.end()),
         }
+    }
+
+    fn last(&self) -> &Stroke {
+        self.second.as_ref().unwrap_or(&self.first)
     }
 
     /// From `at` on, comes to rest along the path within `within` seconds; at the end of the path if that is
@@ -186,8 +247,10 @@ impl Movement {
     /// `within` not above zero, or not finite, stops dead. Halting during the delay keeps what is left of it.
     #[must_use]
     pub fn halt(&self, at: f64, within: f64) -> Self {
-        let profile = Profile::stop_from(self.point_at(at), self.path.length(), within);
-        Self { profile, aim: Aim::Halt { delay: self.delay_left(at) }, ..self.clone() }
+        let at = since_start(at);
+        let waits = self.pace.time(at) <= self.first.starts;
+        let within = if within.is_finite() && within > 0.0 && !waits { within } else { 0.0 };
+        Self { pace: self.pace.to(at, 0.0, within), ..self.clone() }
     }
 
     /// From `at` on, goes to the end of the path with this global speed: after a halt, at rest or still
@@ -195,47 +258,51 @@ impl Movement {
     ///
     /// [`PlanError::Speed`] when the global speed is not above zero or not finite.
     pub fn resume(&self, at: f64, global: f64) -> Result<Self, PlanError> {
-        let profile = profile_to_end(&self.path, self.point_at(at), self.told_speed, global, self.ramps)?;
-        Ok(Self { profile, aim: Aim::Finish { delay: self.delay_left(at) }, ..self.clone() })
+        let at = since_start(at);
+        let at = if self.pace.stops() { at } else { at.min(self.duration()) };
+        let mut next = self.retold(at, global)?;
+        next.pace = if self.pace.stops() {
+            let waits = self.pace.time(at) <= self.first.starts;
+            self.pace.to(at, 1.0, if waits { 0.0 } else { self.last().profile.shortest_change() })
+        } else {
+            self.pace.from(at)
+        };
+        Ok(next)
     }
 
-    /// From `at` on, the same with another global speed. A halting movement goes on halting as it was.
+    /// From `at` on, the same with another global speed. A halting movement goes on halting as it was. A corner
+    /// that is being rounded is finished first.
     ///
     /// [`PlanError::Speed`] when the global speed is not above zero or not finite.
     pub fn with_global(&self, at: f64, global: f64) -> Result<Self, PlanError> {
-        match self.aim {
-            Aim::Finish { .. } => self.resume(at, global),
-            Aim::Halt { .. } => {
-                fraction(self.told_speed, global)?;
-                Ok(self.halt(at, self.duration() - since_start(at)))
-            }
+        if self.pace.stops() {
+            fraction(self.first.told_speed, global)?;
+            return Ok(Self { pace: self.pace.from(since_start(at)), ..self.clone() });
         }
+        self.resume(at, global)
     }
 
-    /// The path it follows.
+    /// With another global speed from `at` on, at the same pace.
+    fn retold(&self, at: f64, global: f64) -> Result<Self, PlanError> {
+        let time = self.pace.time(at);
+        let mut next = self.clone();
+        match &self.second {
+            None => next.first = self.first.with_global(time, global)?,
+            Some(second) => next.second = Some(second.with_global(time.max(self.first.ends()), global)?),
+        }
+        Ok(next)
+    }
+
+    /// Where the axes are at its end.
+    #[must_use]
+    pub fn end(&self) -> Axes {
+        self.last().end()
+    }
+
+    /// The path it follows; of two, the first.
     #[must_use]
     pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Seconds it stands still before it sets out.
-    fn delay(&self) -> f64 {
-        match self.aim {
-            Aim::Finish { delay } => delay,
-            Aim::Halt { .. } => 0.0,
-        }
-    }
-
-    fn delay_left(&self, at: f64) -> f64 {
-        match self.aim {
-            Aim::Finish { delay } => (delay - since_start(at)).max(0.0),
-            Aim::Halt { delay } => delay,
-        }
-    }
-
-    fn point_at(&self, at: f64) -> PathPoint {
-        let here = self.profile.at(since_start(at) - self.delay());
-        PathPoint { position: here.position, speed: here.speed }
+        &self.first.path
     }
 }
 
@@ -260,15 +327,9 @@ fn fraction(told_speed: f64, global: f64) -> Result<f64, PlanError> {
     if usable { Ok(told_speed * global) } else { Err(PlanError::Speed) }
 }
 
-fn profile_to_end(
-    path: &Path,
-    from: PathPoint,
-    told_speed: f64,
-    global: f64,
-    ramps: Ramps,
-) -> Result<Profile, PlanError> {
-    let top = fraction(told_speed, global)?.min(path.top_speed());
-    Profile::plan(from, path.length(), top, ramps).ok_or(PlanError::Speed)
+/// The fraction of full speed that it goes at on this path.
+fn top_speed(path: &Path, told_speed: f64, global: f64) -> Result<f64, PlanError> {
+    Ok(fraction(told_speed, global)?.min(path.top_speed()))
 }
 
 #[cfg(test)]

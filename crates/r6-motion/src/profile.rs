@@ -1,9 +1,18 @@
-//! Trapezoidal speed along one number.
+//! Speed along one number, without jerks.
 //!
 //! The number counts seconds at full speed: a path that takes two seconds at full speed is two long, the
 //! speed along it is a fraction of full speed, and full speed is 1. So one profile serves axes, lines and
-//! curves. A jerk-limited profile would take this one's place behind the same four questions: duration, end,
-//! where, how fast.
+//! curves.
+//!
+//! What is asked for is a speed that changes at instants: up at the start, down at the end, and where the
+//! global speed was changed in between. What happens is that sum of jumps with every jump made smooth
+//! ([`SmoothStep`]). So a change of speed takes the same time however large it is, a short way keeps its ramps
+//! and stays below the speed that was asked for, and the end is met because the areas under the jumps add up
+//! to the way.
+
+mod smooth_step;
+
+pub use smooth_step::{FILTER_SECONDS, S_CURVE, SmoothStep, StepState};
 
 /// No move lasts longer, seconds: beyond it a double no longer resolves a microsecond. The slowest sensible
 /// move, a full turn at 0.1 % of 0.1 %, takes 23 days.
@@ -50,16 +59,11 @@ impl Default for Ramps {
     }
 }
 
-/// A place on the path and the speed there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PathPoint {
-    /// How far along, seconds at full speed.
-    pub position: f64,
-    /// How fast, as a fraction of full speed.
-    pub speed: f64,
-}
+/// Two changes of speed are never closer, seconds; a later one waits. So that however often the speed is
+/// changed, no more than a few hundred changes are under way at once.
+const CLOSEST_CHANGES: f64 = 0.002;
 
-/// A [`PathPoint`] and what it will be next.
+/// A place on the path, the speed there, and what it will be next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProfileState {
     /// How far along, seconds at full speed.
@@ -70,91 +74,134 @@ pub struct ProfileState {
     pub acceleration: f64,
 }
 
-/// One change of speed to the top, a stretch at the top, and one change to rest at the end.
+/// A change of speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
+struct Change {
+    /// When it is asked for, seconds from the start.
+    at: f64,
+    /// By how much, as a fraction of full speed.
+    by: f64,
+    step: SmoothStep,
+}
+
+impl Change {
+    fn ends(&self) -> f64 {
+        self.at + self.step.width()
+    }
+}
+
+/// From rest at 0 to rest at the end.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    start: PathPoint,
     end: f64,
-    top: f64,
-    /// Signed: below zero when the start is faster than the top.
-    first_acceleration: f64,
-    first_seconds: f64,
-    cruise_seconds: f64,
-    last_deceleration: f64,
-    last_seconds: f64,
+    ramps: Ramps,
+    /// Where the changes that are over for good would have led by the time 0, and how fast they go on.
+    settled: (f64, f64),
+    /// In the order of time.
+    changes: Vec<Change>,
+    /// The change to rest.
+    last: Change,
 }
 
 impl Profile {
-    /// From a moving or resting start to rest at `end`, never faster than `top` once below it.
+    /// From rest at 0 to rest at `end`, no faster than `top`.
     ///
-    /// A start faster than `top` slows down to it first. A start too fast to stop before `end` with the given
-    /// ramps slows down harder, just enough to stop there. `None` when a number is not finite, the start lies
-    /// beyond the end or moves backwards, `top` is not above zero, or the whole would last beyond all sense.
+    /// Where the ramps up and down differ by so much that the way is over before the slower one could take
+    /// effect, it goes more slowly. `None` when a number is not finite, `end` is below zero, `top` is not above
+    /// zero, or the whole would last beyond all sense.
     #[must_use]
-    pub fn plan(start: PathPoint, end: f64, top: f64, ramps: Ramps) -> Option<Self> {
-        let way = end - start.position;
-        let usable = way.is_finite() && way >= 0.0 && start.speed.is_finite() && start.speed >= 0.0;
-        if !(usable && top.is_finite() && top > 0.0) {
+    pub fn plan(end: f64, top: f64, ramps: Ramps) -> Option<Self> {
+        if !(end.is_finite() && end >= 0.0 && top.is_finite() && top > 0.0) {
             return None;
         }
-        let (up, down) = (1.0 / ramps.acceleration, 1.0 / ramps.deceleration);
-        let profile = if start.speed * start.speed >= 2.0 * down * way {
-            Self::straight_to_rest(start, end)
-        } else if start.speed > top {
-            Self::through_top(start, end, top, -down, down)
-        } else {
-            let highest = ((2.0 * way + start.speed * start.speed / up) / (1.0 / up + 1.0 / down)).sqrt();
-            Self::through_top(start, end, top.min(highest).max(start.speed), up, down)
+        let (up, down) = (SmoothStep::of(ramps.acceleration), SmoothStep::of(ramps.deceleration));
+        let uneven = (up.lag() - down.lag()).abs();
+        let top = if top * uneven > end { end / uneven } else { top };
+        let last = if top > 0.0 { end / top + up.lag() - down.lag() } else { 0.0 };
+        let profile = Self {
+            end,
+            ramps,
+            settled: (0.0, 0.0),
+            changes: vec![Change { at: 0.0, by: top, step: up }],
+            last: Change { at: last, by: -top, step: down },
         };
         (profile.duration() <= LONGEST).then_some(profile)
     }
 
-    /// Comes to rest evenly in `seconds`, or at `end` if that comes first.
+    /// The same with another `top` from `at` on, which may lie ahead by as much as a change takes. It is no longer
+    /// asked for times before that.
     ///
-    /// Seconds that are not above zero, or not finite, stop at once.
+    /// Nothing changes where the way that is left is too short for it: when the change to rest has been asked
+    /// for, or would have to be before the change to `top` could take effect. `None` as for
+    /// [`Profile::plan`].
     #[must_use]
-    pub fn stop_from(at: PathPoint, end: f64, seconds: f64) -> Self {
-        let wanted = if seconds.is_finite() { at.speed * seconds.max(0.0) / 2.0 } else { 0.0 };
-        Self::straight_to_rest(at, (at.position + wanted).min(end).max(at.position))
+    pub fn with_top(&self, at: f64, top: f64) -> Option<Self> {
+        if !(top.is_finite() && top > 0.0) {
+            return None;
+        }
+        if at <= 0.0 {
+            return Self::plan(self.end, top, self.ramps);
+        }
+        let mut next = self.clone();
+        next.settle(at);
+        // A change that has had no effect yet is replaced.
+        let waiting = next.changes.pop_if(|change| change.at >= at);
+        let soonest = next.changes.last().map_or(at, |change| at.max(change.at + CLOSEST_CHANGES));
+        let at = waiting.map_or(soonest, |change| change.at);
+        let by = top - next.asked_speed();
+        let (up, down) = (SmoothStep::of(self.ramps.acceleration), SmoothStep::of(self.ramps.deceleration));
+        let slower = if up.width() > down.width() { up } else { down };
+        // All changes on the way are alike and slow, so that none overtakes an earlier one.
+        next.changes.push(Change { at, by, step: slower });
+        let last = next.time_of_last(top, &down);
+        let overtaken = last < at || next.changes.iter().any(|change| last + down.width() < change.ends());
+        if self.last.at <= at || overtaken {
+            return Some(self.clone());
+        }
+        next.last = Change { at: last, by: -top, step: down };
+        (next.duration() <= LONGEST).then_some(next)
     }
 
-    /// Evenly to rest at `end`; at once when there is no way to go or no speed.
-    fn straight_to_rest(start: PathPoint, end: f64) -> Self {
-        let way = end - start.position;
-        let moves = way > 0.0 && start.speed > 0.0;
-        Self {
-            start,
-            end,
-            top: start.speed,
-            first_acceleration: 0.0,
-            first_seconds: 0.0,
-            cruise_seconds: 0.0,
-            last_deceleration: if moves { start.speed * start.speed / (2.0 * way) } else { 0.0 },
-            last_seconds: if moves { 2.0 * way / start.speed } else { 0.0 },
-        }
+    /// When the change to rest has to be asked for so that all of it leads to the end.
+    fn time_of_last(&self, top: f64, down: &SmoothStep) -> f64 {
+        let behind: f64 = self.changes.iter().map(|change| change.by * (change.at + change.step.lag())).sum();
+        (self.end - self.settled.0 + behind) / top - down.lag()
     }
 
-    fn through_top(start: PathPoint, end: f64, top: f64, first: f64, down: f64) -> Self {
-        let first_seconds = (top - start.speed) / first;
-        let first_way = (top + start.speed) / 2.0 * first_seconds;
-        let last_seconds = top / down;
-        let cruise_way = end - start.position - first_way - top * last_seconds / 2.0;
-        Self {
-            start,
-            end,
-            top,
-            first_acceleration: first,
-            first_seconds,
-            cruise_seconds: (cruise_way / top).max(0.0),
-            last_deceleration: down,
-            last_seconds,
-        }
+    /// The speed that is asked for before the change to rest.
+    fn asked_speed(&self) -> f64 {
+        self.settled.1 + self.changes.iter().map(|change| change.by).sum::<f64>()
+    }
+
+    /// No speed on the way is above this, as a fraction of full speed.
+    #[must_use]
+    pub fn fastest(&self) -> f64 {
+        let mut asked = self.settled.1;
+        self.changes.iter().fold(asked, |fastest, change| {
+            asked += change.by;
+            fastest.max(asked)
+        })
+    }
+
+    /// Forgets changes that were over some time before `at`.
+    fn settle(&mut self, at: f64) {
+        let (position, speed) = &mut self.settled;
+        self.changes.retain(|change| {
+            let over = change.ends() + change.step.width() <= at;
+            if over {
+                *position -= change.by * (change.at + change.step.lag());
+                *speed += change.by;
+            }
+            !over
+        });
     }
 
     /// How long it takes, seconds.
     #[must_use]
     pub fn duration(&self) -> f64 {
-        self.first_seconds + self.cruise_seconds + self.last_seconds
+        let nowhere = self.end <= 0.0;
+        let ends = self.changes.iter().map(Change::ends).fold(self.last.ends(), f64::max);
+        if nowhere { 0.0 } else { ends }
     }
 
     /// Where it comes to rest.
@@ -163,39 +210,34 @@ impl Profile {
         self.end
     }
 
+    /// How long a change of speed takes at least, seconds: the shorter ramp and the filter.
+    #[must_use]
+    pub fn shortest_change(&self) -> f64 {
+        SmoothStep::of(self.ramps.acceleration.min(self.ramps.deceleration)).width()
+    }
+
     /// The state `seconds` after the start: the start before it, rest at exactly the end from
     /// [`Profile::duration`] on. What is no number counts as the start.
     #[must_use]
     pub fn at(&self, seconds: f64) -> ProfileState {
-        let left = self.duration() - seconds;
-        if left <= 0.0 {
+        if seconds >= self.duration() {
             return ProfileState { position: self.end, speed: 0.0, acceleration: 0.0 };
         }
         let t = if seconds > 0.0 { seconds } else { 0.0 };
-        let left = left.min(self.duration());
-        let state = if left <= self.last_seconds {
-            ProfileState {
-                position: self.end - self.last_deceleration * left * left / 2.0,
-                speed: self.last_deceleration * left,
-                acceleration: -self.last_deceleration,
-            }
-        } else if t < self.first_seconds {
-            ProfileState {
-                position: self.start.position + (self.start.speed + self.first_acceleration * t / 2.0) * t,
-                speed: self.start.speed + self.first_acceleration * t,
-                acceleration: self.first_acceleration,
-            }
-        } else {
-            let since = t - self.first_seconds;
-            let first_way = (self.start.speed + self.top) / 2.0 * self.first_seconds;
-            ProfileState {
-                position: self.start.position + first_way + self.top * since,
-                speed: self.top,
-                acceleration: 0.0,
-            }
-        };
+        let (behind, speed) = self.settled;
+        let mut state = ProfileState { position: behind + speed * t, speed, acceleration: 0.0 };
+        for change in self.changes.iter().chain([&self.last]) {
+            let step = change.step.at(t - change.at);
+            state.position += change.by * step.area;
+            state.speed += change.by * step.height;
+            state.acceleration += change.by * step.slope;
+        }
         // Rounding only; `clamp` would panic on a caller's NaN.
-        ProfileState { position: state.position.max(self.start.position).min(self.end), ..state }
+        ProfileState {
+            position: state.position.max(0.0).min(self.end),
+            speed: state.speed.max(0.0),
+            acceleration: state.acceleration,
+        }
     }
 }
 

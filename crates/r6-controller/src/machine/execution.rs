@@ -4,18 +4,17 @@ use std::time::Duration;
 
 use r6_proto::alarm::AlarmCode;
 use r6_proto::message::instruction::{
-    CurveMove, Manner, Move as MoveStep, Output, OutputKind, PathSpeed, StopOnSignal, Wait, WaitCondition,
-    WaitSource,
+    Output, OutputKind, PathSpeed, StopOnSignal, Wait, WaitCondition, WaitSource,
 };
 use r6_proto::message::{Action, Instruction};
 use r6_proto::time::Instant;
-use r6_proto::{AXES, AxisIndex};
 
 use super::Machine;
+use super::order::{Told, path_speed};
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
 use crate::settings::REMOTE_MOLD;
-use r6_motion::{Axes, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Movement, PlanError, Pose};
+use r6_motion::{Blend, Movement, PlanError};
 use r6_proto::OperationMode;
 
 /// What a pass of the list takes at least, so that a list of steps that take no time cannot run endlessly often at
@@ -35,7 +34,7 @@ pub enum Activity {
     /// A move comes to rest before its end.
     Halting(Run, AfterHalt),
     /// A move rests before its end, and goes on from there.
-    Paused(Box<Movement>, f64),
+    Paused(Run),
     /// A wait; with its end, unless it waits for ever.
     Waiting {
         /// What for.
@@ -62,20 +61,53 @@ pub enum Activity {
 /// A movement that began at a point in time.
 #[derive(Clone, Debug)]
 pub struct Run {
-    movement: Box<Movement>,
+    pub(super) movement: Box<Movement>,
     started: Instant,
+    /// How the corner after its last move is rounded.
+    pub(super) blend: Blend,
+    /// How many steps its second move's step comes after the present one, its first's; 0 while there is no second.
+    pub(super) joined: usize,
+    /// The corner has been reached: what is appended later joins at once.
+    pub(super) at_corner: bool,
 }
 
 impl Run {
-    fn new(movement: Movement, started: Instant) -> Self {
-        Self { movement: Box::new(movement), started }
+    fn new(movement: Movement, started: Instant, blend: Blend) -> Self {
+        Self { movement: Box::new(movement), started, blend, joined: 0, at_corner: false }
+    }
+
+    /// The same, by a movement that takes over.
+    fn by(self, movement: Movement, started: Instant) -> Self {
+        Self { movement: Box::new(movement), started, ..self }
+    }
+
+    /// The same with a second move, of the step so many ahead.
+    pub(super) fn joined_by(&self, movement: Movement, ahead: usize, blend: Blend) -> Self {
+        Self { movement: Box::new(movement), joined: ahead, blend, ..self.clone() }
+    }
+
+    fn after(&self, time: f64) -> Instant {
+        self.started + Duration::from_secs_f64(time.clamp(0.0, LONGEST_ACTIVITY))
+    }
+
+    /// When something happens to it: the corner, the end of the first of two moves, the end.
+    fn next_event(&self) -> Instant {
+        let first_ends = self.movement.first_ends();
+        let corner = if self.at_corner { None } else { self.movement.corner(self.blend) };
+        let end = self.after(self.movement.duration());
+        [first_ends, corner].into_iter().flatten().map(|time| self.after(time)).fold(end, Instant::min)
     }
 
     fn ends_at(&self) -> Instant {
-        self.started + Duration::from_secs_f64(self.movement.duration().clamp(0.0, LONGEST_ACTIVITY))
+        self.after(self.movement.duration())
     }
 
-    fn seconds(&self, now: Instant) -> f64 {
+    /// Whether this time of the movement is over.
+    pub(super) fn is_past(&self, time: f64, now: Instant) -> bool {
+        self.after(time) <= now
+    }
+
+    pub(super) fn seconds(&self, now: Instant) -> f64 {
         now.since(self.started).as_secs_f64()
     }
 }
@@ -94,11 +126,12 @@ pub enum AfterHalt {
 }
 
 impl Activity {
-    /// When it ends by itself.
-    pub(crate) fn ends_at(&self) -> Option<Instant> {
+    /// When something happens by itself.
+    pub(crate) fn next_event(&self) -> Option<Instant> {
         match self {
-            Self::Idle | Self::Paused(..) => None,
-            Self::Moving(run) | Self::Halting(run, _) => Some(run.ends_at()),
+            Self::Idle | Self::Paused(_) => None,
+            Self::Moving(run) => Some(run.next_event()),
+            Self::Halting(run, _) => Some(run.ends_at()),
             Self::Waiting { until, .. } => *until,
             Self::Delaying { until, .. } | Self::Resting { until } => Some(*until),
         }
@@ -111,7 +144,7 @@ impl Activity {
                 Some((&*run.movement, move |now: Instant| run.seconds(now)))
             }
             Self::Idle
-            | Self::Paused(..)
+            | Self::Paused(_)
             | Self::Waiting { .. }
             | Self::Delaying { .. }
             | Self::Resting { .. } => None,
@@ -127,6 +160,7 @@ impl Machine {
 
     /// Runs steps until one takes time, or none is left.
     pub(crate) fn run_list(&mut self) {
+        self.join_next();
         while self.waits_for_remote() && matches!(self.activity, Activity::Idle) {
             let Some(step) = self.list.current().copied() else {
                 self.end_of_list();
@@ -182,8 +216,12 @@ impl Machine {
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
         match activity {
             Activity::Idle => {}
-            Activity::Paused(..) => self.activity = activity,
+            Activity::Paused(_) => self.activity = activity,
+            Activity::Moving(run) if run.ends_at() > self.now => {
+                self.activity = Activity::Moving(self.pass_corner(run));
+            }
             Activity::Moving(run) => {
+                self.finish_joined(&run);
                 self.axes = run.movement.state_at(run.movement.duration()).axes;
                 self.finish_step();
             }
@@ -206,11 +244,10 @@ impl Machine {
     }
 
     fn finish_halt(&mut self, run: Run, after: AfterHalt) {
-        let end = run.movement.duration();
         let reached = run.movement.reaches_end();
-        self.axes = run.movement.state_at(end).axes;
+        self.axes = run.movement.state_at(run.movement.duration()).axes;
         match after {
-            AfterHalt::Keep => self.activity = Activity::Paused(run.movement, end),
+            AfterHalt::Keep => self.activity = Activity::Paused(run),
             AfterHalt::Drop if reached => self.finish_step(),
             AfterHalt::Drop => {}
             AfterHalt::NextStep => self.finish_step(),
@@ -222,20 +259,16 @@ impl Machine {
     }
 
     /// Begins a step; leaves the machine idle if the step took no time.
-    fn begin(&mut self, step: &Instruction) -> Result<(), (u32, String)> {
+    pub(super) fn begin(&mut self, step: &Instruction) -> Result<(), (u32, String)> {
         match &step.action {
-            Action::AxisMove(step) => {
-                let target = MoveTarget::Axes(self.axes_target(step)?);
-                self.begin_move(target, mask(&step.manner, step.target.given().bits()), &step.manner)
-            }
-            Action::LinearMove(step) => {
-                let target = MoveTarget::Line(pose_target(&step.target));
-                self.begin_move(target, mask(&step.manner, step.target.given().bits()), &step.manner)
-            }
-            Action::CurveMove(CurveMove { middle, end, manner }) => {
-                let given = middle.given().and(end.given()).bits();
-                let target = MoveTarget::Curve { middle: pose_target(middle), end: pose_target(end) };
-                self.begin_move(target, mask(manner, given), manner)
+            Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_) => {
+                let told = Told { path_speed: self.path_speed, bench: self.bench };
+                let Some(order) = self.order(&step.action, &self.axes, told)? else { return Ok(()) };
+                let movement = Movement::plan(&self.model, &self.axes, &order.step, &order.conditions)
+                    .map_err(plan_failed)?;
+                self.activity = Activity::Moving(Run::new(movement, self.now, order.blend));
+                self.check_stop_signal();
+                Ok(())
             }
             Action::PathSpeed(speed) => self.set_path_speed(speed),
             Action::StopOnSignal(stop) => {
@@ -263,51 +296,8 @@ impl Machine {
         }
     }
 
-    /// The target of an axis move; an axis that is left out stays where it is.
-    fn axes_target(&self, step: &MoveStep) -> Result<Axes, (u32, String)> {
-        let mut degrees: [f64; AXES] = *self.axes.degrees();
-        for (slot, axis) in degrees.iter_mut().zip(AxisIndex::ALL) {
-            *slot = step.target.at(axis).unwrap_or(*slot);
-        }
-        Axes::new(degrees).map_err(|error| plan_failed(error.into()))
-    }
-
-    fn begin_move(
-        &mut self,
-        target: MoveTarget,
-        mask: MoveMask,
-        manner: &Manner,
-    ) -> Result<(), (u32, String)> {
-        let speed = match (&target, manner.speed, self.path_speed) {
-            (_, Some(percent), _) => MoveSpeed::PercentOfMax(percent),
-            (MoveTarget::Line(_) | MoveTarget::Curve { .. }, None, Some(speed)) => {
-                MoveSpeed::MmPerSecond(speed)
-            }
-            (MoveTarget::Axes(_), None, _) | (_, None, None) => {
-                return Err((219, "the move has no speed".to_owned()));
-            }
-        };
-        let order = Move { target, mask, speed, delay: manner.delay.unwrap_or(0.0) };
-        let conditions = Conditions {
-            global: self.global_speed,
-            ramps: self.ramps,
-            frames: self.frames_of(manner.tool.unwrap_or(self.tool), manner.coord.unwrap_or(self.bench)),
-        };
-        let movement = Movement::plan(&self.model, &self.axes, &order, &conditions).map_err(plan_failed)?;
-        self.activity = Activity::Moving(Run::new(movement, self.now));
-        self.check_stop_signal();
-        Ok(())
-    }
-
-    /// A path speed has to be a whole number of mm/s: a fraction raised alarm 219 on unit B.
     fn set_path_speed(&mut self, speed: &PathSpeed) -> Result<(), (u32, String)> {
-        self.path_speed = match (speed.in_use, speed.speed) {
-            (false, _) => None,
-            (true, Some(speed)) if speed >= 1.0 && speed.fract() == 0.0 => Some(speed),
-            (true, speed) => {
-                return Err((219, format!("the path speed {speed:?} is no whole number of mm/s from 1")));
-            }
-        };
+        self.path_speed = path_speed(speed)?;
         Ok(())
     }
 
@@ -356,7 +346,7 @@ impl Machine {
     }
 
     /// Stops the present move where the signal of action 52 is there.
-    fn check_stop_signal(&mut self) {
+    pub(super) fn check_stop_signal(&mut self) {
         let Some(StopOnSignal { input, on, .. }) = self.stop_signal else { return };
         if self.io.input(input) == on && matches!(self.activity, Activity::Moving(_)) {
             self.halt(self.profile.action_stop_time, AfterHalt::NextStep);
@@ -368,18 +358,37 @@ impl Machine {
         match std::mem::replace(&mut self.activity, Activity::Idle) {
             Activity::Moving(run) => {
                 let movement = run.movement.halt(run.seconds(self.now), time.as_secs_f64());
-                self.activity = Activity::Halting(Run::new(movement, self.now), after);
+                let mut run = run.by(movement, self.now);
+                match after {
+                    AfterHalt::Keep => {}
+                    // The arm has left the first of two moves for the second, and will not go back.
+                    AfterHalt::Drop | AfterHalt::NextStep => self.finish_joined(&run),
+                    AfterHalt::NewList => {}
+                }
+                if after != AfterHalt::Keep {
+                    run.joined = 0;
+                }
+                self.activity = Activity::Halting(run, after);
                 true
             }
             Activity::Halting(run, before) => {
                 // Whatever stops it for good wins over a pause.
+                let mut run = run;
                 let after = if before == AfterHalt::Keep { after } else { before };
+                if before == AfterHalt::Keep && after != AfterHalt::Keep {
+                    if after != AfterHalt::NewList {
+                        self.finish_joined(&run);
+                    }
+                    run.joined = 0;
+                }
                 self.activity = Activity::Halting(run, after);
                 true
             }
-            Activity::Paused(movement, at) => {
-                if after == AfterHalt::Keep {
-                    self.activity = Activity::Paused(movement, at);
+            Activity::Paused(run) => {
+                match after {
+                    AfterHalt::Keep => self.activity = Activity::Paused(run),
+                    AfterHalt::Drop | AfterHalt::NextStep => self.finish_joined(&run),
+                    AfterHalt::NewList => {}
                 }
                 false
             }
@@ -397,12 +406,9 @@ impl Machine {
 
     /// Lets a move that rests before its end go on.
     pub(crate) fn resume_move(&mut self) {
-        let resumed = match &self.activity {
-            Activity::Paused(movement, at) => movement.resume(*at, self.global_speed),
-            // The start button while it is still slowing down for a pause.
-            Activity::Halting(run, AfterHalt::Keep) => {
-                run.movement.resume(run.seconds(self.now), self.global_speed)
-            }
+        let run = match &self.activity {
+            // The start button while it is still slowing down for a pause goes on as well.
+            Activity::Paused(run) | Activity::Halting(run, AfterHalt::Keep) => run.clone(),
             Activity::Idle
             | Activity::Moving(_)
             | Activity::Halting(..)
@@ -410,8 +416,8 @@ impl Machine {
             | Activity::Delaying { .. }
             | Activity::Resting { .. } => return,
         };
-        match resumed {
-            Ok(movement) => self.activity = Activity::Moving(Run::new(movement, self.now)),
+        match run.movement.resume(run.seconds(self.now), self.global_speed) {
+            Ok(movement) => self.activity = Activity::Moving(run.by(movement, self.now)),
             Err(error) => {
                 let (alarm, why) = plan_failed(error);
                 self.raise(alarm, why);
@@ -421,14 +427,14 @@ impl Machine {
 
     /// Lets the move under way take a new global speed.
     pub(crate) fn replan_for_global_speed(&mut self) {
-        if matches!(self.activity, Activity::Paused(..)) && self.mode.may_run() {
+        if matches!(self.activity, Activity::Paused(_)) && self.mode.may_run() {
             // It rests because the global speed was 0.
             self.resume_move();
             return;
         }
         let Activity::Moving(run) = &self.activity else { return };
         match run.movement.with_global(run.seconds(self.now), self.global_speed) {
-            Ok(movement) => self.activity = Activity::Moving(Run::new(movement, self.now)),
+            Ok(movement) => self.activity = Activity::Moving(run.clone().by(movement, self.now)),
             Err(_) => {
                 // Global speed 0: the arm rests where it is until there is one again.
                 self.halt(self.profile.action_pause_time, AfterHalt::Keep);
@@ -446,19 +452,7 @@ impl Machine {
     }
 }
 
-fn mask(manner: &Manner, given: u8) -> MoveMask {
-    MoveMask(manner.mask.map_or(given, |mask| mask.bits() & given))
-}
-
-fn pose_target(coordinates: &r6_proto::message::instruction::Coordinates) -> Pose {
-    let mut components = [0.0; 6];
-    for (slot, axis) in components.iter_mut().zip(AxisIndex::ALL) {
-        *slot = coordinates.at(axis).unwrap_or(0.0);
-    }
-    Pose::from_components(components)
-}
-
-fn plan_failed(error: PlanError) -> (u32, String) {
+pub(super) fn plan_failed(error: PlanError) -> (u32, String) {
     (u32::from(error.alarm()), error.to_string())
 }
 

@@ -1,0 +1,81 @@
+//! Looking one move ahead, so that the arm need not stop at a point.
+//!
+//! A move with a blend level reaches its corner some time before its end. If another move follows there, it begins
+//! at the corner; steps in between that take no time are carried out there. The first move still counts as
+//! finished only at its own end. A corner at which no move is waiting stays open until that end: what is appended
+//! meanwhile joins at once. The arm comes to rest before a wait, before a move with a delay, and at the end of a
+//! pass.
+
+use r6_proto::message::Action;
+use r6_proto::message::instruction::OutputKind;
+
+use super::Machine;
+use super::execution::{Activity, Run};
+use super::order::{Order, Told, path_speed};
+use r6_motion::Axes;
+
+impl Machine {
+    /// An instant within a run: its corner is reached, or the first of its two moves has ended.
+    pub(super) fn pass_corner(&mut self, mut run: Run) -> Run {
+        let first_is_over = run.movement.first_ends().is_some_and(|end| run.is_past(end, self.now));
+        if first_is_over {
+            self.finish_joined(&run);
+            run.movement = Box::new(run.movement.without_first());
+            run.joined = 0;
+            run.at_corner = false;
+        } else {
+            run.at_corner = true;
+        }
+        run
+    }
+
+    /// Finishes the step of the first of two moves, and those that were carried out at the corner.
+    pub(super) fn finish_joined(&mut self, run: &Run) {
+        for _ in 0..run.joined {
+            self.list.finish_current();
+        }
+    }
+
+    /// Lets the next move begin while the present one is at its corner.
+    pub(super) fn join_next(&mut self) {
+        let Activity::Moving(run) = &self.activity else { return };
+        if !run.at_corner || run.joined > 0 || !self.waits_for_remote() {
+            return;
+        }
+        let Some((ahead, order)) = self.next_move(&run.movement.end()) else { return };
+        let seconds = run.seconds(self.now);
+        let Ok(movement) = run.movement.join(seconds, &order.step, &order.conditions, run.blend) else {
+            // It raises its alarm when its turn comes, with the arm at rest.
+            return;
+        };
+        let between: Vec<_> = (1..ahead).filter_map(|step| self.list.ahead(step).copied()).collect();
+        self.activity = Activity::Moving(run.joined_by(movement, ahead, order.blend));
+        for step in between {
+            if let Err((alarm, why)) = self.begin(&step) {
+                self.raise(alarm, why);
+                return;
+            }
+        }
+        self.check_stop_signal();
+    }
+
+    /// The next move, if nothing but steps that take no time lies before it, and how many steps ahead it is.
+    fn next_move(&self, from: &Axes) -> Option<(usize, Order)> {
+        let mut told = Told { path_speed: self.path_speed, bench: self.bench };
+        for ahead in 1.. {
+            let action = &self.list.ahead(ahead)?.action;
+            match action {
+                Action::PathSpeed(speed) => told.path_speed = path_speed(speed).ok()?,
+                Action::Workbench(bench) => told.bench = bench.id,
+                Action::StopOnSignal(_) | Action::BoardOutput(_) => {}
+                Action::Output(output) if output.kind == OutputKind::TimedY || output.delay <= 0.0 => {}
+                Action::Output(_) | Action::Wait(_) | Action::Unknown(_) => return None,
+                Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_) => {
+                    let order = self.order(action, from, told).ok()??;
+                    return (order.step.delay <= 0.0).then_some((ahead, order));
+                }
+            }
+        }
+        None
+    }
+}

@@ -1,0 +1,103 @@
+//! From a step of the list to a move as the arm is told it.
+
+use r6_proto::message::Action;
+use r6_proto::message::instruction::{Coordinates, CurveMove, Manner, Move as MoveStep, PathSpeed};
+use r6_proto::{AXES, AxisIndex};
+
+use super::Machine;
+use super::execution::plan_failed;
+use r6_motion::{Axes, Blend, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Pose};
+
+/// A move, what it is planned under, and how the corner after it is rounded.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Order {
+    pub step: Move,
+    pub conditions: Conditions,
+    pub blend: Blend,
+}
+
+/// What earlier steps have told: the path speed (action 51) and the workbench (action 800).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Told {
+    pub path_speed: Option<f64>,
+    pub bench: u32,
+}
+
+impl Machine {
+    /// The move of a step that begins with the axes at `from`; `None` for a step that is no move.
+    ///
+    /// # Errors
+    /// The alarm that the step raises, and why.
+    pub(super) fn order(
+        &self,
+        action: &Action,
+        from: &Axes,
+        told: Told,
+    ) -> Result<Option<Order>, (u32, String)> {
+        let (target, given, manner) = match action {
+            Action::AxisMove(step) => {
+                (MoveTarget::Axes(axes_target(step, from)?), step.target.given().bits(), &step.manner)
+            }
+            Action::LinearMove(step) => {
+                (MoveTarget::Line(pose_target(&step.target)), step.target.given().bits(), &step.manner)
+            }
+            Action::CurveMove(CurveMove { middle, end, manner }) => {
+                let target = MoveTarget::Curve { middle: pose_target(middle), end: pose_target(end) };
+                (target, middle.given().and(end.given()).bits(), manner)
+            }
+            Action::PathSpeed(_)
+            | Action::StopOnSignal(_)
+            | Action::Wait(_)
+            | Action::Output(_)
+            | Action::BoardOutput(_)
+            | Action::Workbench(_)
+            | Action::Unknown(_) => return Ok(None),
+        };
+        let speed = speed(&target, manner, told.path_speed)?;
+        let mask = MoveMask(manner.mask.map_or(given, |mask| mask.bits() & given));
+        let step = Move { target, mask, speed, delay: manner.delay.unwrap_or(0.0) };
+        let conditions = Conditions {
+            global: self.global_speed,
+            ramps: self.ramps,
+            frames: self.frames_of(manner.tool.unwrap_or(self.tool), manner.coord.unwrap_or(told.bench)),
+        };
+        let blend = Blend::new(manner.smooth.map_or(0, |level| level.level()));
+        Ok(Some(Order { step, conditions, blend }))
+    }
+}
+
+fn speed(target: &MoveTarget, manner: &Manner, path_speed: Option<f64>) -> Result<MoveSpeed, (u32, String)> {
+    match (target, manner.speed, path_speed) {
+        (_, Some(percent), _) => Ok(MoveSpeed::PercentOfMax(percent)),
+        (MoveTarget::Line(_) | MoveTarget::Curve { .. }, None, Some(speed)) => {
+            Ok(MoveSpeed::MmPerSecond(speed))
+        }
+        (MoveTarget::Axes(_), None, _) | (_, None, None) => Err((219, "the move has no speed".to_owned())),
+    }
+}
+
+/// The target of an axis move; an axis that is left out stays where it is.
+fn axes_target(step: &MoveStep, from: &Axes) -> Result<Axes, (u32, String)> {
+    let mut degrees: [f64; AXES] = *from.degrees();
+    for (slot, axis) in degrees.iter_mut().zip(AxisIndex::ALL) {
+        *slot = step.target.at(axis).unwrap_or(*slot);
+    }
+    Axes::new(degrees).map_err(|error| plan_failed(error.into()))
+}
+
+fn pose_target(coordinates: &Coordinates) -> Pose {
+    let mut components = [0.0; 6];
+    for (slot, axis) in components.iter_mut().zip(AxisIndex::ALL) {
+        *slot = coordinates.at(axis).unwrap_or(0.0);
+    }
+    Pose::from_components(components)
+}
+
+/// The path speed that action 51 tells. It has to be a whole number of mm/s: a fraction raised alarm 219 on unit B.
+pub(super) fn path_speed(step: &PathSpeed) -> Result<Option<f64>, (u32, String)> {
+    match (step.in_use, step.speed) {
+        (false, _) => Ok(None),
+        (true, Some(speed)) if speed >= 1.0 && speed.fract() == 0.0 => Ok(Some(speed)),
+        (true, speed) => Err((219, format!("the path speed {speed:?} is no whole number of mm/s from 1"))),
+    }
+}

@@ -1,0 +1,276 @@
+//! The published experiments on real arms, run on the virtual controller over the wire and set beside it.
+//!
+//! `cargo test -p r6-controller --test measured -- --nocapture` prints the tables of `docs/FIDELITY.md`.
+
+mod common;
+
+use common::{Cell, assert_near, axis_move, linear_move};
+use r6_controller::{Controller, ControllerSettings, Profile, RobotModel, StartState};
+use r6_proto::time::Instant;
+use serde_json::{Value, json};
+
+/// How often the original observer of unit A looked, seconds.
+const POLL: f64 = 1.0 / 15.0;
+
+/// It stopped its clock when the arm had stood still for this long, seconds; the wait is part of its figures.
+const STILLNESS: f64 = 1.5;
+
+/// How much the axis has to move between two polls not to count as standing still, degrees.
+const STILL: f64 = 0.01;
+
+fn j1(degrees: f64, speed: f64, blend: u8) -> Value {
+    let mut step = axis_move([degrees, 0.0, 0.0, 0.0, 0.0, 0.0], speed);
+    step["smooth"] = json!(blend.to_string());
+    step
+}
+
+/// A row of the table: measured, simulated.
+#[track_caller]
+fn row(what: &str, measured: f64, simulated: f64, within: f64) {
+    let deviation = simulated / measured - 1.0;
+    println!("| {what} | {measured} | {simulated:.3} | {:+.1} % |", 100.0 * deviation);
+    assert!(deviation.abs() <= within, "{what}: measured {measured}, simulated {simulated}");
+}
+
+/// What an observer sees that asks for J1 and `isMoving` at 15 Hz: the time at which it stops its clock.
+fn observed(cell: &mut Cell) -> f64 {
+    let (mut clock, mut still_since, mut before) = (0.0, 0.0, cell.number("axis-0"));
+    loop {
+        cell.pass(POLL);
+        clock += POLL;
+        let seen = cell.query(&["axis-0", "isMoving"]);
+        let here: f64 = seen[0].as_str().unwrap().parse().unwrap();
+        if (here - before).abs() > STILL || seen[1] == json!("1") {
+            still_since = clock;
+        }
+        if clock - still_since >= STILLNESS {
+            return clock;
+        }
+        before = here;
+        assert!(clock < 100.0, "it never stands still");
+    }
+}
+
+/// The path of the experiment: +8, -8, +8, -8, 0 degrees of J1.
+fn path(blend: u8) -> Value {
+    [8.0, -8.0, 8.0, -8.0, 0.0].map(|degrees| j1(degrees, 10.0, blend)).into()
+}
+
+fn cell_at_global(permille: &str) -> Cell {
+    let mut cell = Cell::new();
+    cell.ok(&["modifyGSPD", permille]);
+    cell
+}
+
+#[test]
+fn blend_levels_take_the_measured_times() {
+    println!("| J1 +8 -8 +8 -8 0 at speed 10 %, global 10 % | measured s | simulated s | deviation |");
+    let mut last = f64::INFINITY;
+    for (blend, measured) in [(0, 32.6), (1, 31.7), (3, 31.5), (6, 31.3), (9, 31.2)] {
+        let mut cell = cell_at_global("100");
+        cell.run_ok(&path(blend));
+        let simulated = observed(&mut cell);
+        row(&format!("smooth {blend}"), measured, simulated, if blend == 0 { 0.01 } else { 0.03 });
+        assert!(simulated < last, "each level is faster than the one before");
+        assert!(cell.number("axis-0").abs() < 0.001, "the end is exact");
+        last = simulated;
+    }
+}
+
+/// How long J1 stood below a speed at a time, each time, seconds; the start and the end do not count.
+fn stops(cell: &mut Cell, below: f64, seconds: f64) -> Vec<f64> {
+    let step = 0.005;
+    let (mut found, mut stood) = (Vec::new(), None);
+    let mut before = cell.number("axis-0");
+    let mut clock = 0.0;
+    while clock < seconds {
+        cell.pass(step);
+        clock += step;
+        let here = cell.number("axis-0");
+        let stands = (here - before).abs() / step < below;
+        before = here;
+        stood = match (stands, stood) {
+            (true, Some(stood)) => Some(stood + step),
+            (false, Some(stood)) if stood > 0.0 => {
+                found.push(stood);
+                Some(0.0)
+            }
+            (true, None) => None,
+            (false, _) => Some(0.0),
+        };
+    }
+    found
+}
+
+#[test]
+fn only_level_0_stops_at_each_point() {
+    // Reported, unit A: 0.25 to 0.33 s at each of the four points, as seen at 15 Hz. Which speed counted as standing
+    // is not; here a sixth of that of the move.
+    let below = 2.208 / 6.0;
+    let mut cell = cell_at_global("100");
+    cell.run_ok(&path(0));
+    let found = stops(&mut cell, below, 31.0);
+    println!("stops at level 0: {found:.3?} s (reported 0.25 to 0.33)");
+    assert_eq!(found.len(), 4);
+    assert!(found.iter().all(|stop| (0.2..=0.33).contains(stop)), "{found:?}");
+    for blend in [1, 3, 6, 9] {
+        let mut cell = cell_at_global("100");
+        cell.run_ok(&path(blend));
+        let found = stops(&mut cell, below, 31.0);
+        println!("slower than that at level {blend}: {found:.3?} s");
+        assert!(found.iter().all(|stop| *stop < 0.2), "level {blend}: {found:?}");
+    }
+}
+
+/// Unit B's full axis speeds, degrees per second: fitted to its figures at speed 5, 10 and 20 %.
+const UNIT_B_FULL_SPEEDS: [f64; 6] = [235.0, 264.5, 370.0, 338.0, 599.0, 588.0];
+
+/// What unit B's axes did at global 10 %, degrees per second, for these speeds in percent.
+const SPEEDS: [f64; 7] = [5.0, 10.0, 20.0, 30.0, 50.0, 70.0, 100.0];
+const UNIT_B: [[f64; 7]; 6] = [
+    [1.16, 2.38, 4.76, 7.13, 11.89, 16.64, 23.65],
+    [1.31, 2.67, 5.34, 8.01, 13.35, 18.68, 25.74],
+    [1.85, 3.70, 7.40, 11.09, 18.47, 25.14, 32.05],
+    [1.69, 3.38, 6.76, 10.13, 16.89, 23.56, 31.62],
+    [3.00, 5.99, 11.96, 17.73, 29.12, 36.66, 42.92],
+    [2.95, 5.89, 11.72, 17.05, 27.75, 34.37, 38.71],
+];
+
+/// How far each of them went is not known, nor how the speed was taken. With this stroke, degrees, the highest speed
+/// on the way explains the falling off at 50 to 100 %: fitted.
+const STROKE: f64 = 8.0;
+
+/// How much the simulated speed may differ where the stroke is too short for the speed that was told.
+const SHORT_STROKE: f64 = 0.09;
+
+fn unit_b() -> Cell {
+    let mut model = RobotModel::named("BRTIRUS0707A").unwrap().to_owned();
+    for (axis, full) in model.axes.iter_mut().zip(UNIT_B_FULL_SPEEDS) {
+        axis.max_speed = full;
+    }
+    let settings =
+        ControllerSettings { start: StartState::Waiting, ..ControllerSettings::new(Profile::hc1(), model) };
+    let mut controller = Controller::new(settings, Instant::ORIGIN);
+    let id = controller.connect(Instant::ORIGIN);
+    let mut cell = Cell { controller, now: Instant::ORIGIN, id };
+    cell.ok(&["modifyGSPD", "100"]);
+    cell
+}
+
+/// The highest speed of an axis on one stroke, as positions over 10 ms show it.
+fn highest_speed(axis: usize, speed: f64) -> f64 {
+    let mut cell = unit_b();
+    let mut target = [0.0; 6];
+    target[axis] = STROKE;
+    cell.run_ok(&json!([axis_move(target, speed)]));
+    let address = format!("axis-{axis}");
+    let (mut before, mut highest) = (cell.number(&address), 0.0_f64);
+    while cell.text("isMoving") == "1" {
+        cell.pass(0.01);
+        let here = cell.number(&address);
+        highest = highest.max((here - before) / 0.01);
+        before = here;
+    }
+    assert!((before - STROKE).abs() < 1e-6);
+    highest
+}
+
+#[test]
+fn axis_speeds_follow_the_measured_law() {
+    println!("| axis, speed at global 10 % | measured deg/s | simulated deg/s | deviation |");
+    for (axis, measured) in UNIT_B.iter().enumerate() {
+        for (speed, measured) in SPEEDS.into_iter().zip(measured) {
+            let within = if speed <= 20.0 { 0.02 } else { SHORT_STROKE };
+            let simulated = highest_speed(axis, speed);
+            row(&format!("J{}, {speed} %", axis + 1), *measured, simulated, within);
+        }
+    }
+}
+
+/// How far the tool went in unit B's lines is not known either. This length, mm, explains 84.1 mm/s at 100 %: fitted.
+const LINE: f64 = 19.2;
+
+#[test]
+fn line_speeds_follow_the_measured_law() {
+    println!("| line, speed at global 5 % | measured mm/s | simulated mm/s | deviation |");
+    for (speed, measured, within) in [
+        (5.0, 5.00, 0.002),
+        (10.0, 10.00, 0.002),
+        (20.0, 20.0, 0.002),
+        (50.0, 48.9, 0.03),
+        (100.0, 84.1, 0.02),
+    ] {
+        let mut cell = cell_at_global("1000");
+        cell.run_ok(&json!([axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 0.0], 100.0)]));
+        cell.pass(5.0);
+        cell.ok(&["modifyGSPD", "50"]);
+        let mut end = cell.world();
+        end[1] += LINE;
+        cell.run_ok(&json!([linear_move(end, speed)]));
+        let (mut before, mut highest) = (cell.number("world-1"), 0.0_f64);
+        while cell.text("isMoving") == "1" {
+            cell.pass(0.01);
+            let here = cell.number("world-1");
+            highest = highest.max((here - before) / 0.01);
+            before = here;
+        }
+        row(&format!("line, {speed} %"), measured, highest, within);
+        assert!((before - end[1]).abs() < 0.005, "the end is met as well as unit B met it");
+    }
+}
+
+/// The longest that no axis moved, seconds, from now until nothing is left to run; looked at at 100 Hz.
+fn longest_pause(cell: &mut Cell, mut chunks: Vec<Value>) -> f64 {
+    let (mut pause, mut longest) = (0.0, 0.0_f64);
+    let mut before = cell.axes();
+    chunks.reverse();
+    loop {
+        // As unit A's client did it: the next chunk when few instructions are left.
+        if cell.number("RemoteCmdLen") <= 2.0
+            && let Some(chunk) = chunks.pop()
+        {
+            cell.append_ok(&chunk);
+        }
+        cell.pass(0.01);
+        let here = cell.axes();
+        let moved = here.iter().zip(before).any(|(a, b)| (a - b).abs() > 1e-4);
+        pause = if moved { 0.0 } else { pause + 0.01 };
+        before = here;
+        if chunks.is_empty() && cell.number("RemoteCmdLen") == 0.0 {
+            return longest;
+        }
+        longest = longest.max(pause);
+    }
+}
+
+#[test]
+fn a_path_of_17_points_streamed_in_three_chunks_has_no_pause() {
+    let points: Vec<Value> = (1..=17_i32)
+        .map(|n| {
+            let angle = f64::from(n) * 0.7;
+            axis_move([angle.sin() * 20.0, angle.cos() * 10.0, angle.sin() * 5.0, 0.0, 0.0, 0.0], 20.0)
+        })
+        .collect();
+    for blend in ["3", "1", "9"] {
+        let mut points = points.clone();
+        points.iter_mut().for_each(|step| step["smooth"] = json!(blend));
+        let mut cell = cell_at_global("200");
+        let chunks: Vec<Value> = points.chunks(6).map(|chunk| chunk.to_vec().into()).collect();
+        assert_eq!(chunks.len(), 3);
+        cell.append_ok(&chunks[0]);
+        // The start counts for nothing.
+        cell.pass(0.2);
+        let longest = longest_pause(&mut cell, chunks[1..].to_vec());
+        println!(
+            "17 points in 3 chunks at level {blend}: the longest pause is {longest:.2} s (reported: none of 0.25)"
+        );
+        assert!(longest < 0.25, "level {blend}: {longest}");
+        let angle = 17.0_f64 * 0.7;
+        assert_near(
+            cell.axes(),
+            [angle.sin() * 20.0, angle.cos() * 10.0, angle.sin() * 5.0, 0.0, 0.0, 0.0],
+            1e-6,
+        );
+        assert_eq!(cell.text("curAlarm"), "0");
+    }
+}

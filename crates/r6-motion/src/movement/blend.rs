@@ -1,0 +1,157 @@
+//! Rounding the corner between two moves.
+//!
+//! The second move begins before the first has ended. The higher the level, the sooner: by a share of the time
+//! that a change of speed takes, from three fifths at level 1 to all but all of it at level 9. Never before either
+//! move is half over in time, so the corner is cut by no more than half of either way, and no third move
+//! can come in.
+
+use super::{Conditions, Move, Movement, Stroke, StrokeState};
+use crate::axes::{ARM_AXES, Axes};
+use crate::error::PlanError;
+use crate::path::Path;
+
+/// The share of a change of speed that level 0 would overlap by, and how much each level adds. Fitted to the
+/// times of one path at levels 0, 1, 3, 6 and 9 (reported, unit A).
+const SHARE_AT_0: f64 = 0.55;
+const SHARE_PER_LEVEL: f64 = 0.045;
+
+/// At how many instants of a corner the axes are compared with their limits.
+const LOOKS: u32 = 64;
+
+/// How often a corner is rounded half as much before it is not rounded at all.
+const TRIES: u32 = 5;
+
+/// How much a corner is rounded, 0 (the arm stops there) to 9 (`smooth`, manual 6.1.1).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Blend(u8);
+
+impl Blend {
+    /// The largest level.
+    pub const MOST: Self = Self(9);
+
+    /// The level, 9 if it is larger.
+    #[must_use]
+    pub const fn new(level: u8) -> Self {
+        if level < 9 { Self(level) } else { Self::MOST }
+    }
+
+    /// The level, 0 to 9.
+    #[must_use]
+    pub const fn level(self) -> u8 {
+        self.0
+    }
+
+    /// The share of the time of a change of speed by which two moves overlap, 0 to 1.
+    #[must_use]
+    pub fn share(self) -> f64 {
+        if self.0 == 0 { 0.0 } else { SHARE_AT_0 + SHARE_PER_LEVEL * f64::from(self.0) }
+    }
+}
+
+impl Movement {
+    /// When the next move may begin at the soonest; `None` when it has to wait for the end: at level 0, when the
+    /// movement halts, when it goes nowhere, and while the last corner is still being rounded.
+    #[must_use]
+    pub fn corner(&self, blend: Blend) -> Option<f64> {
+        let alone = self.second.is_none() && !self.pace.stops() && self.first.profile.end() > 0.0;
+        (alone && blend.level() > 0)
+            .then(|| self.pace.when(self.first.ends() - overlap(&self.first, blend)))?
+    }
+
+    /// The same with a move that begins at `at`, or as soon after as the corner allows, and goes on from where
+    /// this one ends. Time goes on: it is not counted anew.
+    ///
+    /// A corner at which an axis might leave its limits is rounded less, and at last not at all: the second move then
+    /// begins when the first has ended. Errors as [`Movement::plan`]; [`PlanError::NotFinite`] also when a corner is still being rounded or the
+    /// movement halts.
+    pub fn join(
+        &self,
+        at: f64,
+        order: &Move,
+        conditions: &Conditions,
+        blend: Blend,
+    ) -> Result<Self, PlanError> {
+        if self.second.is_some() || self.pace.stops() {
+            return Err(PlanError::NotFinite);
+        }
+        let mut second = Stroke::plan(&self.model, &self.first.end(), order, conditions, 0.0)?;
+        let end = self.first.ends();
+        let overlap = overlap(&self.first, blend).min(overlap(&second, blend)).min(end - self.pace.time(at));
+        for overlap in (0..TRIES).map(|halved| overlap / f64::from(1_u32 << halved)).chain([0.0]) {
+            second.starts = end - overlap.max(0.0) + order.delay;
+            if overlap <= 0.0 || self.corner_within_limits(&second) {
+                break;
+            }
+        }
+        Ok(Self { second: Some(second), ..self.clone() })
+    }
+
+    /// When the first of two moves ends; `None` when there is one, or the movement halts before.
+    #[must_use]
+    pub fn first_ends(&self) -> Option<f64> {
+        self.second.as_ref().and_then(|_| self.pace.when(self.first.ends()))
+    }
+
+    /// Only the second of two moves, once the first has ended; time goes on. One alone stays as it is.
+    #[must_use]
+    pub fn without_first(&self) -> Self {
+        let mut next = self.clone();
+        if let Some(second) = next.second.take() {
+            next.first = second;
+        }
+        next
+    }
+
+    /// Whether no axis can leave its soft limits while the corner before `second` is rounded.
+    ///
+    /// Where both moves take every axis one way there is nothing to look at: at each instant what is left of the
+    /// first and what is done of the second are at most half of their ways. Else it is looked at often enough that
+    /// no axis can be outside in between.
+    fn corner_within_limits(&self, second: &Stroke) -> bool {
+        if let (Path::Axis(_), Path::Axis(_)) = (&*self.first.path, &*second.path) {
+            return true;
+        }
+        let corner = self.first.end();
+        let (from, to) = (second.starts, self.first.ends());
+        let step = (to - from).max(0.0) / f64::from(LOOKS);
+        // An axis is never faster than in the faster of the two.
+        let fastest = self.first.axis_speed().max(second.axis_speed());
+        (0..=LOOKS).all(|look| {
+            let time = from + step * f64::from(look);
+            let here = sum(&self.first.at(time), &second.at(time), &corner);
+            here.axes.arm().into_iter().zip(&self.model.axes).all(|(degrees, figures)| {
+                let between = figures.max_speed * fastest * step / 2.0;
+                figures.soft.contains(degrees - between) && figures.soft.contains(degrees + between)
+            })
+        })
+    }
+}
+
+impl Stroke {
+    /// The largest fraction of its full speed that any axis can have on it.
+    fn axis_speed(&self) -> f64 {
+        self.profile.fastest() / self.path.top_speed()
+    }
+}
+
+/// How long this move may overlap the one before it, or after it, as far as this one is concerned.
+fn overlap(stroke: &Stroke, blend: Blend) -> f64 {
+    let change = stroke.profile.shortest_change();
+    (blend.share() * change).min(stroke.profile.duration() / 2.0)
+}
+
+/// What two moves do to the axes together; the second set out from `corner`, the first goes there.
+pub(super) fn sum(first: &StrokeState, second: &StrokeState, corner: &Axes) -> StrokeState {
+    let (mut arm, mut speeds) = ([0.0; ARM_AXES], [0.0; ARM_AXES]);
+    let places = first.axes.arm().into_iter().zip(second.axes.arm()).zip(corner.arm());
+    for (slot, ((first, second), corner)) in arm.iter_mut().zip(places) {
+        *slot = first + (second - corner);
+    }
+    for (slot, (first, second)) in speeds.iter_mut().zip(first.speeds.into_iter().zip(second.speeds)) {
+        *slot = first + second;
+    }
+    StrokeState { axes: corner.with_arm(arm), speeds }
+}
+
+#[cfg(test)]
+mod tests;

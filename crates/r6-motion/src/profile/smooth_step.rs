@@ -1,0 +1,143 @@
+//! A change of speed as the drive makes it: never a jump, and never a jump of the acceleration either.
+//!
+//! A change that is asked for at one instant is averaged over three windows, one after the other: the straight
+//! part of the ramp, the S-curve, and the filter. What comes out is a step with a bounded jerk that takes the
+//! same time however large the change is, and whose every value is a short polynomial.
+
+/// The share of a ramp that is bent, at either end of it (S-curve 30 %, reported, unit B).
+pub const S_CURVE: f64 = 0.3;
+
+/// The window of the filter behind the ramps, seconds (128 ms, reported, unit B).
+pub const FILTER_SECONDS: f64 = 0.128;
+
+/// A step from 0 to 1 in a fixed time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SmoothStep {
+    windows: [f64; 3],
+}
+
+/// A [`SmoothStep`] at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepState {
+    /// What lies under it so far, seconds.
+    pub area: f64,
+    /// How high it is, 0 to 1.
+    pub height: f64,
+    /// How fast it rises, per second.
+    pub slope: f64,
+}
+
+impl SmoothStep {
+    /// The step for a ramp of so many seconds, which have to be above zero.
+    #[must_use]
+    pub fn of(ramp: f64) -> Self {
+        Self { windows: [(1.0 - S_CURVE) * ramp, S_CURVE * ramp, FILTER_SECONDS] }
+    }
+
+    /// How long it takes, seconds: the ramp and the filter.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        self.windows.iter().sum()
+    }
+
+    /// How much later than a jump at its start it is on average, seconds: half its width.
+    #[must_use]
+    pub fn lag(&self) -> f64 {
+        self.width() / 2.0
+    }
+
+    /// The steepest it ever is, per second: the longest window alone bounds it.
+    #[must_use]
+    pub fn steepest(&self) -> f64 {
+        let [longest, ..] = self.by_length();
+        1.0 / longest
+    }
+
+    /// The most its slope changes in a second, per second squared: the two longest windows bound it.
+    #[must_use]
+    pub fn sharpest(&self) -> f64 {
+        let [longest, next, _] = self.by_length();
+        1.0 / (longest * next)
+    }
+
+    fn by_length(&self) -> [f64; 3] {
+        let mut windows = self.windows;
+        windows.sort_by(|a, b| b.total_cmp(a));
+        windows
+    }
+
+    /// The step `t` seconds after its start: 0 before it, 1 from its width on.
+    #[must_use]
+    pub fn at(&self, t: f64) -> StepState {
+        let width = self.width();
+        if t > 0.0 && t <= width / 2.0 {
+            self.first_half(t)
+        } else if t >= width {
+            StepState { area: t - width / 2.0, height: 1.0, slope: 0.0 }
+        } else if t > 0.0 {
+            // It looks the same from its end: nothing is lost to rounding there.
+            let back = self.first_half(width - t);
+            StepState { area: t - width / 2.0 + back.area, height: 1.0 - back.height, slope: back.slope }
+        } else {
+            StepState { area: 0.0, height: 0.0, slope: 0.0 }
+        }
+    }
+
+    /// Three windows over a jump: one over a third power less the same for each window that has passed.
+    fn first_half(&self, t: f64) -> StepState {
+        let [a, b, c] = self.windows;
+        let since = [(0.0, 1.0), (a, -1.0), (b, -1.0), (c, -1.0), (a + b, 1.0), (a + c, 1.0), (b + c, 1.0)];
+        let (mut square, mut cube, mut fourth) = (0.0, 0.0, 0.0);
+        for (passed, sign) in since {
+            let x = t - passed;
+            if x > 0.0 {
+                square += sign * x * x;
+                cube += sign * x * x * x;
+                fourth += sign * x * x * x * x;
+            }
+        }
+        let volume = a * b * c;
+        StepState {
+            area: fourth / (24.0 * volume),
+            height: cube / (6.0 * volume),
+            slope: square / (2.0 * volume),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn it_takes_the_ramp_and_the_filter() {
+        let step = SmoothStep::of(0.25);
+        assert!((step.width() - 0.378).abs() < 1e-12);
+        assert!((step.steepest() - 1.0 / 0.175).abs() < 1e-12);
+        let middle = step.at(0.189);
+        assert!((middle.height - 0.5).abs() < 1e-12 && middle.slope <= step.steepest());
+        assert_eq!(step.at(-1.0), StepState { area: 0.0, height: 0.0, slope: 0.0 });
+        let over = step.at(1.0);
+        assert_eq!((over.height, over.slope), (1.0, 0.0));
+        assert!((over.area - (1.0 - 0.189)).abs() < 1e-12);
+    }
+
+    proptest! {
+        #[test]
+        fn height_is_the_rate_of_area_and_slope_that_of_height(ramp in 0.001..2.0, part in -0.1..1.2) {
+            let step = SmoothStep::of(ramp);
+            let (t, h) = (part * step.width(), 1e-6 * step.width());
+            let [before, here, after] = [t - h, t, t + h].map(|t| step.at(t));
+            let height = (after.area - before.area) / (2.0 * h);
+            let slope = (after.height - before.height) / (2.0 * h);
+            prop_assert!((height - here.height).abs() < 1e-6, "{height} {}", here.height);
+            prop_assert!((slope - here.slope).abs() < 1e-5 * step.steepest(), "{slope} {}", here.slope);
+            prop_assert!((0.0..=1.0).contains(&here.height) && here.area >= 0.0);
+            prop_assert!(here.slope >= -1e-9 && here.slope <= step.steepest() * (1.0 + 1e-9));
+            let bend = (after.slope - before.slope).abs() / (2.0 * h);
+            prop_assert!(bend <= step.sharpest() * (1.0 + 1e-4), "{bend} {}", step.sharpest());
+        }
+    }
+}
