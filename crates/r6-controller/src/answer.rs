@@ -6,6 +6,7 @@ use r6_proto::{AXES, Address, AxisIndex};
 
 use crate::io::Io;
 use crate::machine::Machine;
+use crate::settings::REGISTER_MOLD;
 
 /// Rated torque on the wire (manual 4.1.1 #16).
 pub const RATED_TORQUE: f64 = 2580.0;
@@ -57,7 +58,11 @@ impl Machine {
             Address::MoldList => data.texts(self.molds.iter().map(String::as_str)),
             Address::IsMoving => data.flag(self.is_moving()),
             Address::Addr(register) => data.integer(self.registers.get(&register).copied().unwrap_or(0)),
-            Address::RemoteCmdLen => data.integer(i64::try_from(self.list.len()).unwrap_or(i64::MAX)),
+            Address::RemoteCmdLen => {
+                // Steps that a program put there itself are none of the remote list's.
+                let remote = if self.mold == REGISTER_MOLD { 0 } else { self.list.len() };
+                data.integer(i64::try_from(remote).unwrap_or(i64::MAX));
+            }
             Address::ToolCoord => {
                 let (tool, bench) = (self.tool.to_string(), self.bench.to_string());
                 data.texts([tool.as_str(), bench.as_str(), "0"]);

@@ -205,6 +205,10 @@ impl Controller {
     /// Asks the camera for a photo: the connection that last spoke as the camera, else all.
     pub fn request_photo(&mut self, now: Instant, cam_id: i64) {
         self.machine.advance(now);
+        self.push_photo(now, cam_id);
+    }
+
+    fn push_photo(&mut self, now: Instant, cam_id: i64) {
         let camera = self.camera;
         for (id, connection) in &mut self.connections {
             if connection.service == Service::Served && camera.is_none_or(|camera| camera == *id) {
@@ -248,6 +252,9 @@ impl Controller {
     }
 
     fn collect_machine_events(&mut self) {
+        while let Some(cam_id) = self.machine.poll_photo() {
+            self.push_photo(self.machine.now(), cam_id);
+        }
         while let Some(event) = self.machine.poll_event() {
             self.log.add(event.at, None, Level::Info, event.text);
         }

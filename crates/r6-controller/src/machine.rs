@@ -6,8 +6,10 @@
 mod buttons;
 mod command;
 mod execution;
+mod halt;
 mod look_ahead;
 mod order;
+mod program;
 mod watchdog;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -21,6 +23,8 @@ use r6_proto::time::Instant;
 
 pub use buttons::NotTaken;
 pub use execution::Activity;
+pub use halt::AfterHalt;
+pub use program::ProgramStep;
 pub use watchdog::Watchdog;
 
 use crate::instruction_list::InstructionList;
@@ -106,6 +110,10 @@ pub struct Machine {
     pub(crate) stop_signal: Option<StopOnSignal>,
     /// Outputs to be set back: when, which, to what.
     pub(crate) pulses: Vec<(Instant, OutputPoint, bool)>,
+    /// Where the register-driven program is.
+    pub(crate) program_step: ProgramStep,
+    /// Cameras that a program asks for a photo.
+    pub(crate) photos: VecDeque<i64>,
     /// The program ends with this pass.
     pub(crate) last_pass: bool,
     pub(crate) cycle_started: Option<Instant>,
@@ -160,6 +168,8 @@ impl Machine {
             path_speed: None,
             stop_signal: None,
             pulses: Vec::new(),
+            program_step: ProgramStep::default(),
+            photos: VecDeque::new(),
             last_pass: false,
             cycle_started: None,
             last_cycle: Duration::ZERO,
@@ -177,6 +187,12 @@ impl Machine {
             self.handle_event();
         }
         self.now = self.now.max(now);
+    }
+
+    /// The point in time at which the machine stands.
+    #[must_use]
+    pub fn now(&self) -> Instant {
+        self.now
     }
 
     /// When something happens next by itself.

@@ -55,6 +55,9 @@ pub struct Profile {
     pub max_connections: usize,
     /// Whether a heartbreak is answered. Nobody knows; chosen: no.
     pub answers_heartbreak: bool,
+    /// Whether `heartbreak` sent as the word of a command feeds the watchdog and is answered ok, as one known client
+    /// expects. Nobody knows; chosen: no, it is an unknown command.
+    pub accepts_heartbreak_command: bool,
     /// How long after a heartbreak the next one is due (manual 7: 10 s).
     pub heartbeat_timeout: Duration,
     /// The alarm that a missed heartbreak raises. Nobody knows; chosen: 9, "connect host fail".
@@ -156,6 +159,7 @@ impl Profile {
             replace_in_motion: ReplaceInMotion::Alarm200,
             max_connections: 8,
             answers_heartbreak: false,
+            accepts_heartbreak_command: false,
             heartbeat_timeout: Duration::from_secs(10),
             heartbeat_alarm: 9,
             action_stop_time: Duration::from_millis(78),
@@ -273,6 +277,7 @@ struct ProfileFile {
     replace_in_motion: Option<ReplaceInMotion>,
     max_connections: Option<usize>,
     answers_heartbreak: Option<bool>,
+    accepts_heartbreak_command: Option<bool>,
     heartbeat_timeout_ms: Option<u64>,
     heartbeat_alarm: Option<u32>,
     action_stop_ms: Option<u64>,
@@ -366,6 +371,7 @@ impl ProfileFile {
         set(&mut profile.replace_in_motion, self.replace_in_motion);
         set(&mut profile.max_connections, self.max_connections);
         set(&mut profile.answers_heartbreak, self.answers_heartbreak);
+        set(&mut profile.accepts_heartbreak_command, self.accepts_heartbreak_command);
         set_ms(&mut profile.heartbeat_timeout, self.heartbeat_timeout_ms);
         set(&mut profile.heartbeat_alarm, self.heartbeat_alarm);
         set_ms(&mut profile.action_stop_time, self.action_stop_ms);

@@ -192,7 +192,7 @@ fn address_origin() {
 
 #[test]
 fn address_mold_list() {
-    assert_eq!(Cell::new().value("moldList"), json!(["default", "remote"]));
+    assert_eq!(Cell::new().value("moldList"), json!(["default", "register-move", "remote"]));
 }
 
 #[test]

@@ -3,7 +3,9 @@
 use r6_proto::message::Instruction;
 
 use super::Machine;
-use super::execution::{Activity, AfterHalt};
+use super::execution::Activity;
+use super::halt::AfterHalt;
+use crate::instruction_list::MAX_INSTRUCTIONS;
 use crate::profile::{ReplaceInMotion, StopButton, StopMode, Unarmed};
 use r6_proto::OperationMode;
 
@@ -24,6 +26,7 @@ impl Machine {
     pub(crate) fn press_start(&mut self) -> Result<(), NotPossible> {
         self.ready_to_run()?;
         if !self.mode.may_run() {
+            self.restart_program();
             self.mode = OperationMode::Running;
             self.last_pass = false;
             self.note(format!("{}: started", self.mode));
@@ -35,11 +38,15 @@ impl Machine {
     /// Single cycle: the program runs to the end of its pass and stops there.
     pub(crate) fn press_single_cycle(&mut self) -> Result<(), NotPossible> {
         self.ready_to_run()?;
+        if !self.mode.may_run() {
+            self.restart_program();
+        }
         self.mode = OperationMode::SingleCycle;
         self.last_pass = true;
         self.note("single cycle".to_owned());
+        self.skip_trigger();
         self.go_on();
-        if self.list.is_empty() {
+        if self.list.is_empty() && self.mode.may_run() {
             self.leave_running("single cycle: nothing to run");
         }
         Ok(())
@@ -49,6 +56,11 @@ impl Machine {
         if self.alarm != 0 {
             return Err("an alarm is present: clear it first");
         }
+        self.may_start()
+    }
+
+    /// Whether a program could run but for an alarm.
+    fn may_start(&self) -> Result<(), NotPossible> {
         if !self.homed {
             return Err("the machine is not homed");
         }
@@ -65,7 +77,7 @@ impl Machine {
     }
 
     fn go_on(&mut self) {
-        self.resume_move();
+        self.resume();
         self.run_list();
     }
 
@@ -82,6 +94,7 @@ impl Machine {
             }
             StopButton::FinishCycle | StopButton::AtOnce => {
                 self.halt(self.profile.action_stop_time, AfterHalt::Drop);
+                self.cycle_started = None;
                 self.leave_running("stop button");
             }
         }
@@ -90,8 +103,7 @@ impl Machine {
     /// `actionStop`: the motion stops at once, and start begins from the first step. The list stays.
     pub(crate) fn stop_action(&mut self) {
         let ran = self.mode.may_run();
-        self.halt(self.profile.action_stop_time, AfterHalt::Drop);
-        self.list.rewind();
+        self.halt(self.profile.action_stop_time, AfterHalt::Rewind);
         self.cycle_started = None;
         self.stop_signal = None;
         if ran {
@@ -129,10 +141,25 @@ impl Machine {
 
     /// `clearAlarmContinue`, `clearAlarmRunNext`: the alarm goes and the program goes on, with the next step if `skip`.
     pub(crate) fn clear_alarm_and_run(&mut self, skip: bool) -> Result<(), NotPossible> {
+        self.may_start()?;
         let had_alarm = self.alarm != 0;
         self.clear_alarm();
-        if skip && had_alarm && matches!(self.activity, Activity::Idle) && self.list.current().is_some() {
-            self.list.finish_current();
+        if skip && had_alarm {
+            match &mut self.activity {
+                // It counts as done once the arm rests.
+                Activity::Halting(_, after) if *after < AfterHalt::Rewind => *after = AfterHalt::NextStep,
+                Activity::Idle if self.list.current().is_some() => {
+                    self.list.finish_current();
+                }
+                Activity::Idle
+                | Activity::Halting(..)
+                | Activity::Moving(_)
+                | Activity::Paused(_)
+                | Activity::Suspended(..)
+                | Activity::Waiting { .. }
+                | Activity::Delaying { .. }
+                | Activity::Resting { .. } => {}
+            }
         }
         self.press_start()
     }
@@ -146,13 +173,29 @@ impl Machine {
         if instructions.iter().any(|step| self.profile.unsupported_actions.contains(&step.action.number())) {
             return Err(NotTaken::Refused("this firmware does not know one of the actions"));
         }
+        const NO_ROOM: NotTaken =
+            NotTaken::Refused("the instruction list has no room for so many instructions");
+        let kept = if replace { 0 } else { self.list.len() };
+        if kept + instructions.len() > MAX_INSTRUCTIONS {
+            return Err(NO_ROOM);
+        }
         let clears = replace && instructions.is_empty();
         if !clears && !self.waits_for_remote() {
             self.arm_by_itself()?;
         }
         if replace {
-            let in_motion = self.is_moving();
-            if in_motion && self.profile.replace_in_motion == ReplaceInMotion::Alarm200 {
+            // An arm that already comes to rest for good is no longer in motion, and an empty list is none.
+            let in_motion = match self.activity {
+                Activity::Moving(_) => true,
+                Activity::Halting(_, after) => after < AfterHalt::Drop,
+                Activity::Idle
+                | Activity::Paused(_)
+                | Activity::Suspended(..)
+                | Activity::Waiting { .. }
+                | Activity::Delaying { .. }
+                | Activity::Resting { .. } => false,
+            };
+            if in_motion && !clears && self.profile.replace_in_motion == ReplaceInMotion::Alarm200 {
                 self.raise(200, "AddRCC replaced the list in mid-motion".to_owned());
                 self.list.clear();
                 return Err(NotTaken::Refused("the list was replaced in mid-motion: alarm 200"));
@@ -163,15 +206,14 @@ impl Machine {
                 self.activity = Activity::Idle;
             }
         }
-        self.list
-            .append(instructions)
-            .map_err(|_| NotTaken::Refused("the instruction list has no room for so many instructions"))?;
+        self.list.append(instructions).map_err(|_| NO_ROOM)?;
         self.run_list();
         Ok(())
     }
 
     fn arm_by_itself(&mut self) -> Result<(), NotTaken> {
-        const WHY: &str = "no program waits for remote commands: the mode is not 7, or an alarm is present";
+        const WHY: &str = "no program waits for remote commands: the mode is not 7, an alarm is present, or another \
+                           program than `remote` is in use";
         match self.profile.add_rcc_unarmed {
             Unarmed::Refuse => Err(NotTaken::Refused(WHY)),
             Unarmed::Silent => Err(NotTaken::Silent(WHY)),

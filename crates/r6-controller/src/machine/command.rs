@@ -4,7 +4,7 @@ use r6_proto::Command;
 use r6_proto::message::command::CommandError;
 use r6_proto::message::{CommandWords, RequestType};
 
-use super::{MAX_FRAMES, MAX_STACKS, Machine, Stack};
+use super::{AfterHalt, MAX_FRAMES, MAX_STACKS, Machine, ProgramStep, Stack};
 use crate::io::OutputPoint;
 use r6_motion::{Frame, Pose, Ramps};
 
@@ -14,6 +14,10 @@ impl Machine {
     /// # Errors
     /// The reason in words, as it goes into the reply and the log.
     pub(crate) fn execute(&mut self, words: &CommandWords<'_>) -> Result<(), String> {
+        if self.profile.accepts_heartbreak_command && words.word() == RequestType::Heartbreak.word() {
+            self.watchdog.feed(self.now);
+            return Ok(());
+        }
         let name = words.name();
         if let Some(name) = name.filter(|name| !self.profile.has_command(*name)) {
             return Err(format!("this firmware does not know {name}"));
@@ -95,6 +99,11 @@ impl Machine {
         if self.is_moving() {
             return Err("the machine is moving".to_owned());
         }
+        // The other program begins at its beginning, with a list of its own.
+        self.halt(self.profile.action_stop_time, AfterHalt::Drop);
+        self.list.clear();
+        self.program_step = ProgramStep::default();
+        self.cycle_started = None;
         self.mold = mold.to_owned();
         self.run_list();
         Ok(())
@@ -109,15 +118,11 @@ impl Machine {
                 Ok(())
             };
         };
-        if let Some(current) = current {
-            counter.current = i64::from(current);
+        if target.is_some() && !self.profile.counter_target_writable {
+            return Err("the target of a counter cannot be changed on this port: send -1".to_owned());
         }
-        if let Some(target) = target {
-            if !self.profile.counter_target_writable {
-                return Err("the target of a counter cannot be changed on this port".to_owned());
-            }
-            counter.target = i64::from(target);
-        }
+        counter.current = current.map_or(counter.current, i64::from);
+        counter.target = target.map_or(counter.target, i64::from);
         Ok(())
     }
 

@@ -10,10 +10,11 @@ use r6_proto::message::{Action, Instruction};
 use r6_proto::time::Instant;
 
 use super::Machine;
+use super::halt::AfterHalt;
 use super::order::{Told, path_speed};
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
-use crate::settings::REMOTE_MOLD;
+use crate::settings::{REGISTER_MOLD, REMOTE_MOLD};
 use r6_motion::{Blend, Movement, PlanError};
 use r6_proto::OperationMode;
 
@@ -35,6 +36,8 @@ pub enum Activity {
     Halting(Run, AfterHalt),
     /// A move rests before its end, and goes on from there.
     Paused(Run),
+    /// A wait or a delay that a pause interrupted: what it was, and how much of its time is left.
+    Suspended(Box<Activity>, Option<Duration>),
     /// A wait; with its end, unless it waits for ever.
     Waiting {
         /// What for.
@@ -77,7 +80,7 @@ impl Run {
     }
 
     /// The same, by a movement that takes over.
-    fn by(self, movement: Movement, started: Instant) -> Self {
+    pub(super) fn by(self, movement: Movement, started: Instant) -> Self {
         Self { movement: Box::new(movement), started, ..self }
     }
 
@@ -112,24 +115,11 @@ impl Run {
     }
 }
 
-/// What follows once a move has come to rest before its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AfterHalt {
-    /// Nothing: the move is over, its step begins anew with the next start.
-    Drop,
-    /// The move waits to go on from there.
-    Keep,
-    /// The step counts as done and the next one follows (stop on signal).
-    NextStep,
-    /// The list was replaced meanwhile: it begins.
-    NewList,
-}
-
 impl Activity {
     /// When something happens by itself.
     pub(crate) fn next_event(&self) -> Option<Instant> {
         match self {
-            Self::Idle | Self::Paused(_) => None,
+            Self::Idle | Self::Paused(_) | Self::Suspended(..) => None,
             Self::Moving(run) => Some(run.next_event()),
             Self::Halting(run, _) => Some(run.ends_at()),
             Self::Waiting { until, .. } => *until,
@@ -145,6 +135,7 @@ impl Activity {
             }
             Self::Idle
             | Self::Paused(_)
+            | Self::Suspended(..)
             | Self::Waiting { .. }
             | Self::Delaying { .. }
             | Self::Resting { .. } => None,
@@ -153,20 +144,32 @@ impl Activity {
 }
 
 impl Machine {
+    /// Whether a program runs.
+    pub(crate) fn runs(&self) -> bool {
+        self.mode.may_run() && self.alarm == 0
+    }
+
     /// Whether remote instructions are executed: a program runs, and it is the one that waits for them.
     pub(crate) fn waits_for_remote(&self) -> bool {
-        self.mode.may_run() && self.alarm == 0 && self.mold == REMOTE_MOLD
+        self.runs() && self.mold == REMOTE_MOLD
     }
 
     /// Runs steps until one takes time, or none is left.
     pub(crate) fn run_list(&mut self) {
         self.join_next();
-        while self.waits_for_remote() && matches!(self.activity, Activity::Idle) {
+        while self.runs() && matches!(self.activity, Activity::Idle) {
             let Some(step) = self.list.current().copied() else {
+                if self.next_program_step() {
+                    continue;
+                }
                 self.end_of_list();
                 return;
             };
-            if self.cycle_started.is_none() {
+            if self.global_speed <= 0.0 && is_motion(&step) {
+                // It begins once there is a speed again.
+                return;
+            }
+            if self.cycle_started.is_none() && !self.awaits_trigger() {
                 self.cycle_started = Some(self.now);
                 self.pass_started = self.now;
             }
@@ -189,7 +192,7 @@ impl Machine {
         }
     }
 
-    fn close_cycle(&mut self) {
+    pub(super) fn close_cycle(&mut self) {
         if let Some(started) = self.cycle_started.take() {
             self.last_cycle = self.now.since(started);
         }
@@ -199,13 +202,15 @@ impl Machine {
         self.activity = Activity::Idle;
         match self.list.finish_current() {
             After::Next => {}
+            // A program with steps of its own ends its cycle itself.
+            After::Empty if self.mold == REGISTER_MOLD => {}
             After::Empty => self.end_of_list(),
             After::PassOver => {
                 self.close_cycle();
                 if self.last_pass {
                     self.leave_running("the program has ended");
-                } else if self.now == self.pass_started {
-                    self.activity = Activity::Resting { until: self.now + SHORTEST_PASS };
+                } else if self.now.since(self.pass_started) < SHORTEST_PASS {
+                    self.activity = Activity::Resting { until: self.pass_started + SHORTEST_PASS };
                 }
             }
         }
@@ -216,7 +221,7 @@ impl Machine {
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
         match activity {
             Activity::Idle => {}
-            Activity::Paused(_) => self.activity = activity,
+            Activity::Paused(_) | Activity::Suspended(..) => self.activity = activity,
             Activity::Moving(run) if run.ends_at() > self.now => {
                 self.activity = Activity::Moving(self.pass_corner(run));
             }
@@ -241,21 +246,6 @@ impl Machine {
             Activity::Resting { .. } => {}
         }
         self.run_list();
-    }
-
-    fn finish_halt(&mut self, run: Run, after: AfterHalt) {
-        let reached = run.movement.reaches_end();
-        self.axes = run.movement.state_at(run.movement.duration()).axes;
-        match after {
-            AfterHalt::Keep => self.activity = Activity::Paused(run),
-            AfterHalt::Drop if reached => self.finish_step(),
-            AfterHalt::Drop => {}
-            AfterHalt::NextStep => self.finish_step(),
-            AfterHalt::NewList => {
-                self.list.rewind();
-                self.cycle_started = None;
-            }
-        }
     }
 
     /// Begins a step; leaves the machine idle if the step took no time.
@@ -353,95 +343,6 @@ impl Machine {
         }
     }
 
-    /// Brings the present move to rest within `time`, then does what follows. Nothing to bring to rest: `false`.
-    pub(crate) fn halt(&mut self, time: Duration, after: AfterHalt) -> bool {
-        match std::mem::replace(&mut self.activity, Activity::Idle) {
-            Activity::Moving(run) => {
-                let movement = run.movement.halt(run.seconds(self.now), time.as_secs_f64());
-                let mut run = run.by(movement, self.now);
-                match after {
-                    AfterHalt::Keep => {}
-                    // The arm has left the first of two moves for the second, and will not go back.
-                    AfterHalt::Drop | AfterHalt::NextStep => self.finish_joined(&run),
-                    AfterHalt::NewList => {}
-                }
-                if after != AfterHalt::Keep {
-                    run.joined = 0;
-                }
-                self.activity = Activity::Halting(run, after);
-                true
-            }
-            Activity::Halting(run, before) => {
-                // Whatever stops it for good wins over a pause.
-                let mut run = run;
-                let after = if before == AfterHalt::Keep { after } else { before };
-                if before == AfterHalt::Keep && after != AfterHalt::Keep {
-                    if after != AfterHalt::NewList {
-                        self.finish_joined(&run);
-                    }
-                    run.joined = 0;
-                }
-                self.activity = Activity::Halting(run, after);
-                true
-            }
-            Activity::Paused(run) => {
-                match after {
-                    AfterHalt::Keep => self.activity = Activity::Paused(run),
-                    AfterHalt::Drop | AfterHalt::NextStep => self.finish_joined(&run),
-                    AfterHalt::NewList => {}
-                }
-                false
-            }
-            other @ (Activity::Idle
-            | Activity::Waiting { .. }
-            | Activity::Delaying { .. }
-            | Activity::Resting { .. }) => {
-                if after == AfterHalt::Keep {
-                    self.activity = other;
-                }
-                false
-            }
-        }
-    }
-
-    /// Lets a move that rests before its end go on.
-    pub(crate) fn resume_move(&mut self) {
-        let run = match &self.activity {
-            // The start button while it is still slowing down for a pause goes on as well.
-            Activity::Paused(run) | Activity::Halting(run, AfterHalt::Keep) => run.clone(),
-            Activity::Idle
-            | Activity::Moving(_)
-            | Activity::Halting(..)
-            | Activity::Waiting { .. }
-            | Activity::Delaying { .. }
-            | Activity::Resting { .. } => return,
-        };
-        match run.movement.resume(run.seconds(self.now), self.global_speed) {
-            Ok(movement) => self.activity = Activity::Moving(run.by(movement, self.now)),
-            Err(error) => {
-                let (alarm, why) = plan_failed(error);
-                self.raise(alarm, why);
-            }
-        }
-    }
-
-    /// Lets the move under way take a new global speed.
-    pub(crate) fn replan_for_global_speed(&mut self) {
-        if matches!(self.activity, Activity::Paused(_)) && self.mode.may_run() {
-            // It rests because the global speed was 0.
-            self.resume_move();
-            return;
-        }
-        let Activity::Moving(run) = &self.activity else { return };
-        match run.movement.with_global(run.seconds(self.now), self.global_speed) {
-            Ok(movement) => self.activity = Activity::Moving(run.clone().by(movement, self.now)),
-            Err(_) => {
-                // Global speed 0: the arm rests where it is until there is one again.
-                self.halt(self.profile.action_pause_time, AfterHalt::Keep);
-            }
-        }
-    }
-
     /// The program stops running, without an alarm.
     pub(crate) fn leave_running(&mut self, why: &str) {
         self.last_pass = false;
@@ -449,6 +350,19 @@ impl Machine {
             self.mode = OperationMode::Auto;
             self.note(format!("{}: {why}", self.mode));
         }
+    }
+}
+
+fn is_motion(step: &Instruction) -> bool {
+    match step.action {
+        Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_) => true,
+        Action::PathSpeed(_)
+        | Action::StopOnSignal(_)
+        | Action::Wait(_)
+        | Action::Output(_)
+        | Action::BoardOutput(_)
+        | Action::Workbench(_)
+        | Action::Unknown(_) => false,
     }
 }
 
@@ -469,7 +383,7 @@ fn output_point(output: &Output) -> OutputPoint {
     .on_first_boards()
 }
 
-fn fulfilled_at_once(condition: WaitCondition, level: bool) -> bool {
+pub(super) fn fulfilled_at_once(condition: WaitCondition, level: bool) -> bool {
     match condition {
         WaitCondition::On => level,
         WaitCondition::Off => !level,
