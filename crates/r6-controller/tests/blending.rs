@@ -325,7 +325,7 @@ proptest! {
             .into();
         cell.run_ok(&start.into());
         let mut before = [cell.axes(); 2];
-        let mut goal = [-10.0, 5.0];
+        let (mut goal, mut taken) = ([-10.0, 5.0], 3);
         for (wait, event) in events {
             for _ in 0..(wait / step) as usize {
                 cell.pass(step);
@@ -351,6 +351,7 @@ proptest! {
                     let reply = cell.frame().unwrap();
                     if reply.contains(r#""ok""#) {
                         goal = [j1, j2];
+                        taken += 1;
                     }
                     before = [cell.axes(); 2];
                     // Where it was 2 ms ago is not known: the next difference counts from here.
@@ -366,6 +367,7 @@ proptest! {
         cell.pass(120.0);
         let seen = cell.query(&["RemoteCmdLen", "isMoving", "curAlarm"]);
         prop_assert_eq!(seen, vec![json!("0"), json!("0"), json!("0")]);
+        prop_assert_eq!(cell.controller.machine().list().completed(), taken, "each step ends once");
         assert_near(cell.axes(), [goal[0], goal[1], 0.0, 0.0, 0.0, 0.0], 1e-5);
     }
 }

@@ -225,7 +225,7 @@ fn longest_pause(cell: &mut Cell, mut chunks: Vec<Value>) -> f64 {
     let mut before = cell.axes();
     chunks.reverse();
     loop {
-        // As unit A's client did it: the next chunk when few instructions are left.
+        // The next chunk when two instructions are left.
         if cell.number("RemoteCmdLen") <= 2.0
             && let Some(chunk) = chunks.pop()
         {

@@ -2,8 +2,8 @@
 //!
 //! The second move begins before the first has ended. The higher the level, the sooner: by a share of the time
 //! that a change of speed takes, from three fifths at level 1 to all but all of it at level 9. Never before either
-//! move is half over in time, so the corner is cut by no more than half of either way, and no third move
-//! can come in.
+//! move is half over in time, so that no third move can come in, and never so that more than half of either way is
+//! cut.
 
 use super::{Conditions, Move, Movement, Stroke, StrokeState};
 use crate::axes::{ARM_AXES, Axes};
@@ -14,6 +14,9 @@ use crate::path::Path;
 /// times of one path at levels 0, 1, 3, 6 and 9 (reported, unit A).
 const SHARE_AT_0: f64 = 0.55;
 const SHARE_PER_LEVEL: f64 = 0.045;
+
+/// Half of a way, and what rounding adds to it.
+const HALF: f64 = 0.5 + 1e-9;
 
 /// At how many instants of a corner the axes are compared with their limits.
 const LOOKS: u32 = 64;
@@ -79,7 +82,7 @@ impl Movement {
         let overlap = overlap(&self.first, blend).min(overlap(&second, blend)).min(end - self.pace.time(at));
         for overlap in (0..TRIES).map(|halved| overlap / f64::from(1_u32 << halved)).chain([0.0]) {
             second.starts = end - overlap.max(0.0) + order.delay;
-            if overlap <= 0.0 || self.corner_within_limits(&second) {
+            if overlap <= 0.0 || self.corner_is_allowed(&second) {
                 break;
             }
         }
@@ -102,12 +105,17 @@ impl Movement {
         next
     }
 
-    /// Whether no axis can leave its soft limits while the corner before `second` is rounded.
+    /// Whether the corner before `second` cuts no more than half of either way, and no axis can leave its soft
+    /// limits while it is rounded.
     ///
-    /// Where both moves take every axis one way there is nothing to look at: at each instant what is left of the
-    /// first and what is done of the second are at most half of their ways. Else it is looked at often enough that
-    /// no axis can be outside in between.
-    fn corner_within_limits(&self, second: &Stroke) -> bool {
+    /// Where both moves take every axis one way the first is enough for the second: each axis is then between its
+    /// places at the start, the corner and the end. Else it is looked at often enough that no axis can be outside
+    /// in between.
+    fn corner_is_allowed(&self, second: &Stroke) -> bool {
+        let left = 1.0 - self.first.part(second.starts);
+        if left.max(second.part(self.first.ends())) > HALF {
+            return false;
+        }
         if let (Path::Axis(_), Path::Axis(_)) = (&*self.first.path, &*second.path) {
             return true;
         }
@@ -128,6 +136,11 @@ impl Movement {
 }
 
 impl Stroke {
+    /// Which part of its way is done at `time`, 0 to 1.
+    fn part(&self, time: f64) -> f64 {
+        self.profile.at(time - self.starts).position / self.profile.end()
+    }
+
     /// The largest fraction of its full speed that any axis can have on it.
     fn axis_speed(&self) -> f64 {
         self.profile.fastest() / self.path.top_speed()

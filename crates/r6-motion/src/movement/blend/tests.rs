@@ -210,6 +210,28 @@ proptest! {
         }
     }
 
+    /// Also where the ramps differ, and where the first move was given another speed on the way.
+    #[test]
+    fn a_corner_cuts_half_of_either_way_at_most(
+        (first, second) in (arm_in_limits(), arm_in_limits()), shares in prop::array::uniform2(1e-3..1.0),
+        ramps in prop::array::uniform2(0.01..1.5), next in 0.05..1.0, at in 0.0..1.2, part in 0.0..1.0,
+    ) {
+        let conditions =
+            Conditions { ramps: Ramps::new(ramps[0], ramps[1]).unwrap(), ..conditions(1.0) };
+        let [first, second] = [(first, shares[0]), (second, shares[1])].map(|(arm, share)| percent(to_axes(arm.map(|axis| axis * share)), 80.0));
+        let one = Movement::plan(model(), &Axes::ZERO, &first, &conditions).unwrap();
+        let one = one.with_global(at * one.duration(), next).unwrap();
+        let both = one.join(one.corner(Blend::MOST).unwrap(), &second, &conditions, Blend::MOST).unwrap();
+        let (begins, ends) = (both.second.as_ref().unwrap().starts, both.first.ends());
+        prop_assert!(both.first.part(begins) >= 0.5 - 1e-8);
+        prop_assert!(both.second.as_ref().unwrap().part(ends) <= 0.5 + 1e-8);
+        let here = both.at(begins + part * (ends - begins));
+        for (n, axis) in model().axes.iter().enumerate() {
+            prop_assert!(axis.soft.min - 1e-6 <= here.axes.arm()[n] && here.axes.arm()[n] <= axis.soft.max + 1e-6);
+            prop_assert!(here.speeds[n].abs() <= axis.max_speed * (1.0 + 1e-9));
+        }
+    }
+
     /// Before the corner nothing is different, after it the second move is alone.
     #[test]
     fn outside_the_corner_each_is_alone(corner in any_corner(), global in 0.05..1.0, part in 0.0..1.0) {
