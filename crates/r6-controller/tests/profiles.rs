@@ -8,7 +8,7 @@ const PAGE: &str = include_str!("../../../docs/PROFILES.md");
 
 /// The rows of the table of settings: the cells without their quotes.
 fn rows() -> Vec<Vec<String>> {
-    let table = PAGE.split("## Settings").nth(1).unwrap();
+    let table = PAGE.split("## Settings").nth(1).unwrap().split("\n## ").next().unwrap();
     table
         .lines()
         .filter(|line| line.starts_with("| `"))
