@@ -143,7 +143,7 @@ impl Driver {
 
     /// One connection, from its first byte to its end.
     async fn serve(&mut self, stream: &mut TcpStream, link: &mut Link) -> Ended {
-        let (mut reader, mut writer) = stream.split();
+        let (mut reader, writer) = stream.split();
         let mut buffer = [0; READ_BUFFER];
         loop {
             while link.has_room(Lane::Ordinary)
@@ -156,7 +156,15 @@ impl Driver {
             let woken = tokio::select! {
                 biased;
                 urgent = self.urgent.recv(), if link.has_room(Lane::Urgent) => Woken::Urgent(urgent),
-                written = writer.write(link.output()), if !link.output().is_empty() => Woken::Written(written),
+                writable = writer.writable(), if !link.output().is_empty() => {
+                    // Whoever gave up while the connection took nothing has not asked for anything any more.
+                    link.withdraw_moot();
+                    match writable.and_then(|()| writer.try_write(link.output())) {
+                        Err(error) if error.kind() == io::ErrorKind::WouldBlock => continue,
+                        _ if link.output().is_empty() => continue,
+                        written => Woken::Written(written),
+                    }
+                }
                 () = sleep_until(deadline) => Woken::Time,
                 job = self.ordinary.recv(), if link.has_room(Lane::Ordinary) => Woken::Ordinary(job),
                 read = reader.read(&mut buffer) => Woken::Read(read),
@@ -280,6 +288,7 @@ impl Driver {
 
 /// Ends a connection in order: what waits is written, our end is closed, what still comes is read.
 async fn close(stream: &mut TcpStream, link: &mut Link) {
+    link.withdraw_moot();
     let goodbye = async {
         while !link.output().is_empty() {
             let bytes = stream.write(link.output()).await?;

@@ -157,14 +157,15 @@ fn effect_of(command: CommandName) -> Effect {
         CommandName::ActionSingleCycle
         | CommandName::StartButton
         | CommandName::ClearAlarmRunNext
-        | CommandName::ClearAlarmContinue => Effect::Moves,
-        CommandName::SwitchMold
-        | CommandName::ModifyCounter
+        | CommandName::ClearAlarmContinue
+        // A cell may start motion by an output (a pulse on M011), by a register (800 to 805) or by another program.
+        | CommandName::SwitchMold
         | CommandName::ModifyOutput
+        | CommandName::RewriteData
+        | CommandName::RewriteDataList => Effect::Moves,
+        CommandName::ModifyCounter
         | CommandName::ModifyStackData
         | CommandName::ModifyGspd
-        | CommandName::RewriteData
-        | CommandName::RewriteDataList
         | CommandName::ModifyAccDec
         | CommandName::SwitchTool
         | CommandName::ModifyTool
@@ -195,5 +196,23 @@ impl Job {
             Some(reason) => OutcomeUnknown::ConnectionLost { request: self.work.sent(), reason }.into(),
         };
         self.finish(Err(error));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_can_start_a_register_driven_cell_counts_as_motion() {
+        for command in [
+            CommandName::ModifyOutput,
+            CommandName::RewriteData,
+            CommandName::RewriteDataList,
+            CommandName::SwitchMold,
+        ] {
+            assert_eq!(effect_of(command), Effect::Moves, "{}", command.word());
+        }
+        assert_eq!(effect_of(CommandName::ModifyGspd), Effect::Changes);
     }
 }

@@ -32,6 +32,9 @@ const STATE: [Address; 2] = [Address::CurMode, Address::CurAlarm];
 /// No heartbeat is sent more often.
 const SHORTEST_HEARTBEAT: Duration = Duration::from_millis(100);
 
+/// The watchdog raises alarm 9 after 10 s: half of that leaves room for one heartbeat that is late.
+const LONGEST_HEARTBEAT: Duration = Duration::from_secs(5);
+
 /// One connection's session and the jobs that wait on it.
 #[derive(Debug)]
 pub(crate) struct Link {
@@ -68,7 +71,7 @@ impl Link {
     pub fn new(settings: &RobotSettings, first: bool, first_pack_id: u64, now: Instant) -> Self {
         let heartbeat = match settings.heartbeat {
             Heartbeat::Off => None,
-            Heartbeat::Managed { every } => Some((every.max(SHORTEST_HEARTBEAT), now)),
+            Heartbeat::Managed { every } => Some((every.clamp(SHORTEST_HEARTBEAT, LONGEST_HEARTBEAT), now)),
         };
         let session = ClientSession::new(ClientSettings {
             reply_timeout: settings.reply_timeout,
@@ -126,6 +129,17 @@ impl Link {
     /// The bytes that wait to be written.
     pub fn output(&self) -> &[u8] {
         self.session.poll_transmit().unwrap_or_default()
+    }
+
+    /// Takes back what no longer has a caller and of which nothing has left; a stop is never taken back.
+    pub fn withdraw_moot(&mut self) {
+        let moot: Vec<Ticket> =
+            self.in_flight.iter().filter(|(_, job)| job.is_moot()).map(|(ticket, _)| *ticket).collect();
+        for ticket in moot {
+            if self.session.withdraw(ticket) {
+                self.in_flight.remove(&ticket);
+            }
+        }
     }
 
     /// The first `bytes` of the output were given to the socket.
@@ -301,6 +315,22 @@ mod tests {
     }
 
     #[test]
+    fn a_motion_whose_caller_gave_up_is_taken_back_while_nothing_of_it_has_left() {
+        let mut link = link(Heartbeat::Off);
+        drop(hand_over(&mut link, Work::Command(Command::StartButton)));
+        link.withdraw_moot();
+        assert!(link.output().is_empty() && link.in_flight.is_empty());
+        drop(hand_over(&mut link, Work::Command(Command::StartButton)));
+        link.written(1);
+        link.withdraw_moot();
+        assert!(!link.output().is_empty(), "a frame that has begun is sent to its end");
+        let mut stopping = self::link(Heartbeat::Off);
+        drop(hand_over(&mut stopping, Work::Command(Command::ActionStop)));
+        stopping.withdraw_moot();
+        assert!(!stopping.output().is_empty(), "a stop is never taken back");
+    }
+
+    #[test]
     fn a_frame_that_never_left_was_not_sent() {
         let mut link = link(Heartbeat::Off);
         let answer = hand_over(&mut link, Work::Command(Command::StartButton));
@@ -381,5 +411,11 @@ mod tests {
         assert_eq!(answers.len(), MAX_IN_FLIGHT);
         let _stop = hand_over(&mut link, Work::Command(Command::ActionStop));
         assert!(String::from_utf8_lossy(link.output()).contains("actionStop"));
+    }
+
+    #[test]
+    fn a_heartbeat_is_never_slower_than_the_watchdog_bears() {
+        let link = link(Heartbeat::Managed { every: Duration::from_secs(15) });
+        assert_eq!(link.heartbeat.map(|(every, _)| every), Some(LONGEST_HEARTBEAT));
     }
 }

@@ -8,7 +8,7 @@ use r6_proto::axis::AXES;
 use r6_proto::message::Instruction;
 use tokio::time::{Instant, sleep, timeout_at};
 
-use crate::error::{NotSent, RequestError};
+use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::job::Work;
 use crate::link::Lane;
 use crate::robot::{Accepted, Robot};
@@ -17,6 +17,9 @@ use r6_proto::OperationMode;
 
 /// Reads that may fail in a row before waiting is given up: one lost reply says nothing about the arm.
 const MAX_FAILED_READS: u32 = 3;
+
+/// How long alarm or mode may stay without a value: one odd reply passes, but an arm nobody can judge is not waited for.
+const UNREADABLE_FOR: Duration = Duration::from_secs(1);
 
 /// Two positions closer than this (degrees or mm) are the same: encoders tremble in the last digit at rest.
 const STILL_WITHIN: f64 = 0.01;
@@ -154,12 +157,13 @@ struct Watch {
     begun: Instant,
     last: Option<Sample>,
     still_since: Option<Instant>,
+    unreadable_since: Option<Instant>,
     moved: bool,
 }
 
 impl Watch {
     fn new(options: WaitOptions, begun: Instant) -> Self {
-        Self { options, begun, last: None, still_since: None, moved: false }
+        Self { options, begun, last: None, still_since: None, unreadable_since: None, moved: false }
     }
 
     /// A read failed: stillness has to be seen anew.
@@ -176,6 +180,21 @@ impl Watch {
         if let Some(mode) = sample.mode.filter(|mode| !mode.may_run() && *mode != self.options.idle_mode) {
             return Err(WaitError::Stopped { mode });
         }
+        let unreadable = match (sample.alarm, sample.mode) {
+            (None, _) => Some(Address::CurAlarm),
+            (Some(_), None) => Some(Address::CurMode),
+            (Some(_), Some(_)) => None,
+        };
+        if let Some(address) = unreadable {
+            self.missed();
+            if now - *self.unreadable_since.get_or_insert(now) < UNREADABLE_FOR {
+                return Ok(false);
+            }
+            let request = Work::Query(Vec::new()).sent();
+            let answer = format!("no value for {address}");
+            return Err(WaitError::Request(OutcomeUnknown::Unclear { request, answer }.into()));
+        }
+        self.unreadable_since = None;
         let stands = self.last.is_some_and(|last| sample.stands_since(&last));
         let more_to_come = sample.list_length.is_some_and(|length| length > 0);
         self.moved |= sample.moving == Some(true) || more_to_come || (self.last.is_some() && !stands);
@@ -359,6 +378,17 @@ mod tests {
         assert_eq!(done_after([moving(1.0), alarm]), Err(WaitError::AlarmRaised { code: 135 }));
         let paused = Sample { mode: Some(OperationMode::Auto), ..moving(1.0) };
         assert_eq!(done_after([moving(1.0), paused]), Err(WaitError::Stopped { mode: OperationMode::Auto }));
+    }
+
+    #[test]
+    fn an_alarm_or_mode_that_cannot_be_read_is_never_the_end() {
+        for (unknown, name) in
+            [(Sample { alarm: None, ..STANDING }, "curAlarm"), (Sample { mode: None, ..STANDING }, "curMode")]
+        {
+            assert_eq!(done_after([moving(1.0)].into_iter().chain([unknown; 20])), Ok(None));
+            let error = done_after([moving(1.0)].into_iter().chain([unknown; 30])).unwrap_err();
+            assert!(error.to_string().contains(name), "{error}");
+        }
     }
 
     #[test]

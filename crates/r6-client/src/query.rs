@@ -136,8 +136,9 @@ impl Robot {
     ///
     /// A long list is split, so that neither request nor reply is longer than the controller takes. Where a reply has
     /// fewer values than were asked for, nobody can tell which are missing; then the addresses are asked for in ever
-    /// smaller parts, those that some firmware lacks first apart from the others. What turns out unsupported is not asked for again on this connection (counters are: they can
-    /// be made at any time).
+    /// smaller parts, those that some firmware lacks first apart from the others. What stays without a value when it
+    /// is asked for alone is not asked for again on this connection, except for counters, which can be made at any
+    /// time, and addresses that both ports have since V6.0.
     ///
     /// # Errors
     /// [`RequestError`]; a query that the connection ended under is asked once more over a new one first.
@@ -173,13 +174,11 @@ impl Robot {
                         }
                     }
                 }
-                Answer::Mismatch { answered: 0, after } => {
-                    took = took.max(after);
-                    self.remember_unsupported(connection, &part);
-                }
                 Answer::Mismatch { answered, after } => {
                     took = took.max(after);
                     match part.as_slice() {
+                        // Only an empty reply to one address alone says which address it is about.
+                        [(_, address)] if answered == 0 => self.remember_unsupported(connection, *address),
                         [(at, address)] => {
                             if let Some((_, row)) = rows.get_mut(*at) {
                                 *row = Err(NoReading::Unreadable(too_many(*address, answered)));
@@ -236,16 +235,14 @@ impl Robot {
         parts
     }
 
-    fn remember_unsupported(&self, connection: u64, part: &[(usize, Address)]) {
-        let mut known = self.hub().known();
-        if known.connection != connection {
+    /// An address that every controller has is never remembered: one odd reply must not hide alarm and mode for good.
+    fn remember_unsupported(&self, connection: u64, address: Address) {
+        if is_everywhere(address) || matches!(address, Address::Counter(_)) {
             return;
         }
-        for (_, address) in part {
-            let lasting = !matches!(address, Address::Counter(_));
-            if lasting && known.unsupported.len() < MAX_REMEMBERED {
-                known.unsupported.insert(*address);
-            }
+        let mut known = self.hub().known();
+        if known.connection == connection && known.unsupported.len() < MAX_REMEMBERED {
+            known.unsupported.insert(address);
         }
     }
 
@@ -262,16 +259,19 @@ impl Robot {
 
 /// Two parts, neither empty: what every controller has and what some lack, or else two halves.
 fn divide(part: &[(usize, Address)]) -> (Part, Part) {
-    let everywhere = |(_, address): &(usize, Address)| {
-        let info = address.info();
-        info.since == "V6.0" && info.ports == Ports::Both && !matches!(address, Address::Counter(_))
-    };
-    let (first, second): (Vec<_>, Vec<_>) = part.iter().copied().partition(everywhere);
+    let (first, second): (Vec<_>, Vec<_>) =
+        part.iter().copied().partition(|(_, address)| is_everywhere(*address));
     if !first.is_empty() && !second.is_empty() {
         return (first, second);
     }
     let (first, second) = part.split_at(part.len() / 2);
     (first.to_vec(), second.to_vec())
+}
+
+/// Whether the oldest manual has the address, on both ports. Counters have to be made first.
+fn is_everywhere(address: Address) -> bool {
+    let info = address.info();
+    info.since == "V6.0" && info.ports == Ports::Both && !matches!(address, Address::Counter(_))
 }
 
 fn too_many(address: Address, answered: usize) -> FieldError {

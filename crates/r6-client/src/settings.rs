@@ -67,7 +67,8 @@ pub enum Heartbeat {
     ///
     /// The watchdog stays armed when the handle is dropped: the controller then raises an alarm.
     Managed {
-        /// The time from one to the next; the controller wants one every 10 s. Below 100 ms counts as 100 ms.
+        /// The time from one to the next; the controller wants one every 10 s. Below 100 ms counts as 100 ms,
+        /// above 5 s as 5 s.
         every: Duration,
     },
 }

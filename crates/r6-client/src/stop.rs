@@ -92,12 +92,17 @@ impl Robot {
         let mut seen = None;
         let mut confirmed = false;
         while !confirmed && Instant::now() < deadline {
-            attempts += 1;
             let stop = self.accepted(Work::Command(Command::ActionStop), Lane::Urgent);
             match timeout_at(deadline, stop).await {
                 // Whoever says no may stand already: the state decides.
-                Ok(Ok(_) | Err(RequestError::Refused(_))) => answered = true,
+                Ok(Ok(_) | Err(RequestError::Refused(_))) => {
+                    attempts += 1;
+                    answered = true;
+                }
+                // Nothing will ever be sent on this handle again.
+                Ok(Err(error @ RequestError::NotSent(NotSent::Closed))) if !answered => return Err(error),
                 Ok(Err(error)) => {
+                    attempts += u32::from(!matches!(error, RequestError::NotSent(_)));
                     last_error = Some(error);
                     sleep(PAUSE_AFTER_FAILURE).await;
                     continue;

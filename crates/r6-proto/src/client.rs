@@ -193,6 +193,8 @@ struct InFlight {
     deadline: Instant,
     /// Where its first byte stands in the output, counted from the session's start.
     starts_at: u64,
+    /// How long its frame is.
+    bytes: usize,
 }
 
 /// The PC's end of one connection.
@@ -299,6 +301,7 @@ impl ClientSession {
                 sent_at: now,
                 deadline: now + self.settings.reply_timeout,
                 starts_at: self.transmitted_before + u64::try_from(before).unwrap_or(u64::MAX),
+                bytes,
             });
         }
         Ok(ticket)
@@ -322,6 +325,27 @@ impl ClientSession {
     /// Tells that the first `bytes` of [`Self::poll_transmit`] were given to the connection.
     pub fn transmitted(&mut self, bytes: usize) {
         self.transmitted = (self.transmitted + bytes).min(self.output.len());
+    }
+
+    /// Takes a request back of which no byte was transmitted; `false` if it left, at least in part, or waits no more.
+    pub fn withdraw(&mut self, ticket: Ticket) -> bool {
+        let transmitted = self.transmitted_before + u64::try_from(self.transmitted).unwrap_or(u64::MAX);
+        let found = self.in_flight.iter().position(|waiting| waiting.ticket == ticket);
+        let Some(at) = found else { return false };
+        if self.in_flight.get(at).is_none_or(|waiting| waiting.starts_at < transmitted) {
+            return false;
+        }
+        let Some(gone) = self.in_flight.remove(at) else { return false };
+        let start = usize::try_from(gone.starts_at - self.transmitted_before).unwrap_or(usize::MAX);
+        let end = start.saturating_add(gone.bytes).min(self.output.len());
+        if start < end {
+            self.output.drain(start..end);
+        }
+        let bytes = u64::try_from(gone.bytes).unwrap_or(u64::MAX);
+        for later in self.in_flight.iter_mut().filter(|waiting| waiting.starts_at > gone.starts_at) {
+            later.starts_at -= bytes;
+        }
+        true
     }
 
     /// Takes bytes from the controller and tells how many there was room for; [`Self::poll_event`] tells what they

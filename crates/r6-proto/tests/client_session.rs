@@ -197,6 +197,28 @@ fn replies_without_pack_id_are_matched_by_kind_and_order() {
 }
 
 #[test]
+fn a_request_of_which_nothing_left_can_be_taken_back() {
+    let mut session = session();
+    let first = session.send(at(0), &query(MODE)).unwrap();
+    let list = [axis_move()];
+    let motion = session.send(at(0), &Request::AddRcc { empty_list: true, instructions: &list }).unwrap();
+    let stop = session.send(at(0), &Request::Command(&Command::ActionStop)).unwrap();
+    session.transmitted(1);
+    assert!(!session.withdraw(first), "a byte of it has left");
+    assert!(session.withdraw(motion));
+    assert!(!session.withdraw(motion), "it is gone");
+    let output = String::from_utf8(session.poll_transmit().unwrap().to_vec()).unwrap();
+    assert!(!output.contains("AddRCC") && output.contains("actionStop"), "{output}");
+    // What is left is still told apart by what has left: the query in part, the stop not at all.
+    session.handle_disconnect();
+    let mut lost = Vec::new();
+    while let Some(event) = session.poll_event(at(1)) {
+        lost.push(Seen::of(event));
+    }
+    assert_eq!(lost, [Seen::Lost(first, true), Seen::Lost(stop, false)]);
+}
+
+#[test]
 fn an_unnamed_ok_answers_a_command_and_never_a_motion() {
     let mut session = session();
     let list = [axis_move()];

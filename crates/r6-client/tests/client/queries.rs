@@ -6,7 +6,7 @@ use r6_proto::address::{Address, RegisterIndex};
 use serde_json::Value;
 use std::sync::{Arc, Mutex};
 
-use crate::controller::{Controller, asked, settings, values};
+use crate::controller::{Controller, asked, settings, soon, values};
 
 /// The addresses of each query, in the order of their coming.
 type Log = Arc<Mutex<Vec<Vec<String>>>>;
@@ -61,8 +61,9 @@ async fn missing_values_are_found_out_and_remembered() {
         assert_eq!(result.rows()[3].1, Err(NoReading::Unsupported));
     }
     let log = log.lock().unwrap();
-    // All, what every firmware has, the two doubtful ones apart from it, which have no value at all; then what is left.
-    assert_eq!(log.len(), 4, "{log:?}");
+    // All; what every firmware has; the two doubtful ones together, then singly: an empty answer to several proves nothing
+    // about any one. Then only what is left.
+    assert_eq!(log.len(), 6, "{log:?}");
     assert_eq!(log.first().unwrap().len(), 6);
     assert_eq!(log.last().unwrap(), &["version", "curMode", "curAlarm", "axisNum"], "remembered");
 }
@@ -145,4 +146,30 @@ async fn the_firmware_is_asked_for_once() {
         assert_eq!(robot.firmware().await.unwrap().as_deref(), Some("v-version"));
     }
     assert_eq!(log.lock().unwrap().len(), 1);
+}
+
+#[tokio::test]
+async fn one_empty_reply_hides_neither_alarm_nor_mode() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let wanted = [Address::CurAlarm, Address::IsMoving, Address::CurMode];
+    let (first, second) = soon(async {
+        let answering = tokio::spawn(async move {
+            let request = peer.frame().await;
+            assert_eq!(asked(&request).len(), 3);
+            peer.send(values(&request, serde_json::json!([]))).await;
+            peer.answer_all(|request| {
+                Some(values(request, vec![serde_json::Value::from("1"); asked(request).len()].into()))
+            })
+            .await;
+        });
+        let results = (robot.query(&wanted).await, robot.query(&wanted).await);
+        answering.abort();
+        results
+    })
+    .await;
+    for result in [first.unwrap(), second.unwrap()] {
+        assert_eq!(result.integer(Address::CurAlarm), Some(1));
+        assert_eq!(result.flag(Address::IsMoving), Some(true));
+        assert_eq!(result.integer(Address::CurMode), Some(1));
+    }
 }
