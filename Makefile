@@ -11,6 +11,7 @@ help: ## Show this list
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
 
 run: ## Build r6 for release and start virtual controllers: r6 up ARGS
+	@tools/test toolchain
 	@$(CARGO) build --release --locked --package r6
 	@exec "$(BUILT)/release/r6" up $(ARGS)
 

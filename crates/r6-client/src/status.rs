@@ -139,7 +139,8 @@ impl Status {
         };
         let list =
             self.list_length.filter(|length| *length != 0).map(|length| Unmet::LeftoverList { length });
-        [alarm, mode, homed, moving, list].into_iter().flatten().collect()
+        // In the order in which they are to be dealt with: a list that is left over starts with the next start.
+        [moving, list, alarm, homed, mode].into_iter().flatten().collect()
     }
 
     /// Whether nothing keeps the machine from taking instructions, as far as the wire tells.

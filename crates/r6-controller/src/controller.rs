@@ -18,6 +18,7 @@ use r6_proto::{Address, RequestType};
 use crate::io::OutputPoint;
 use crate::log::{Level, Log, LogLine};
 use crate::machine::Machine;
+use crate::mode::Key;
 use crate::profile::Profile;
 use crate::settings::ControllerSettings;
 use crate::snapshot::ControllerSnapshot;
@@ -223,6 +224,13 @@ impl Controller {
     pub fn set_input(&mut self, now: Instant, board: u8, point: u8, on: bool) {
         self.machine.advance(now);
         self.machine.set_input(board, point, on);
+        self.collect_machine_events();
+    }
+
+    /// Turns the mode key, as a person at the machine does.
+    pub fn turn_key(&mut self, now: Instant, key: Key) {
+        self.machine.advance(now);
+        self.machine.turn_key(key);
         self.collect_machine_events();
     }
 

@@ -21,7 +21,7 @@ pub mod snapshot;
 
 pub use controller::{ConnectionId, Controller};
 pub use log::{Level, LogLine};
-pub use mode::StartState;
+pub use mode::{Key, StartState};
 pub use profile::{Profile, ProfileError};
 pub use r6_motion::robot_model::{AxisMotion, RobotModel};
 pub use r6_proto::OperationMode;

@@ -2,6 +2,17 @@
 
 use r6_proto::OperationMode;
 
+/// A position of the mode key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Key {
+    /// Manual (`curMode` 1).
+    Manual,
+    /// Stop (`curMode` 3).
+    Stop,
+    /// Automatic (`curMode` 2); the start button then runs the program.
+    Auto,
+}
+
 /// How a virtual controller stands when it is switched on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StartState {

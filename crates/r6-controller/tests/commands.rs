@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Cell, assert_near, axis_move, linear_move};
-use r6_controller::{Profile, StartState};
+use r6_controller::{Key, Profile, StartState};
 use serde_json::{Value, json};
 
 fn long_move() -> Value {
@@ -82,6 +82,11 @@ fn command_start_button() {
         assert_eq!(&reply[..2], ["startButton", "err"]);
         assert!(reply[2].contains("automatic"), "{reply:?}");
         assert_eq!(cell.text("curMode"), mode);
+        // A person turns the key, and then it starts.
+        cell.controller.turn_key(cell.now, Key::Auto);
+        assert_eq!(cell.text("curMode"), "2");
+        cell.ok(&["startButton"]);
+        assert_eq!(cell.text("curMode"), "7");
     }
     let mut cell = Cell::with(Profile::hc1(), StartState::Auto);
     assert_eq!(cell.text("curMode"), "2");

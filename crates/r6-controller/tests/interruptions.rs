@@ -168,3 +168,17 @@ fn a_heartbreak_sent_as_a_command_can_be_accepted() {
     cell.pass(2.0);
     assert_eq!(cell.text("curAlarm"), "9");
 }
+
+#[test]
+fn turning_the_key_stops_the_motion_and_nothing_starts_by_itself() {
+    let mut cell = Cell::new();
+    cell.run_ok(&json!([moved(90.0, 10.0)]));
+    cell.pass(1.0);
+    cell.controller.turn_key(cell.now, r6_controller::Key::Manual);
+    cell.pass(1.0);
+    let rest = cell.number("axis-0");
+    cell.controller.turn_key(cell.now, r6_controller::Key::Auto);
+    cell.pass(10.0);
+    assert_eq!(cell.query(&["isMoving", "curMode", "RemoteCmdLen"]), [json!("0"), json!("2"), json!("1")]);
+    assert!(cell.number("axis-0") == rest && rest < 80.0);
+}

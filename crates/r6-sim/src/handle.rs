@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use r6_controller::{ConnectionId, Controller, ControllerSnapshot, Level, LogLine};
+use r6_controller::{ConnectionId, Controller, ControllerSnapshot, Key, Level, LogLine};
 use r6_proto::time::Instant;
 use tokio::sync::{Notify, broadcast};
 use tracing::{info, warn};
@@ -65,6 +65,11 @@ impl ControllerHandle {
         self.with(|controller, now| controller.request_photo(now, cam_id));
     }
 
+    /// Turns the mode key, as a person at the machine does.
+    pub fn turn_key(&self, key: Key) {
+        self.with(|controller, now| controller.turn_key(now, key));
+    }
+
     /// Sets an input, as a person or a machine in the cell does. Board 0–7, point 0–31.
     pub fn set_input(&self, board: u8, point: u8, on: bool) {
         self.with(|controller, now| controller.set_input(now, board, point, on));
@@ -91,8 +96,11 @@ impl ControllerHandle {
         let mut state = self.state();
         let before = state.controller.poll_timeout();
         let result = act(&mut state.controller, self.now());
+        let mut lines = Vec::new();
         while let Some(line) = state.controller.poll_log() {
-            self.publish(line);
+            // Within the lock, so that the order stays; it does not wait. Nobody may be listening.
+            let _ = self.shared.log.send(line.clone());
+            lines.push(line);
         }
         while let Some(id) = state.controller.poll_woken() {
             if let Some(connection) = state.connections.get(&id) {
@@ -102,17 +110,20 @@ impl ControllerHandle {
         if state.controller.poll_timeout() != before {
             self.shared.timers.notify_one();
         }
+        drop(state);
+        self.trace(&lines);
         result
     }
 
-    fn publish(&self, line: LogLine) {
+    /// Tells the program's own log. Without the lock: whoever writes that log may wait for its reader.
+    fn trace(&self, lines: &[LogLine]) {
         let address = self.shared.address;
-        match line.level {
-            Level::Info => info!(controller = %address, "{line}"),
-            Level::Warning => warn!(controller = %address, "{line}"),
+        for line in lines {
+            match line.level {
+                Level::Info => info!(controller = %address, "{line}"),
+                Level::Warning => warn!(controller = %address, "{line}"),
+            }
         }
-        // Nobody may be listening.
-        let _ = self.shared.log.send(line);
     }
 
     /// Takes a new connection; the notice wakes its task when it has something to write.

@@ -12,7 +12,7 @@ pub const CODES: &str = "\
 Exit codes:
   0  done
   1  refused by the controller, or a condition is not met; `inspect`: something is wrong
-  2  usage: the command line or a file is wrong, nothing was sent
+  2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
   4  outcome unknown: the request left and may have acted; look at the machine before going on";
 
@@ -29,7 +29,7 @@ Examples:
 Exit codes:
   0  done
   1  refused by the controller, or a condition is not met; `inspect`: something is wrong
-  2  usage: the command line or a file is wrong, nothing was sent
+  2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
   4  outcome unknown: the request left and may have acted; look at the machine before going on";
 
@@ -107,6 +107,11 @@ impl Failure {
         self
     }
 
+    /// How the run ends.
+    pub fn exit(&self) -> Exit {
+        self.exit
+    }
+
     /// Prints it and tells the exit code.
     pub fn report(&self) -> ExitCode {
         output::note(self);
@@ -169,6 +174,7 @@ impl From<WaitError> for Failure {
             }
             WaitError::TimedOut { after, list_length } => {
                 let left = match list_length {
+                    Some(1) => ", with 1 instruction left in the list".to_owned(),
                     Some(length) => format!(", with {length} instructions left in the list"),
                     None => String::new(),
                 };

@@ -1,7 +1,11 @@
 //! Logs of the program itself, on stderr.
 
+use std::io::Write;
+
 use clap::Args;
 use tracing_subscriber::EnvFilter;
+
+use crate::output::queue::LineQueue;
 
 /// How much the program tells about itself.
 #[derive(Debug, Args)]
@@ -12,7 +16,8 @@ pub struct LogArgs {
 }
 
 /// Begins to log. With a full screen on the terminal nothing is logged, for it would be written across the screen.
-pub fn begin(args: &LogArgs, has_screen: bool) {
+/// The lines go through a queue, so that nothing waits where nobody reads stderr; flush it at the end.
+pub fn begin(args: &LogArgs, has_screen: bool) -> std::io::Result<LineQueue> {
     let level = match args.verbose {
         // What a virtual controller says is printed by `r6 sim` and `r6 up` themselves.
         0 => "warn,r6_sim=error",
@@ -22,5 +27,9 @@ pub fn begin(args: &LogArgs, has_screen: bool) {
     };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
     let filter = if has_screen { EnvFilter::new("off") } else { filter };
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    // A log that cannot be written is no reason to end.
+    let queue = LineQueue::start(|bytes| drop(std::io::stderr().write_all(bytes)))?;
+    let writer = queue.clone();
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(move || writer.clone()).init();
+    Ok(queue)
 }

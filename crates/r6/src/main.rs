@@ -70,8 +70,14 @@ fn command_line() -> clap::Command {
 
 fn main() -> ExitCode {
     let cli = Cli::from_arg_matches(&command_line().get_matches()).unwrap_or_else(|error| error.exit());
-    logs::begin(&cli.logs, matches!(&cli.subcommand, Subcommands::Up(args) if args.has_screen()));
-    match run(cli) {
+    let has_screen = matches!(&cli.subcommand, Subcommands::Up(args) if args.has_screen());
+    let logs = match logs::begin(&cli.logs, has_screen) {
+        Ok(logs) => logs,
+        Err(error) => return Failure::usage(format!("the system gives no threads: {error}")).report(),
+    };
+    let ended = run(cli);
+    logs.flush();
+    match ended {
         Ok(exit) => exit.code(),
         Err(failure) => failure.report(),
     }

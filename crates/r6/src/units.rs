@@ -39,7 +39,12 @@ pub fn speed_percent(text: &str) -> Result<f64, String> {
 
 /// Seconds from 0, in the controller's steps of 0.1.
 pub fn delay_seconds(text: &str) -> Result<f64, String> {
-    finite(text, 0.0..=86_400.0, "seconds from 0")
+    let delay = finite(text, 0.0..=86_400.0, "seconds from 0 to 86400")?;
+    let tenths = delay * 10.0;
+    if (tenths - tenths.round()).abs() > 1e-6 {
+        return Err("the controller knows steps of 0.1 seconds".to_owned());
+    }
+    Ok(delay)
 }
 
 /// A blend level from 0 to 9.

@@ -58,18 +58,19 @@ async fn every_unmet_condition_is_named_with_its_remedy() {
     assert_eq!(
         status.unmet(),
         [
-            Unmet::Alarm { code: 135 },
-            Unmet::Mode { found: OperationMode::Auto },
-            Unmet::NotHomed,
+            // What would start with the next start comes before what starts it.
             Unmet::Moving,
             Unmet::LeftoverList { length: 4 },
+            Unmet::Alarm { code: 135 },
+            Unmet::NotHomed,
+            Unmet::Mode { found: OperationMode::Auto },
         ]
     );
-    let mode = status.unmet()[1].to_string();
+    let mode = status.unmet()[4].to_string();
     for word in ["auto (2)", "Auto", "Cycle", "Start", "wait for remote commands"] {
         assert!(mode.contains(word), "{mode}");
     }
-    let alarm = status.unmet()[0].to_string();
+    let alarm = status.unmet()[2].to_string();
     for word in ["alarm 135", "J6", "soft limit"] {
         assert!(alarm.contains(word), "{alarm}");
     }

@@ -6,6 +6,7 @@ use super::Machine;
 use super::execution::Activity;
 use super::halt::AfterHalt;
 use crate::instruction_list::MAX_INSTRUCTIONS;
+use crate::mode::Key;
 use crate::profile::{ReplaceInMotion, StopButton, StopMode, Unarmed};
 use r6_proto::OperationMode;
 
@@ -81,6 +82,19 @@ impl Machine {
         self.run_list();
     }
 
+    /// The mode key, which only a person at the machine turns: what runs comes to rest, and nothing starts by itself.
+    pub(crate) fn turn_key(&mut self, key: Key) {
+        self.halt(self.profile.action_stop_time, AfterHalt::Drop);
+        self.cycle_started = None;
+        self.last_pass = false;
+        self.mode = match key {
+            Key::Manual => OperationMode::Manual,
+            Key::Stop => OperationMode::Stop,
+            Key::Auto => OperationMode::Auto,
+        };
+        self.note(format!("{}: the key was turned", self.mode));
+    }
+
     /// The stop button.
     pub(crate) fn press_stop(&mut self) {
         if !self.mode.may_run() {
@@ -107,10 +121,12 @@ impl Machine {
         self.cycle_started = None;
         self.stop_signal = None;
         if ran {
-            self.leave_running("actionStop");
-            if self.profile.action_stop_mode == StopMode::Stop {
-                self.mode = OperationMode::Stop;
-            }
+            self.last_pass = false;
+            self.mode = match self.profile.action_stop_mode {
+                StopMode::Auto => OperationMode::Auto,
+                StopMode::Stop => OperationMode::Stop,
+            };
+            self.note(format!("{}: actionStop", self.mode));
             if self.profile.action_stop_alarm != 0 && self.alarm == 0 {
                 self.alarm = self.profile.action_stop_alarm;
                 self.note(format!("alarm {}: actionStop", self.alarm));

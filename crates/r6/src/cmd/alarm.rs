@@ -19,11 +19,15 @@ Examples:
 )]
 pub struct AlarmArgs {
     /// Alarm codes, as `curAlarm` and the pendant show them
-    #[arg(value_name = "CODE", required = true)]
+    #[arg(value_name = "CODE", required = true, allow_negative_numbers = true, value_parser = code)]
     codes: Vec<u32>,
     /// Print a JSON list
     #[arg(long)]
     json: bool,
+}
+
+fn code(text: &str) -> Result<u32, String> {
+    text.parse().map_err(|_| format!("an alarm code is a whole number from 0 to {}", u32::MAX))
 }
 
 /// Explains the codes.

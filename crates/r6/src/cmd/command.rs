@@ -3,8 +3,9 @@
 mod arguments;
 
 use clap::Args;
-use r6_proto::CommandName;
+use r6_client::Robot;
 use r6_proto::message::command::{COMMANDS, CommandInfo};
+use r6_proto::{Address, CommandName};
 
 use crate::exit::{Exit, Failure};
 use crate::output::{self, table::Table};
@@ -17,6 +18,10 @@ use crate::robot::RobotArgs;
     after_help = "\
 The arguments are in the units of people and are converted: modifyGSPD 5 sends 50, which is 5 %. \
 An accepted command says nothing about what the machine does: look with `r6 status`.
+
+startButton, actionSingleCycle, clearAlarmContinue and clearAlarmRunNext also start what is left in \
+the instruction list. Where the firmware tells its length and something is left, they are not sent \
+(exit code 1): `r6 stop` clears the list, --run-leftover sends them all the same.
 
 Examples:
   r6 command --list                          every command with its arguments
@@ -33,6 +38,9 @@ pub struct CommandArgs {
     /// Its arguments
     #[arg(value_name = "ARGUMENT", allow_negative_numbers = true)]
     arguments: Vec<String>,
+    /// Send a command that starts the machine even if instructions are left in the list
+    #[arg(long)]
+    run_leftover: bool,
     /// Print the table of commands; no robot is asked
     #[arg(long, conflicts_with_all = ["name", "arguments"])]
     list: bool,
@@ -52,6 +60,9 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         .map_err(|problem| Failure::usage(format!("{name}: {problem}")).advise(usage(name.info())))?;
     robot
         .with(async |robot| {
+            if starts(name) && !args.run_leftover {
+                check_list(robot, name).await?;
+            }
             let accepted = robot.command(command).await?;
             let milliseconds = output::readings::milliseconds(accepted.after);
             if args.json {
@@ -64,6 +75,31 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
             Ok(Exit::Done)
         })
         .await
+}
+
+/// Whether the machine runs what is left in its list after this command.
+fn starts(name: CommandName) -> bool {
+    [
+        CommandName::StartButton,
+        CommandName::ActionSingleCycle,
+        CommandName::ClearAlarmContinue,
+        CommandName::ClearAlarmRunNext,
+    ]
+    .contains(&name)
+}
+
+/// Refuses if instructions are left in the list. Firmware without `RemoteCmdLen` cannot be asked.
+async fn check_list(robot: &Robot, name: CommandName) -> Result<(), Failure> {
+    let length = robot.query(&[Address::RemoteCmdLen]).await?.integer(Address::RemoteCmdLen);
+    let left = match length {
+        None | Some(..=0) => return Ok(()),
+        Some(1) => "1 instruction is".to_owned(),
+        Some(count) => format!("{count} instructions are"),
+    };
+    Err(Failure::refused(format!(
+        "{name} was not sent: {left} left in the list, and the arm would run the list"
+    ))
+    .advise("`r6 stop` clears the list; --run-leftover runs it"))
 }
 
 fn named(word: &str) -> Result<CommandName, Failure> {

@@ -12,7 +12,7 @@ use r6_proto::message::{Action, Instruction};
 use r6_proto::{Address, AxisIndex};
 
 use crate::cmd::job::frames::Batch;
-use crate::cmd::job::target::Target;
+use crate::cmd::job::target::{Missed, Target};
 use crate::exit::{Exit, Failure};
 use crate::output::{self, status};
 use crate::robot::RobotArgs;
@@ -187,7 +187,14 @@ async fn follow(
     report(&done);
     match target.and_then(|target| target.missed(&done)) {
         None => Ok(Exit::Done),
-        Some(missed) => Err(Failure::refused(format!("the list was accepted, but {missed}")).advise(
+        Some(missed @ Missed::Unread { .. }) => {
+            Err(Failure::unknown(format!("the list was accepted and the arm stands, but {missed}"))
+                .advise("look at the arm and at `r6 status`"))
+        }
+        Some(missed @ Missed::Elsewhere { .. }) => Err(Failure::refused(format!(
+            "the list was accepted, but {missed}"
+        ))
+        .advise(
             "look at the arm and at `r6 status`; a curve wants a move before it, and masks leave axes out",
         )),
     }

@@ -1,24 +1,27 @@
 //! `r6 sim`: virtual controllers, for programs to talk to.
 
+mod stdin;
+
 use std::net::SocketAddr;
 use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use r6_controller::{LogLine, Profile, RobotModel, StartState};
 use r6_sim::{ControllerHandle, SimError, SimSettings, Simulation};
+use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::task::JoinSet;
 
 use crate::exit::{Exit, Failure};
-use crate::output;
+use crate::output::{self, queue::LineQueue};
 use crate::signals::Ending;
+
+/// Where `r6 sim` and `r6 up` listen unless told: the port of the real controllers, for this machine alone.
+pub const DEFAULT_LISTEN: &str = "127.0.0.1:9760";
 
 /// What a virtual controller is and how it stands.
 #[derive(Debug, Args)]
 pub struct CellArgs {
-    /// Where to listen, may be given several times; port 0 takes any free port
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:9760")]
-    listen: Vec<SocketAddr>,
     /// The arm: BRTIRUS0707A, 0805A, 1510A, 1820A or 2030A, GENERIC-SCARA, GENERIC-CARTESIAN, or a .toml file
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "BRTIRUS0707A", value_parser = model)]
     model: RobotModel,
@@ -50,7 +53,14 @@ enum Start {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The first lines name the addresses that the controllers listen on; then comes one line for each \
-thing that happens. Ctrl-C ends it.
+thing that happens. Ctrl-C ends it. What nobody reads is lost: controllers wait for nobody.
+
+A line on stdin does what a person or a machine in the cell would do:
+  input BOARD POINT on|off    sets an input, board 0-7, point 0-31
+  photo CAM                   asks the camera for a photo
+  key auto|manual|stop        turns the mode key; auto, then `r6 command startButton`, runs
+With several controllers it begins with the number of one: 2: input 0 3 on. The end of stdin ends \
+nothing.
 
 Examples:
   r6 sim
@@ -59,8 +69,12 @@ Examples:
   r6 sim --profile legacy --start stopped
   r6 sim --profile my-cell.toml
   r6 sim --model GENERIC-SCARA
-  r6 sim --model my-arm.toml")]
+  r6 sim --model my-arm.toml
+  echo input 0 3 on | r6 sim                    input 3 is on from the start")]
 pub struct SimArgs {
+    /// Where to listen, may be given several times; port 0 takes any free port
+    #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_LISTEN)]
+    listen: Vec<SocketAddr>,
     #[command(flatten)]
     cell: CellArgs,
     /// How many controllers for each --listen, on ports that follow one another
@@ -71,24 +85,29 @@ pub struct SimArgs {
 /// Runs the controllers until a signal ends them.
 pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
     let mut ending = Ending::watch()?;
-    let simulation = start(args.cell, args.count).await?;
-    for controller in simulation.controllers() {
-        output::line(format_args!("listening on {}", controller.address()));
-    }
-    let named = simulation.controllers().len() > 1;
+    let simulation = start(args.cell, args.listen, args.count).await?;
+    let controllers = simulation.controllers();
+    let lines = output_queue()?;
+    let listening: Vec<_> =
+        controllers.iter().map(|controller| format!("listening on {}", controller.address())).collect();
+    // The log is listened to before anybody can know the address.
+    let named = controllers.len() > 1;
     let mut logs = JoinSet::new();
-    for controller in simulation.controllers() {
-        logs.spawn(print_log(controller.clone(), named));
+    lines.line(listening.join("\n"));
+    for controller in controllers {
+        logs.spawn(print_log(controller.clone(), controller.log(), named, lines.clone()));
     }
+    stdin::listen(controllers.to_vec())?;
     ending.signalled().await;
     logs.shutdown().await;
     simulation.shutdown().await;
+    lines.flush();
     Ok(Exit::Done)
 }
 
 /// Starts the controllers that the arguments describe.
-pub async fn start(cell: CellArgs, count: u16) -> Result<Simulation, Failure> {
-    let CellArgs { listen, model, profile, start, seed } = cell;
+pub async fn start(cell: CellArgs, listen: Vec<SocketAddr>, count: u16) -> Result<Simulation, Failure> {
+    let CellArgs { model, profile, start, seed } = cell;
     let start = match start {
         Start::Waiting => StartState::Waiting,
         Start::Stopped => StartState::Stopped,
@@ -139,13 +158,24 @@ fn model(text: &str) -> Result<RobotModel, String> {
     })
 }
 
-async fn print_log(controller: ControllerHandle, named: bool) {
-    let mut log = controller.log();
+/// The lines of stdout, written by a thread of their own: a controller answers even if nobody reads them.
+pub fn output_queue() -> Result<LineQueue, Failure> {
+    LineQueue::start(output::bytes)
+        .map_err(|error| Failure::usage(format!("the system gives no threads: {error}")))
+}
+
+/// Prints what happens, for ever.
+pub async fn print_log(
+    controller: ControllerHandle,
+    mut log: broadcast::Receiver<LogLine>,
+    named: bool,
+    lines: LineQueue,
+) {
     loop {
         match log.recv().await {
-            Ok(line) if named => output::line(format_args!("{}  {}", controller.address(), log_text(&line))),
-            Ok(line) => output::line(log_text(&line)),
-            Err(RecvError::Lagged(lost)) => output::line(format_args!("({lost} lines were lost)")),
+            Ok(line) if named => lines.line(format_args!("{}  {}", controller.address(), log_text(&line))),
+            Ok(line) => lines.line(log_text(&line)),
+            Err(RecvError::Lagged(lost)) => lines.lose(lost),
             Err(RecvError::Closed) => return,
         }
     }

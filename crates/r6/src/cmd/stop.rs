@@ -20,7 +20,7 @@ before the next motion.
 This is an ordinary command over a network, not an emergency stop: only the wired button protects \
 people.
 
-The exit code is 0 once the machine was seen to stand, else 4.
+The exit code is 0 once the machine was seen to stand, 3 if it cannot be reached, else 4.
 
 Examples:
   r6 stop

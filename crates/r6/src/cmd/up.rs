@@ -1,11 +1,12 @@
 //! `r6 up`: the whole cell on this machine, with its live state.
 
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use clap::Args;
 use crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
 use r6_sim::{ControllerHandle, Simulation};
-use tokio::sync::broadcast::error::{RecvError, TryRecvError};
+use tokio::sync::broadcast::error::TryRecvError;
 
 use crate::cmd::sim::{self, CellArgs};
 use crate::exit::{Exit, Failure};
@@ -31,6 +32,9 @@ Then, in a second shell:
   r6 status
   r6 move axes 10 0 0 0 30 0 --speed 50 --wait")]
 pub struct UpArgs {
+    /// Where to listen; port 0 takes any free port
+    #[arg(long, value_name = "ADDR:PORT", default_value = sim::DEFAULT_LISTEN)]
+    listen: SocketAddr,
     #[command(flatten)]
     cell: CellArgs,
 }
@@ -46,7 +50,7 @@ impl UpArgs {
 pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let has_screen = args.has_screen();
     let mut ending = Ending::watch()?;
-    let simulation = sim::start(args.cell, 1).await?;
+    let simulation = sim::start(args.cell, vec![args.listen], 1).await?;
     let result = tokio::select! {
         shown = show(&simulation, has_screen) => shown,
         () = ending.signalled() => Ok(()),
@@ -73,20 +77,16 @@ fn hints(controller: &ControllerHandle) -> [String; 3] {
 }
 
 async fn show_lines(controller: &ControllerHandle) -> Result<(), Failure> {
-    let mut log = controller.log();
+    let log = controller.log();
     let state = controller.snapshot();
-    output::line(format_args!("listening on {}", controller.address()));
-    output::line(format_args!("{}, profile {}, mode {}", state.machine_name, state.profile, state.mode));
+    let lines = sim::output_queue()?;
+    lines.line(format_args!("listening on {}", controller.address()));
+    lines.line(format_args!("{}, profile {}, mode {}", state.machine_name, state.profile, state.mode));
     for hint in hints(controller) {
-        output::line(format_args!("try: {hint}"));
+        lines.line(format_args!("try: {hint}"));
     }
-    loop {
-        match log.recv().await {
-            Ok(line) => output::line(sim::log_text(&line)),
-            Err(RecvError::Lagged(lost)) => output::line(format_args!("({lost} lines were lost)")),
-            Err(RecvError::Closed) => return Ok(()),
-        }
-    }
+    sim::print_log(controller.clone(), log, false, lines).await;
+    Ok(())
 }
 
 async fn show_screen(controller: &ControllerHandle) -> Result<(), Failure> {

@@ -21,7 +21,8 @@ use crate::units;
     arg_required_else_help = true,
     after_help = "\
 On a terminal one table is refreshed in place; elsewhere there is one line for each reading, with \
---json one object. A reading that fails is reported, and watching goes on.
+--json one object. A reading that fails is reported, and watching goes on; with \
+--times the exit code is then that of the last failure, mostly 3.
 
 Examples:
   r6 watch axis-0 axis-1 isMoving --every 100ms
@@ -62,6 +63,8 @@ async fn watch(args: &WatchArgs, robot: &Robot) -> Result<Exit, Failure> {
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut readings = 0;
     let mut seen = false;
+    let mut failed = 0_u64;
+    let mut exit = Exit::Done;
     loop {
         ticks.tick().await;
         match robot.query(&args.addresses).await {
@@ -71,11 +74,19 @@ async fn watch(args: &WatchArgs, robot: &Robot) -> Result<Exit, Failure> {
             }
             // Nothing was ever read: there is no robot here. Later on it may come back.
             Err(error) if !seen => return Err(error.into()),
-            Err(error) => view.show_failure(&Failure::from(error)),
+            Err(error) => {
+                let failure = Failure::from(error);
+                view.show_failure(&failure);
+                failed += 1;
+                exit = failure.exit();
+            }
         }
         readings += 1;
         if args.times.is_some_and(|times| readings >= times) {
-            return Ok(Exit::Done);
+            if failed > 0 {
+                output::note(format_args!("r6: {failed} of {readings} readings failed"));
+            }
+            return Ok(exit);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The state of a machine, for eyes and for programs.
 
 use r6_client::{Status, Unmet};
-use r6_proto::{AXES, AxisIndex};
+use r6_proto::{AXES, AxisIndex, OperationMode};
 use serde_json::{Map, Value, json};
 
 use crate::output::alarm;
@@ -107,10 +107,27 @@ fn condition(unmet: Unmet) -> (&'static str, String) {
 fn advice(unmet: Unmet) -> String {
     match unmet {
         Unmet::Alarm { code } => {
-            format!("alarm {}: {} (`r6 command clearAlarm`)", alarm::short(code), alarm::advice(code))
+            format!(
+                "alarm {}: {} (`r6 command clearAlarm`; firmware of manual V6.0 has only clearAlarmContinue and \
+                 clearAlarmRunNext, which start the program again)",
+                alarm::short(code),
+                alarm::advice(code)
+            )
+        }
+        Unmet::Mode { found: OperationMode::Manual | OperationMode::Stop } => {
+            format!(
+                "{unmet} (a virtual controller: type `key auto` at `r6 sim`, then `r6 command startButton`)"
+            )
         }
         Unmet::Mode { .. } => format!("{unmet} (a virtual controller: `r6 command startButton`)"),
-        Unmet::Moving | Unmet::LeftoverList { .. } => format!("{unmet} (`r6 stop` does both)"),
+        Unmet::LeftoverList { length } => {
+            let are = if length == 1 { "is" } else { "are" };
+            format!(
+                "{} {are} left in the list and would run first: clear it with `r6 stop`, or wait until it is done",
+                list_text(length)
+            )
+        }
+        Unmet::Moving => format!("{unmet} (`r6 stop` does both)"),
         Unmet::NotHomed | Unmet::Unknown { .. } => unmet.to_string(),
     }
 }
@@ -205,9 +222,11 @@ mod tests {
         let lines: Vec<_> = text.lines().collect();
         assert_eq!(
             lines.first(),
-            Some(&"NOT READY: alarm 42, mode is stop (3), origin unknown, 3 instructions left in the list")
+            Some(&"NOT READY: 3 instructions left in the list, alarm 42, origin unknown, mode is stop (3)")
         );
         assert_eq!(lines.len(), 5);
+        let one = verdict(&Status { list_length: Some(1), ..ready() });
+        assert!(one.contains("  1 instruction is left in the list and would run first"), "{one}");
         assert!(text.contains("clearAlarm") && text.contains("r6 stop"), "{text}");
     }
 

@@ -94,7 +94,8 @@ fn lines_and_curves_have_their_own_actions() {
 /// Each of these is wrong; the message has to say this.
 #[test]
 fn a_wrong_command_line_is_code_2_and_says_why() {
-    let cases: [(&[&str], &str); 17] = [
+    let cases: [(&[&str], &str); 18] = [
+        (&["alarm", "-1"], "an alarm code is a whole number from 0 to 4294967295"),
         (&["query", "axis-9"], "nearest: `axis-n` with n from 0 to 7"),
         (&["query", "curAlrm"], "nearest: `curAlarm`"),
         (&["command", "modifyGSP", "5"], "nearest: `modifyGSPD`"),

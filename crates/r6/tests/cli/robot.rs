@@ -138,3 +138,36 @@ fn the_address_comes_from_option_or_environment() {
     assert!(outcome.status.success(), "{outcome:?}");
     assert_eq!(r6(&["query", "axis-0", "--robot", robot.address()]).code, 0);
 }
+
+#[test]
+fn a_leftover_list_is_not_started_without_a_word() {
+    let robot = Robot::start(&[]);
+    assert_eq!(robot.r6(&["move", "axes", "90", "--speed", "1"]).code, 0);
+    // The list stays when the motion is stopped by this command alone.
+    assert_eq!(robot.r6(&["command", "actionStop"]).code, 0);
+    let mode = robot.value("curMode");
+    for command in ["startButton", "actionSingleCycle", "clearAlarmContinue", "clearAlarmRunNext"] {
+        let outcome = robot.r6(&["command", command]);
+        assert_eq!((outcome.code, outcome.out.as_str()), (1, ""), "{command}: {outcome:?}");
+        let wanted = format!("r6: {command} was not sent: 1 instruction is left in the list");
+        assert!(outcome.err.starts_with(&wanted) && outcome.err.contains("r6 stop"), "{}", outcome.err);
+    }
+    assert_eq!(robot.value("curMode"), mode);
+    let outcome = robot.r6(&["command", "startButton", "--run-leftover"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    assert_eq!(robot.r6(&["stop"]).code, 0);
+    assert_eq!(robot.r6(&["command", "startButton"]).code, 0);
+    // Firmware that does not tell the length of the list.
+    let old = Robot::start(&["--profile", "r6-pendant", "--start", "auto"]);
+    assert_eq!(old.r6(&["command", "startButton"]).code, 0);
+}
+
+#[test]
+fn watching_a_robot_that_goes_away_is_not_code_0() {
+    let robot = Robot::start(&[]);
+    let watch = ["-r", robot.address(), "watch", "axis-0", "--every", "200ms", "--times", "2"];
+    let mut watch = Running::start_with_pipes(&watch);
+    assert_eq!((watch.line().as_str(), watch.line().as_str()), ("axis-0", "0.000"));
+    drop(robot);
+    assert_eq!(watch.code(), Some(3));
+}

@@ -1,6 +1,7 @@
 //! `r6 sim` and `r6 up` as programs.
 
-use std::net::TcpListener;
+use std::io::{BufRead, Read, Write};
+use std::net::{TcpListener, TcpStream};
 
 use crate::support::{Robot, Running, TempFile, r6};
 
@@ -99,4 +100,79 @@ fn a_controller_can_be_started_in_every_state() {
         let robot = Robot::start(&["--start", start]);
         assert_eq!(robot.value("curMode"), mode, "{start}");
     }
+}
+
+/// Reads until a text came.
+fn read_until(stream: &mut TcpStream, wanted: &str) -> String {
+    let mut text = String::new();
+    let mut bytes = [0; 4096];
+    while !text.contains(wanted) {
+        let count = stream.read(&mut bytes).unwrap();
+        assert_ne!(count, 0, "the end came before {wanted}: {text}");
+        text.push_str(std::str::from_utf8(&bytes[..count]).unwrap());
+    }
+    text
+}
+
+#[test]
+fn nobody_has_to_read_what_sim_and_up_print() {
+    for command in ["sim", "up"] {
+        // With -v the same lines go to stderr too, which nobody reads either.
+        let count = if command == "sim" { 3 } else { 1 };
+        let listen = ["-v", command].into_iter().chain(["--listen", "127.0.0.1:0"].repeat(count));
+        let mut running = Running::start_with_pipes(&listen.collect::<Vec<_>>());
+        let addresses: Vec<_> =
+            (0..count).map(|_| running.line().strip_prefix("listening on ").unwrap().to_owned()).collect();
+        let long = "x".repeat(200);
+        let refused = format!(
+            r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"command","packID":"1","cmdData":["{long}"]}}"#
+        );
+        for address in &addresses {
+            let mut stream = TcpStream::connect(address).unwrap();
+            stream.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
+            for _ in 0..2000 {
+                stream.write_all(refused.as_bytes()).unwrap();
+                assert!(read_until(&mut stream, "}").contains("err"), "{command}");
+            }
+        }
+        for address in &addresses {
+            assert_eq!(r6(&["-r", address, "query", "axis-0"]).code, 0, "{command}");
+        }
+        assert_eq!(running.end("TERM"), Some(0), "{command}");
+    }
+}
+
+#[test]
+fn a_line_on_stdin_sets_an_input_or_asks_for_a_photo() {
+    let mut sim = Running::start_with_pipes(&["sim", "--listen", "127.0.0.1:0"]);
+    let address = sim.line().strip_prefix("listening on ").unwrap().to_owned();
+    let mut camera = TcpStream::connect(&address).unwrap();
+    camera.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
+    let query = br#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"1","queryAddr":["version"]}"#;
+    camera.write_all(query).unwrap();
+    read_until(&mut camera, "}");
+    sim.say("input 0 3 on");
+    sim.say("photo 2");
+    let photo = read_until(&mut camera, "}");
+    assert!(photo.contains(r#""camID":2"#), "{photo}");
+    // The photo came after the input.
+    let read = r6(&["-r", &address, "query", "input-0", "--json"]).json();
+    assert_eq!(read["values"]["input-0"], 8);
+    sim.say("wave");
+    let mut error = String::new();
+    sim.close_stdin().read_line(&mut error).unwrap();
+    assert_eq!(
+        error,
+        "r6: unknown line `wave`; there are: input BOARD POINT on|off, photo CAM, key auto|manual|stop\n"
+    );
+    // The end of stdin is not the end of sim.
+    assert_eq!(r6(&["-r", &address, "query", "version"]).code, 0);
+    assert_eq!(sim.end("TERM"), Some(0));
+}
+
+#[test]
+fn up_shows_one_controller() {
+    let outcome = r6(&["up", "--listen", "127.0.0.1:0", "--listen", "127.0.0.1:0"]);
+    assert_eq!(outcome.code, 2, "{outcome:?}");
+    assert!(outcome.err.contains("cannot be used multiple times"), "{}", outcome.err);
 }

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 
 /// What a run of r6 came to.
 #[derive(Debug)]
@@ -32,6 +32,8 @@ fn command(args: &[&str]) -> Command {
         .env_remove("R6_ROBOT")
         .env_remove("RUST_LOG")
         .env("COLUMNS", "110")
+        // As on a small machine: few threads, so that one that is stuck is missed.
+        .env("TOKIO_WORKER_THREADS", "2")
         .current_dir(root());
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
@@ -76,11 +78,34 @@ impl Running {
         Self { child, out }
     }
 
+    /// Starts r6 with a stdin to write to, and a stderr that nobody reads.
+    pub fn start_with_pipes(args: &[&str]) -> Self {
+        let mut child = command(args).stdin(Stdio::piped()).spawn().unwrap();
+        let out = BufReader::new(child.stdout.take().unwrap());
+        Self { child, out }
+    }
+
+    /// Writes a line to its stdin.
+    pub fn say(&mut self, line: &str) {
+        writeln!(self.child.stdin.as_mut().unwrap(), "{line}").unwrap();
+    }
+
+    /// Ends its stdin and hands over its stderr.
+    pub fn close_stdin(&mut self) -> BufReader<ChildStderr> {
+        drop(self.child.stdin.take());
+        BufReader::new(self.child.stderr.take().unwrap())
+    }
+
     /// The next line of stdout; empty once there is none.
     pub fn line(&mut self) -> String {
         let mut line = String::new();
         self.out.read_line(&mut line).unwrap();
         line.trim_end().to_owned()
+    }
+
+    /// Waits for its end and tells the exit code.
+    pub fn code(mut self) -> Option<i32> {
+        self.child.wait().unwrap().code()
     }
 
     /// Sends a signal (`INT`, `TERM`) and tells the exit code.

@@ -46,7 +46,8 @@ impl Target {
         (!other_frame).then(|| Self::Position(end, moved(manner, &end).and(AxisMask::POSITION)))
     }
 
-    /// What is not where it should be, or `None` if the arm is there.
+    /// What is not where it should be, or was not read, or `None` if the arm is there. What is known to be elsewhere
+    /// comes first. Only the six axes and components that [`Done`] tells are compared.
     pub fn missed(&self, done: &Done) -> Option<Missed> {
         let (wanted, mask, values, tolerance) = match self {
             Self::Axes(wanted, mask) => (wanted, mask, &done.axes, AXIS_TOLERANCE_DEG),
@@ -55,13 +56,22 @@ impl Target {
         let off = |axis: &AxisIndex| {
             let wanted = wanted.at(*axis)?;
             let found = values.get(axis.index()).copied().flatten()?;
-            ((found - wanted).abs() > tolerance).then_some((*axis, wanted, found))
+            // What is no number is not there either.
+            let there = (found - wanted).abs() <= tolerance;
+            (!there).then_some((*axis, wanted, found))
         };
-        let (axis, wanted, found) = mask.axes().find_map(|axis| off(&axis))?;
-        Some(match self {
-            Self::Axes(..) => Missed { what: axis.to_string(), wanted, found, unit: "degrees" },
-            Self::Position(..) => Missed { what: axis.world_name().to_owned(), wanted, found, unit: "mm" },
-        })
+        let unread = |axis: &AxisIndex| {
+            wanted.at(*axis).is_some() && values.get(axis.index()).copied().flatten().is_none()
+        };
+        let (name, unit): (fn(AxisIndex) -> String, _) = match self {
+            Self::Axes(..) => (|axis| axis.to_string(), "degrees"),
+            Self::Position(..) => (|axis| axis.world_name().to_owned(), "mm"),
+        };
+        let mask = mask.and(AxisMask::SIX);
+        if let Some((axis, wanted, found)) = mask.axes().find_map(|axis| off(&axis)) {
+            return Some(Missed::Elsewhere { what: name(axis), wanted, found, unit });
+        }
+        mask.axes().find(unread).map(|axis| Missed::Unread { what: name(axis) })
     }
 }
 
@@ -69,19 +79,37 @@ fn moved(manner: &Manner, given: &Coordinates) -> AxisMask {
     manner.mask.unwrap_or(AxisMask::ALL).and(given.given())
 }
 
-/// The first axis or component that is not where it should be.
+/// The first axis or component that is not seen where it should be.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Missed {
-    what: String,
-    wanted: f64,
-    found: f64,
-    unit: &'static str,
+pub enum Missed {
+    /// It is somewhere else.
+    Elsewhere {
+        /// Which one.
+        what: String,
+        /// Where it should be.
+        wanted: f64,
+        /// Where it is.
+        found: f64,
+        /// The unit of both.
+        unit: &'static str,
+    },
+    /// Nobody knows where it is.
+    Unread {
+        /// Which one.
+        what: String,
+    },
 }
 
 impl fmt::Display for Missed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { what, wanted, found, unit } = self;
-        write!(f, "{what} is at {found:.3}, not at {wanted:.3} {unit}")
+        match self {
+            Self::Elsewhere { what, wanted, found, unit } => {
+                write!(f, "{what} is at {found:.3}, not at {wanted:.3} {unit}")
+            }
+            Self::Unread { what } => {
+                write!(f, "where the arm is could not be read: there is no value of {what}")
+            }
+        }
     }
 }
 
@@ -116,6 +144,23 @@ mod tests {
         assert_eq!(target.missed(&done([10.001, 0.0, 0.0, 0.0, 0.0, 0.0])), None);
         let missed = target.missed(&done([9.0, 20.0, 0.0, 0.0, 0.0, 0.0])).unwrap();
         assert_eq!(missed.to_string(), "J1 is at 9.000, not at 10.000 degrees");
+    }
+
+    #[test]
+    fn what_was_not_read_is_not_reached() {
+        let target = Target::of(&[axis_move(&[10.0, 20.0, 30.0], AxisMask::from_bits(0b011))]).unwrap();
+        let mut found = done([10.0, 20.0, 0.0, 0.0, 0.0, 0.0]);
+        found.axes[2] = None;
+        assert_eq!(target.missed(&found), None, "the mask leaves it out");
+        found.axes[1] = None;
+        let missed = target.missed(&found).unwrap();
+        assert_eq!(missed, Missed::Unread { what: "J2".to_owned() });
+        assert_eq!(missed.to_string(), "where the arm is could not be read: there is no value of J2");
+        // What is known to be wrong says more.
+        found.axes[0] = Some(0.0);
+        assert!(matches!(target.missed(&found), Some(Missed::Elsewhere { .. })));
+        found.axes[0] = Some(f64::NAN);
+        assert!(matches!(target.missed(&found), Some(Missed::Elsewhere { .. })));
     }
 
     #[test]
