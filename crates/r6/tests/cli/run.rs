@@ -85,13 +85,13 @@ fn the_printed_example_is_refused_with_its_misprints() {
 fn comments_and_odd_spellings_are_taken_and_remarked() {
     let text = r#"{ // 唯一标识
         "dsID":"HCRemoteCommand", "cmdType":"AddRCC", "emptyList":1,
-        "instructions":[{"oneshot":1,"action":4,"m0":5,"ckStatus":1,"speed":"20","sped":3}] // end
+        "instructions":[{"oneshot":1,"action":4,"m0":5,"ckStatus":1,"speed":"20","remark":"red"}] // end
     }"#;
     let program = TempFile::new("odd.json", text);
     let outcome = r6(&["run", program.path(), "--dry-run"]);
     assert_eq!(outcome.code, 0, "{outcome:?}");
     insta::assert_snapshot!(outcome.out, @r#"{"dsID":"www.hc-system.com.HCRemoteCommand","reqType":"AddRCC","packID":"1","emptyList":"1","instructions":[{"oneshot":"1","action":"4","m0":"5.000","ckStatus":"0x01","speed":"20.0"}]}"#);
-    assert!(outcome.err.contains("`sped`") && outcome.err.contains("nearest: `speed`"), "{}", outcome.err);
+    assert!(outcome.err.contains("`remark`"), "{}", outcome.err);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Programs in JSON: AddRCC frames as the manual prints them.
 
 use r6_proto::error::{JsonError, JsonFault};
-use r6_proto::message::{Action, AddRcc, Message};
+use r6_proto::message::{Action, AddRcc, ExtraKind, Message, Place};
 use r6_proto::{Body, Decoder};
 
 use super::{FileError, Program, lines};
@@ -111,6 +111,19 @@ fn take(program: &mut Program, message: &Message<'_>, start: (usize, usize)) -> 
             );
         }
     }
+    let misspelt = message.extras().find(|extra| {
+        let in_a_step = matches!(extra.place, Place::Instruction(_));
+        in_a_step && extra.kind == ExtraKind::UnknownKey && extra.nearest().is_some()
+    });
+    if let Some(extra) = misspelt {
+        return wrong(
+            format!("{extra}; nothing is sent"),
+            Some(
+                "a step without what this key should say is another step: correct it, or take it out"
+                    .to_owned(),
+            ),
+        );
+    }
     remark(program, message, list, start);
     let replace = list.empty_list.unwrap_or(program.batches.is_empty());
     program.batches.push(Batch { replace, instructions: list.instructions.to_vec() });
@@ -146,6 +159,16 @@ mod tests {
     }
 
     #[test]
+    fn a_misspelt_key_of_a_step_is_refused_and_a_strange_one_is_remarked() {
+        let step = STEP.replace("speed", "sped");
+        let error = read(&frame(",\"emptyList\":\"1\"", &[&step])).expect_err("a refusal");
+        let text = format!("{error:?}");
+        assert!(text.contains("sped") && text.contains("speed"), "{text}");
+        let step = STEP.replace("\"speed\"", "\"remark\":\"x\",\"speed\"");
+        assert_eq!(read(&frame(",\"emptyList\":\"1\"", &[&step])).unwrap().remarks.len(), 1);
+    }
+
+    #[test]
     fn frames_stand_one_behind_the_other() {
         let text = format!(
             "// first\n{}\n{}",
@@ -161,10 +184,14 @@ mod tests {
 
     #[test]
     fn what_is_odd_is_remarked() {
-        let step = r#"{"oneshot":"1","action":"4","m0":"1","sped":"20","m0":"2"}"#;
+        let step = r#"{"oneshot":"1","action":"4","m0":"1","speed":"20","m0":"2","remark":"red"}"#;
         let program = read(&frame("", &[step])).unwrap();
         assert_eq!(program.remarks.len(), 3, "{:?}", program.remarks);
-        assert!(program.remarks[0].contains("`sped`") && program.remarks[0].contains("nearest: `speed`"));
+        assert!(
+            program.remarks[0].contains("`m0`") && program.remarks[1].contains("`remark`"),
+            "{:?}",
+            program.remarks
+        );
         assert!(program.remarks[2].contains("emptyList"));
         assert!(program.batches[0].replace);
     }
