@@ -95,7 +95,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, view: &View, state: &ControllerS
     let lines = vec![
         Line::from(vec![
             Span::raw("mode "),
-            bold(format!("{} ({})", state.mode, state.mode.number())),
+            bold(state.mode.to_string()),
             Span::raw("   alarm "),
             Span::styled(alarm::short(i64::from(state.alarm)), alarm_style),
             Span::raw(format!("   {homed}, ")),
@@ -124,7 +124,8 @@ fn draw_axes(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
             };
             Line::raw(format!(
                 "{axis} {lowest:6.0} {} {highest:<5.0}{position:10.3} {unit}",
-                bar(position, *lowest, *highest, width)
+                bar(position, *lowest, *highest, width),
+                position = shown(position),
             ))
         })
         .collect();
@@ -148,12 +149,18 @@ fn bar(position: f64, lowest: f64, highest: f64, width: usize) -> String {
     (0..width).map(|column| if column == at { '█' } else { '·' }).collect()
 }
 
+/// A value as three decimals show it: what rounds to zero has no sign.
+fn shown(value: f64) -> f64 {
+    if value.abs() < 0.0005 { 0.0 } else { value }
+}
+
 fn draw_pose(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
     let lines: Vec<_> = AxisIndex::ALL
         .iter()
         .zip(state.world)
         .map(|(component, value)| {
             let unit = if component.number() < 3 { "mm" } else { "deg" };
+            let value = shown(value);
             Line::raw(format!("{}  {value:12.3} {unit}", component.world_name()))
         })
         .collect();
