@@ -6,7 +6,6 @@ use r6_proto::{AXES, Address, AxisIndex};
 
 use crate::io::Io;
 use crate::machine::Machine;
-use crate::settings::REGISTER_MOLD;
 
 /// Rated torque on the wire (manual 4.1.1 #16).
 pub const RATED_TORQUE: f64 = 2580.0;
@@ -60,7 +59,7 @@ impl Machine {
             Address::Addr(register) => data.integer(self.registers.get(&register).copied().unwrap_or(0)),
             Address::RemoteCmdLen => {
                 // Steps that a program put there itself are none of the remote list's.
-                let remote = if self.mold == REGISTER_MOLD { 0 } else { self.list.len() };
+                let remote = if self.has_own_steps() { 0 } else { self.list.len() };
                 data.integer(i64::try_from(remote).unwrap_or(i64::MAX));
             }
             Address::ToolCoord => {

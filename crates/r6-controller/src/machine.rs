@@ -112,6 +112,8 @@ pub struct Machine {
     pub(crate) pulses: Vec<(Instant, OutputPoint, bool)>,
     /// Where the register-driven program is.
     pub(crate) program_step: ProgramStep,
+    /// A target was written that the free-running program has not moved to yet.
+    pub(crate) target_written: bool,
     /// Cameras that a program asks for a photo.
     pub(crate) photos: VecDeque<i64>,
     /// The program ends with this pass.
@@ -169,6 +171,7 @@ impl Machine {
             stop_signal: None,
             pulses: Vec::new(),
             program_step: ProgramStep::default(),
+            target_written: false,
             photos: VecDeque::new(),
             last_pass: false,
             cycle_started: None,

@@ -12,6 +12,9 @@ pub const REMOTE_MOLD: &str = "remote";
 /// The program that moves to the axes in registers 800 to 805 at a pulse of M011, or once in single cycle.
 pub const REGISTER_MOLD: &str = "register-move";
 
+/// The program that runs freely and moves to the axes in registers 850 to 855 whenever they are written.
+pub const FOLLOW_MOLD: &str = "register-follow";
+
 /// How a virtual controller is built.
 #[derive(Clone, Debug)]
 pub struct ControllerSettings {
@@ -25,7 +28,7 @@ pub struct ControllerSettings {
     pub homed: bool,
     /// What `machineName` answers. It says that the machine is virtual, in a field that clients only display.
     pub machine_name: String,
-    /// The programs, by name: [`REMOTE_MOLD`], [`REGISTER_MOLD`]; any other one is empty and never ends.
+    /// The programs, by name: [`REMOTE_MOLD`], [`REGISTER_MOLD`], [`FOLLOW_MOLD`]; any other one is empty and never ends.
     pub molds: Vec<String>,
     /// The program in use.
     pub mold: String,
@@ -49,7 +52,7 @@ impl ControllerSettings {
             model,
             start: StartState::Waiting,
             homed: true,
-            molds: vec!["default".to_owned(), REGISTER_MOLD.to_owned(), REMOTE_MOLD.to_owned()],
+            molds: ["default", FOLLOW_MOLD, REGISTER_MOLD, REMOTE_MOLD].map(str::to_owned).to_vec(),
             mold: REMOTE_MOLD.to_owned(),
             counters: [(0, (0, 0)), (2, (0, 0)), (5, (0, 0))].into_iter().collect(),
             io_boards: 2,

@@ -192,7 +192,10 @@ fn address_origin() {
 
 #[test]
 fn address_mold_list() {
-    assert_eq!(Cell::new().value("moldList"), json!(["default", "register-move", "remote"]));
+    assert_eq!(
+        Cell::new().value("moldList"),
+        json!(["default", "register-follow", "register-move", "remote"])
+    );
 }
 
 #[test]

@@ -95,3 +95,30 @@ fn a_target_beyond_a_limit_is_an_alarm_and_remote_lists_are_refused() {
     cell.ok(&["switchMold", "remote"]);
     cell.run_ok(&json!([{"oneshot": "1", "action": "800", "cnt_id": "1"}]));
 }
+
+#[test]
+fn a_free_running_program_follows_what_is_written() {
+    let mut cell = Cell::new();
+    cell.ok(&["switchMold", "register-follow"]);
+    cell.ok(&["rewriteDataList", "800", "6", "0", "9000", "0", "0", "0", "0", "0"]);
+    assert_eq!(cell.text("isMoving"), "0", "other registers mean nothing to it");
+    cell.ok(&["rewriteDataList", "850", "6", "0", "10000", "-5000", "0", "0", "30000", "0"]);
+    assert_eq!(cell.query(&["isMoving", "RemoteCmdLen", "curMode"]), [json!("1"), json!("0"), json!("7")]);
+    cell.pass(0.2);
+    // The newest target counts once the arm is there.
+    cell.ok(&["rewriteData", "850", "20000", "0"]);
+    cell.ok(&["rewriteData", "850", "15000", "0"]);
+    cell.pass(10.0);
+    assert_near(cell.axes(), [15.0, -5.0, 0.0, 0.0, 30.0, 0.0], 1e-6);
+    assert_eq!(cell.query(&["isMoving", "curAlarm"]), [json!("0"), json!("0")]);
+    // Stopped, it follows nothing, and started again it waits for the next write.
+    cell.ok(&["actionStop"]);
+    cell.ok(&["rewriteData", "850", "0", "0"]);
+    cell.pass(5.0);
+    cell.ok(&["startButton"]);
+    cell.pass(5.0);
+    assert_eq!(cell.text("axis-0"), "15.000000");
+    cell.ok(&["rewriteData", "851", "0", "0"]);
+    cell.pass(5.0);
+    assert_near(cell.axes(), [0.0, 0.0, 0.0, 0.0, 30.0, 0.0], 1e-6);
+}

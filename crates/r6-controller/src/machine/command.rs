@@ -66,6 +66,7 @@ impl Machine {
             }
             Command::RewriteData { register, value, .. } => {
                 self.registers.insert(*register, *value);
+                self.registers_written(*register, 1);
             }
             Command::RewriteDataList { first, values, .. } => {
                 for (number, value) in (first.number()..).zip(values) {
@@ -73,6 +74,7 @@ impl Machine {
                         self.registers.insert(register, *value);
                     }
                 }
+                self.registers_written(*first, values.len());
             }
             Command::ModifyAccDec { acceleration, deceleration } => {
                 self.ramps = Ramps::new(*acceleration, *deceleration)
@@ -103,6 +105,7 @@ impl Machine {
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
         self.list.clear();
         self.program_step = ProgramStep::default();
+        self.target_written = false;
         self.cycle_started = None;
         self.mold = mold.to_owned();
         self.run_list();

@@ -1,6 +1,7 @@
-//! The program that is driven by registers: the other way in which PCs move these arms.
+//! The programs that are driven by registers: the other way in which PCs move these arms.
 //!
-//! A PC writes six axes, in degrees × 1000, into registers 800 to 805. A pulse of M011, or a single cycle, lets the program
+//! A PC writes six axes, in degrees × 1000. One program runs freely and moves whenever registers 850 to 855 are written.
+//! The other takes registers 800 to 805: a pulse of M011, or a single cycle, lets it
 //! move there, count counter 0 and ask the camera for a photo. What a taught program does more is to come.
 
 use r6_proto::message::instruction::{Coordinates, Manner, Move, Wait, WaitCondition, WaitSource};
@@ -9,10 +10,13 @@ use r6_proto::{OperationMode, RegisterIndex};
 
 use super::Machine;
 use super::execution::Activity;
-use crate::settings::REGISTER_MOLD;
+use crate::settings::{FOLLOW_MOLD, REGISTER_MOLD};
 
 /// The first of the six registers with the target.
 const BASE: u16 = RegisterIndex::FIRST;
+
+/// The first of the six registers that the free-running program follows.
+const FOLLOWED: u16 = 850;
 
 /// M011: board 0, point 1 of the M points (`modifyOutput` board 4).
 const TRIGGER: WaitSource = WaitSource::M { board: 0, point: 1 };
@@ -39,7 +43,14 @@ pub enum ProgramStep {
 impl Machine {
     /// Puts the next step of the program into the list, where the program in use has steps of its own.
     pub(super) fn next_program_step(&mut self) -> bool {
-        if self.mold != REGISTER_MOLD || !self.runs() {
+        if !self.runs() {
+            return false;
+        }
+        if self.mold == FOLLOW_MOLD {
+            let written = std::mem::take(&mut self.target_written);
+            return written && self.append_own(self.move_to(FOLLOWED));
+        }
+        if self.mold != REGISTER_MOLD {
             return false;
         }
         let action = match self.program_step {
@@ -53,7 +64,7 @@ impl Machine {
             }
             ProgramStep::Move => {
                 self.program_step = ProgramStep::Count;
-                Action::AxisMove(Move { target: self.registers_as_axes(), manner: full_speed() })
+                self.move_to(BASE)
             }
             ProgramStep::Count => {
                 self.program_step = ProgramStep::Trigger;
@@ -71,7 +82,26 @@ impl Machine {
                 return self.next_program_step();
             }
         };
+        self.append_own(action)
+    }
+
+    fn append_own(&mut self, action: Action) -> bool {
         self.list.append(&[Instruction { oneshot: true, action }]).is_ok()
+    }
+
+    /// Registers were written: the free-running program sees whether its target is among them.
+    pub(super) fn registers_written(&mut self, first: RegisterIndex, count: usize) {
+        let first = usize::from(first.number());
+        let followed = usize::from(FOLLOWED)..usize::from(FOLLOWED) + 6;
+        if self.mold == FOLLOW_MOLD && first < followed.end && first + count > followed.start {
+            self.target_written = true;
+            self.run_list();
+        }
+    }
+
+    /// Whether the program in use puts steps of its own into the list.
+    pub(crate) fn has_own_steps(&self) -> bool {
+        self.mold == REGISTER_MOLD || self.mold == FOLLOW_MOLD
     }
 
     /// Whether the program stands before its move, so that no cycle has begun.
@@ -81,8 +111,9 @@ impl Machine {
 
     /// Goes back to the beginning of the program, unless something of it is only interrupted.
     pub(super) fn restart_program(&mut self) {
-        if self.mold == REGISTER_MOLD && matches!(self.activity, Activity::Idle) {
+        if self.has_own_steps() && matches!(self.activity, Activity::Idle) {
             self.list.clear();
+            self.target_written = false;
             self.program_step = ProgramStep::Trigger;
         }
     }
@@ -96,16 +127,17 @@ impl Machine {
         }
     }
 
-    fn registers_as_axes(&self) -> Coordinates {
+    /// A move to the six axes in the registers from `base` on.
+    fn move_to(&self, base: u16) -> Action {
         let mut degrees = [0.0; 6];
-        for (slot, number) in degrees.iter_mut().zip(BASE..) {
+        for (slot, number) in degrees.iter_mut().zip(base..) {
             let value =
                 RegisterIndex::new(number).and_then(|register| self.registers.get(&register).copied());
             // A register has 32 bits; what a peer wrote beyond them lies beyond every limit all the same.
             let value = i32::try_from(value.unwrap_or(0)).unwrap_or(i32::MAX);
             *slot = f64::from(value) / 1000.0;
         }
-        Coordinates::from_slice(&degrees)
+        Action::AxisMove(Move { target: Coordinates::from_slice(&degrees), manner: full_speed() })
     }
 
     /// A camera that a program asks for a photo.
