@@ -52,7 +52,7 @@ impl Machine {
             Address::MachineName => data.text(&self.machine_name),
             Address::CurTorque(axis) => data.integer(whole(self.torque(axis))),
             Address::CurSpeed(axis) => data.integer(whole(self.motor_speed(axis))),
-            Address::CurAccount => data.text("operator"),
+            Address::CurAccount => data.text(&self.account),
             Address::Origin => data.flag(self.homed),
             Address::MoldList => data.texts(self.molds.iter().map(String::as_str)),
             Address::IsMoving => data.flag(self.is_moving()),
@@ -63,6 +63,7 @@ impl Machine {
                 data.integer(i64::try_from(remote).unwrap_or(i64::MAX));
             }
             Address::ToolCoord => {
+                // A collaborative desk cannot be chosen by anything that a manual knows: none.
                 let (tool, bench) = (self.tool.to_string(), self.bench.to_string());
                 data.texts([tool.as_str(), bench.as_str(), "0"]);
             }

@@ -28,6 +28,8 @@ pub struct ControllerSettings {
     pub homed: bool,
     /// What `machineName` answers. It says that the machine is virtual, in a field that clients only display.
     pub machine_name: String,
+    /// The user that `curAccount` tells.
+    pub account: String,
     /// The programs, by name: [`REMOTE_MOLD`], [`REGISTER_MOLD`], [`FOLLOW_MOLD`]; any other one is empty and never ends.
     pub molds: Vec<String>,
     /// The program in use.
@@ -52,6 +54,7 @@ impl ControllerSettings {
             model,
             start: StartState::Waiting,
             homed: true,
+            account: "operator".to_owned(),
             molds: ["default", FOLLOW_MOLD, REGISTER_MOLD, REMOTE_MOLD].map(str::to_owned).to_vec(),
             mold: REMOTE_MOLD.to_owned(),
             counters: [(0, (0, 0)), (2, (0, 0)), (5, (0, 0))].into_iter().collect(),

@@ -177,6 +177,11 @@ fn address_cur_speed_n() {
 fn address_cur_account() {
     assert_eq!(Cell::new().query(&["curAccount"]).len(), 0, "not on the mainboard's port");
     assert_eq!(Cell::with_profile("r6-pendant").text("curAccount"), "operator");
+    let settings = ControllerSettings::new(Profile::named("r6-pendant").unwrap(), RobotModel::default());
+    assert_eq!(
+        Cell::of(ControllerSettings { account: "anna".to_owned(), ..settings }).text("curAccount"),
+        "anna"
+    );
 }
 
 #[test]

@@ -31,7 +31,7 @@ pub struct CellArgs {
     /// How it stands when it is switched on
     #[arg(long, value_enum, default_value = "waiting")]
     start: Start,
-    /// Seed of whatever is random
+    /// Seed of whatever is random; nothing is yet, so it has no effect
     #[arg(long, default_value = "0")]
     seed: u64,
 }
