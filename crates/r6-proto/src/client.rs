@@ -116,7 +116,8 @@ pub enum Event<'a> {
     Reply {
         /// The request.
         ticket: Ticket,
-        /// The reply: a [`Body::QueryReply`], a [`Body::CommandReply`] or, if it cannot be understood, a [`Body::Rejected`].
+        /// The reply: a [`QueryReply`](crate::Body::QueryReply), a [`CommandReply`](crate::Body::CommandReply) or, if
+        /// it cannot be understood, a [`Rejected`](crate::Body::Rejected).
         message: Message<'a>,
         /// How long it took.
         after: Duration,
