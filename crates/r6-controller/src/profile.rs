@@ -96,7 +96,8 @@ pub enum Unarmed {
 pub enum ReplaceInMotion {
     /// Alarm 200; the arm stops.
     Alarm200,
-    /// The arm stops and goes on with the new list.
+    /// The arm goes over to the new list without a stop, where its first step is a move that can be gone to in mid-move;
+    /// else it stops and goes on with the new list.
     TakeOver,
 }
 

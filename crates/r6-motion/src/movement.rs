@@ -9,7 +9,9 @@
 //! that takes over at an instant of the old one, on the same path, without a jump in position or speed.
 
 mod blend;
+mod limits;
 mod pace;
+mod take_over;
 
 use std::sync::Arc;
 
@@ -18,9 +20,10 @@ use super::error::PlanError;
 use super::kinematics::{Frames, world};
 use super::path::{AxisPath, CurvePath, LinearPath, Path};
 use super::pose::Pose;
-use super::profile::{Profile, Ramps};
+use super::profile::{Profile, Ramps, SmoothStep};
 use super::robot_model::RobotModel;
 use pace::Pace;
+use take_over::Tail;
 
 pub use blend::Blend;
 
@@ -108,6 +111,8 @@ pub struct Movement {
     first: Stroke,
     /// What began before the first has ended.
     second: Option<Stroke>,
+    /// What was under way when this took over, as it comes to rest.
+    tail: Option<Tail>,
     /// The time that both count by.
     pace: Pace,
 }
@@ -191,7 +196,7 @@ impl Movement {
         conditions: &Conditions,
     ) -> Result<Self, PlanError> {
         let first = Stroke::plan(model, start, order, conditions, 0.0)?;
-        Ok(Self { model: model.to_owned(), first, second: None, pace: Pace::EVEN })
+        Ok(Self { model: model.to_owned(), first, second: None, tail: None, pace: Pace::EVEN })
     }
 
     /// How long it takes, delay included.
@@ -212,29 +217,39 @@ impl Movement {
     pub fn state_at(&self, seconds: f64) -> MotionState {
         let done = seconds >= self.duration() - END_ROUNDING;
         let t = since_start(seconds);
-        let (time, rate) = match (done, self.reaches_end()) {
-            (true, true) => (f64::INFINITY, 0.0),
-            (true, false) => (self.pace.time(self.pace.settles()), 0.0),
-            (false, _) => (self.pace.time(t), self.pace.rate(t)),
+        let here = match (done, self.reaches_end()) {
+            (true, true) => self.at(f64::INFINITY),
+            (true, false) => self.at(self.pace.time(self.pace.settles())),
+            (false, _) => self.moving_at(t),
         };
-        let here = self.at(time);
         let mut axis_speeds = [0.0; AXES];
-        if seconds >= 0.0 {
+        if seconds >= 0.0 && !done {
             for (slot, speed) in axis_speeds.iter_mut().zip(here.speeds) {
-                *slot = speed * rate;
+                *slot = speed;
             }
         }
         let pose = world(&self.model, &here.axes, &self.last().frames);
         MotionState { axes: here.axes, axis_speeds, pose, done }
     }
 
-    /// Both moves at one time of the plan.
+    /// The arm at one time of the plan.
     fn at(&self, time: f64) -> StrokeState {
-        match &self.second {
+        let told = match &self.second {
             None => self.first.at(time),
             Some(second) if time >= self.first.ends() => second.at(time),
-            Some(second) => blend::sum(&self.first.at(time), &second.at(time), &self.first.end()),
+            Some(second) => sum(&self.first.at(time), &second.at(time), &self.first.end()),
+        };
+        match &self.tail {
+            Some(tail) if time < tail.ends() => sum(&tail.at(time), &told, &tail.rest),
+            Some(_) | None => told,
         }
+    }
+
+    /// The arm so many seconds after the start, as it moves: without the rounding at the end.
+    fn moving_at(&self, seconds: f64) -> StrokeState {
+        let rate = self.pace.rate(seconds);
+        let here = self.at(self.pace.time(seconds));
+        StrokeState { speeds: here.speeds.map(|speed| speed * rate), ..here }
     }
 
     fn last(&self) -> &Stroke {
@@ -248,9 +263,10 @@ impl Movement {
     #[must_use]
     pub fn halt(&self, at: f64, within: f64) -> Self {
         let at = since_start(at);
-        let waits = self.pace.time(at) <= self.first.starts;
-        let within = if within.is_finite() && within > 0.0 && !waits { within } else { 0.0 };
-        Self { pace: self.pace.to(at, 0.0, within), ..self.clone() }
+        let waits = self.waits(at);
+        let takes_time = within.is_finite() && within > 0.0 && !waits;
+        let step = takes_time.then(|| SmoothStep::within(within));
+        Self { pace: self.pace.to(at, 0.0, step), ..self.clone() }
     }
 
     /// From `at` on, goes to the end of the path with this global speed: after a halt, at rest or still
@@ -262,8 +278,8 @@ impl Movement {
         let at = if self.pace.stops() { at } else { at.min(self.duration()) };
         let mut next = self.retold(at, global)?;
         next.pace = if self.pace.stops() {
-            let waits = self.pace.time(at) <= self.first.starts;
-            self.pace.to(at, 1.0, if waits { 0.0 } else { self.last().profile.shortest_change() })
+            let step = SmoothStep::within(self.last().profile.shortest_change());
+            self.pace.to(at, 1.0, (!self.waits(at)).then_some(step))
         } else {
             self.pace.from(at)
         };
@@ -280,6 +296,11 @@ impl Movement {
             return Ok(Self { pace: self.pace.from(since_start(at)), ..self.clone() });
         }
         self.resume(at, global)
+    }
+
+    /// Whether the arm has not set out yet.
+    fn waits(&self, at: f64) -> bool {
+        self.tail.is_none() && self.pace.time(at) <= self.first.starts
     }
 
     /// With another global speed from `at` on, at the same pace.
@@ -304,6 +325,19 @@ impl Movement {
     pub fn path(&self) -> &Path {
         &self.first.path
     }
+}
+
+/// What two parts of a motion do to the axes together; the second set out from `corner`, the first goes there.
+fn sum(first: &StrokeState, second: &StrokeState, corner: &Axes) -> StrokeState {
+    let (mut arm, mut speeds) = ([0.0; ARM_AXES], [0.0; ARM_AXES]);
+    let places = first.axes.arm().into_iter().zip(second.axes.arm()).zip(corner.arm());
+    for (slot, ((first, second), corner)) in arm.iter_mut().zip(places) {
+        *slot = first + (second - corner);
+    }
+    for (slot, (first, second)) in speeds.iter_mut().zip(first.speeds.into_iter().zip(second.speeds)) {
+        *slot = first + second;
+    }
+    StrokeState { axes: corner.with_arm(arm), speeds }
 }
 
 /// A time a caller gives: never before the start; what is no number counts as the start.

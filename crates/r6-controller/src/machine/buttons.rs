@@ -218,11 +218,11 @@ impl Machine {
             }
             self.list.clear();
             self.cycle_started = None;
-            if !self.halt(self.profile.action_stop_time, AfterHalt::NewList) {
-                self.activity = Activity::Idle;
-            }
         }
         self.list.append(instructions).map_err(|_| NO_ROOM)?;
+        if replace && !self.take_over() && !self.halt(self.profile.action_stop_time, AfterHalt::NewList) {
+            self.activity = Activity::Idle;
+        }
         self.run_list();
         Ok(())
     }

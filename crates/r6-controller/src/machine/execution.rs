@@ -75,7 +75,7 @@ pub struct Run {
 }
 
 impl Run {
-    fn new(movement: Movement, started: Instant, blend: Blend) -> Self {
+    pub(super) fn new(movement: Movement, started: Instant, blend: Blend) -> Self {
         Self { movement: Box::new(movement), started, blend, joined: 0, at_corner: false }
     }
 

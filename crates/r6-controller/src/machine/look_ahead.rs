@@ -6,7 +6,7 @@
 //! meanwhile joins at once. The arm comes to rest before a wait, before a move with a delay, and at the end of a
 //! pass.
 
-use r6_proto::message::Action;
+use r6_proto::message::{Action, Instruction};
 use r6_proto::message::instruction::OutputKind;
 
 use super::Machine;
@@ -42,7 +42,7 @@ impl Machine {
         if !run.at_corner || run.joined > 0 || !self.waits_for_remote() {
             return;
         }
-        let Some((ahead, order)) = self.next_move(&run.movement.end()) else { return };
+        let Some((ahead, order)) = self.next_move(1, &run.movement.end()) else { return };
         let seconds = run.seconds(self.now);
         let Ok(movement) = run.movement.join(seconds, &order.step, &order.conditions, run.blend) else {
             // It raises its alarm when its turn comes, with the arm at rest.
@@ -50,8 +50,33 @@ impl Machine {
         };
         let between: Vec<_> = (1..ahead).filter_map(|step| self.list.ahead(step).copied()).collect();
         self.activity = Activity::Moving(run.joined_by(movement, ahead, order.blend));
-        for step in between {
-            if let Err((alarm, why)) = self.begin(&step) {
+        self.carry_out(&between);
+    }
+
+    /// A new list takes the arm over in mid-move, without a stop. `false` where it has to stop first: its first move
+    /// does not follow at once, or cannot be gone to from here; that is found out, with its alarm, once the arm rests.
+    pub(super) fn take_over(&mut self) -> bool {
+        let Activity::Moving(run) = &self.activity else { return false };
+        let seconds = run.seconds(self.now);
+        let Some((ahead, order)) = self.next_move(0, &self.motion().axes) else { return false };
+        let Ok(Some(movement)) = run.movement.take_over(seconds, &order.step, &order.conditions) else {
+            return false;
+        };
+        self.activity = Activity::Moving(Run::new(movement, self.now, order.blend));
+        self.cycle_started = Some(self.now);
+        self.pass_started = self.now;
+        let before: Vec<_> = (0..ahead).filter_map(|step| self.list.ahead(step).copied()).collect();
+        for _ in &before {
+            self.list.finish_current();
+        }
+        self.carry_out(&before);
+        true
+    }
+
+    /// Steps that take no time, while the arm moves on.
+    fn carry_out(&mut self, steps: &[Instruction]) {
+        for step in steps {
+            if let Err((alarm, why)) = self.begin(step) {
                 self.raise(alarm, why);
                 return;
             }
@@ -59,10 +84,11 @@ impl Machine {
         self.check_stop_signal();
     }
 
-    /// The next move, if nothing but steps that take no time lies before it, and how many steps ahead it is.
-    fn next_move(&self, from: &Axes) -> Option<(usize, Order)> {
+    /// The next move, if nothing but steps that take no time lies before it, and how many steps ahead it is; the first
+    /// step that counts is `first` ahead.
+    fn next_move(&self, first: usize, from: &Axes) -> Option<(usize, Order)> {
         let mut told = Told { path_speed: self.path_speed, bench: self.bench };
-        for ahead in 1.. {
+        for ahead in first.. {
             let action = &self.list.ahead(ahead)?.action;
             match action {
                 Action::PathSpeed(speed) => told.path_speed = path_speed(speed).ok()?,

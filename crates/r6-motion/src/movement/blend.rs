@@ -5,8 +5,8 @@
 //! move is half over in time, so that no third move can come in, and never so that more than half of either way is
 //! cut.
 
-use super::{Conditions, Move, Movement, Stroke, StrokeState};
-use crate::axes::{ARM_AXES, Axes};
+use super::limits::stays_within;
+use super::{Conditions, Move, Movement, Stroke, Tail, sum};
 use crate::error::PlanError;
 use crate::path::Path;
 
@@ -17,9 +17,6 @@ const SHARE_PER_LEVEL: f64 = 0.045;
 
 /// Half of a way, and what rounding adds to it.
 const HALF: f64 = 0.5 + 1e-9;
-
-/// At how many instants of a corner the axes are compared with their limits.
-const LOOKS: u32 = 64;
 
 /// How often a corner is rounded half as much before it is not rounded at all.
 const TRIES: u32 = 5;
@@ -58,7 +55,7 @@ impl Movement {
     pub fn corner(&self, blend: Blend) -> Option<f64> {
         let alone = self.second.is_none() && !self.pace.stops() && self.first.profile.end() > 0.0;
         (alone && blend.level() > 0)
-            .then(|| self.pace.when(self.first.ends() - overlap(&self.first, blend)))?
+            .then(|| self.pace.when((self.first.ends() - overlap(&self.first, blend)).max(self.tail_ends())))?
     }
 
     /// The same with a move that begins at `at`, or as soon after as the corner allows, and goes on from where
@@ -80,6 +77,7 @@ impl Movement {
         let mut second = Stroke::plan(&self.model, &self.first.end(), order, conditions, 0.0)?;
         let end = self.first.ends();
         let overlap = overlap(&self.first, blend).min(overlap(&second, blend)).min(end - self.pace.time(at));
+        let overlap = overlap.min(end - self.tail_ends());
         for overlap in (0..TRIES).map(|halved| overlap / f64::from(1_u32 << halved)).chain([0.0]) {
             second.starts = end - overlap.max(0.0) + order.delay;
             if overlap <= 0.0 || self.corner_is_allowed(&second) {
@@ -101,8 +99,14 @@ impl Movement {
         let mut next = self.clone();
         if let Some(second) = next.second.take() {
             next.first = second;
+            next.tail = None;
         }
         next
+    }
+
+    /// When what this movement took over from rests; no corner is rounded before.
+    fn tail_ends(&self) -> f64 {
+        self.tail.as_ref().map_or(0.0, Tail::ends)
     }
 
     /// Whether the corner before `second` cuts no more than half of either way, and no axis can leave its soft
@@ -121,16 +125,10 @@ impl Movement {
         }
         let corner = self.first.end();
         let (from, to) = (second.starts, self.first.ends());
-        let step = (to - from).max(0.0) / f64::from(LOOKS);
         // An axis is never faster than in the faster of the two.
         let fastest = self.first.axis_speed().max(second.axis_speed());
-        (0..=LOOKS).all(|look| {
-            let time = from + step * f64::from(look);
-            let here = sum(&self.first.at(time), &second.at(time), &corner);
-            here.axes.arm().into_iter().zip(&self.model.axes).all(|(degrees, figures)| {
-                let between = figures.max_speed * fastest * step / 2.0;
-                figures.soft.contains(degrees - between) && figures.soft.contains(degrees + between)
-            })
+        stays_within(&self.model, from, to, fastest, |time| {
+            sum(&self.first.at(time), &second.at(time), &corner).axes
         })
     }
 }
@@ -142,7 +140,7 @@ impl Stroke {
     }
 
     /// The largest fraction of its full speed that any axis can have on it.
-    fn axis_speed(&self) -> f64 {
+    pub(super) fn axis_speed(&self) -> f64 {
         self.profile.fastest() / self.path.top_speed()
     }
 }
@@ -151,19 +149,6 @@ impl Stroke {
 fn overlap(stroke: &Stroke, blend: Blend) -> f64 {
     let change = stroke.profile.shortest_change();
     (blend.share() * change).min(stroke.profile.duration() / 2.0)
-}
-
-/// What two moves do to the axes together; the second set out from `corner`, the first goes there.
-pub(super) fn sum(first: &StrokeState, second: &StrokeState, corner: &Axes) -> StrokeState {
-    let (mut arm, mut speeds) = ([0.0; ARM_AXES], [0.0; ARM_AXES]);
-    let places = first.axes.arm().into_iter().zip(second.axes.arm()).zip(corner.arm());
-    for (slot, ((first, second), corner)) in arm.iter_mut().zip(places) {
-        *slot = first + (second - corner);
-    }
-    for (slot, (first, second)) in speeds.iter_mut().zip(first.speeds.into_iter().zip(second.speeds)) {
-        *slot = first + second;
-    }
-    StrokeState { axes: corner.with_arm(arm), speeds }
 }
 
 #[cfg(test)]

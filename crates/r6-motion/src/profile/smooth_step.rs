@@ -4,6 +4,8 @@
 //! part of the ramp, the S-curve, and the filter. What comes out is a step with a bounded jerk that takes the
 //! same time however large the change is, and whose every value is a short polynomial.
 
+use super::Ramps;
+
 /// The share of a ramp that is bent, at either end of it (S-curve 30 %, reported, unit B).
 pub const S_CURVE: f64 = 0.3;
 
@@ -32,6 +34,15 @@ impl SmoothStep {
     #[must_use]
     pub fn of(ramp: f64) -> Self {
         Self { windows: [(1.0 - S_CURVE) * ramp, S_CURVE * ramp, FILTER_SECONDS] }
+    }
+
+    /// The step of the default ramp, made longer or shorter so that it takes so many seconds, which have to be above
+    /// zero.
+    #[must_use]
+    pub fn within(seconds: f64) -> Self {
+        let model = Self::of(Ramps::default().acceleration());
+        let scale = seconds / model.width();
+        Self { windows: model.windows.map(|window| window * scale) }
     }
 
     /// How long it takes, seconds: the ramp and the filter.
@@ -122,6 +133,16 @@ mod tests {
         let over = step.at(1.0);
         assert_eq!((over.height, over.slope), (1.0, 0.0));
         assert!((over.area - (1.0 - 0.189)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_step_within_a_time_takes_that_time() {
+        for seconds in [1e-6, 0.078, 0.5, 60.0] {
+            let step = SmoothStep::within(seconds);
+            assert!((step.width() - seconds).abs() < 1e-12 * seconds.max(1.0));
+            assert!((step.at(seconds / 2.0).height - 0.5).abs() < 1e-9);
+        }
+        assert_eq!(SmoothStep::within(0.378).at(0.1).height.to_bits() >> 12, SmoothStep::of(0.25).at(0.1).height.to_bits() >> 12);
     }
 
     proptest! {

@@ -5,6 +5,7 @@ use super::super::tests::{
     any_move, conditions, end_of, line_by, percent, plan, takes_over, to_axes, tool_down,
 };
 use super::*;
+use crate::axes::Axes;
 use crate::kinematics::forward;
 use crate::kinematics::tests::{arm_in_limits, model, possible};
 use crate::movement::MoveTarget;
