@@ -4,15 +4,14 @@ use r6_proto::message::reading::Counter;
 use r6_proto::reply::DataWriter;
 use r6_proto::{AXES, Address, AxisIndex};
 
+use r6_motion::drive::torques;
+use r6_motion::{AxisMotions, MotionState};
+
 use crate::io::Io;
 use crate::machine::Machine;
 
 /// Rated torque on the wire (manual 4.1.1 #16).
 pub const RATED_TORQUE: f64 = 2580.0;
-
-/// The torque that friction takes at full speed, as a share of the rated torque. Chosen: there is no published figure
-/// but that it is 0 at rest (reported, unit A); gravity and inertia are not in it.
-const FRICTION_AT_FULL_SPEED: f64 = 0.2;
 
 impl Machine {
     /// Appends the value of an address; nothing where this firmware has none, so that the values no longer line up
@@ -44,6 +43,7 @@ impl Machine {
             Address::Output(board) => data.integer(i64::from(Io::word(&self.io.outputs, board))),
             Address::M(board) => data.integer(i64::from(Io::word(&self.io.m, board))),
             Address::AxisNum => data.integer(i64::try_from(self.model.axis_count()).unwrap_or(0)),
+            // Nobody documents faxis: taken as the filtered position, and the planned motion is filtered already.
             Address::Axis(axis) | Address::Faxis(axis) => data.decimal(self.axis_position(axis)),
             Address::World(component) => data.decimal(self.world_component(component)),
             Address::CurAlarm => data.integer(i64::from(self.alarm)),
@@ -87,10 +87,19 @@ impl Machine {
         at(&self.model.motor_rpm(&self.motion().axis_speeds), axis)
     }
 
-    /// In units of 1/2580 of the rated torque.
+    /// In units of 1/2580 of the rated torque. While no program runs and nothing moves the brakes hold the arm, and the
+    /// drives show 0 (idle `"0"` reported, unit A; that a running program at rest shows gravity is chosen).
     fn torque(&self, axis: AxisIndex) -> f64 {
-        let full = self.model.axes.get(axis.index()).map_or(f64::INFINITY, |axis| axis.max_speed);
-        at(&self.motion().axis_speeds, axis) / full * FRICTION_AT_FULL_SPEED * RATED_TORQUE
+        if !self.runs() && !self.is_moving() {
+            return 0.0;
+        }
+        let MotionState { axes, axis_speeds: speeds, .. } = self.motion();
+        let accelerations = match self.activity.movement() {
+            Some((movement, seconds)) => movement.accelerations_at(seconds(self.now)),
+            None => [0.0; AXES],
+        };
+        let motion = AxisMotions { axes, speeds, accelerations };
+        at(&torques(&self.model, &motion), axis) * RATED_TORQUE
     }
 }
 

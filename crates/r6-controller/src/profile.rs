@@ -14,6 +14,7 @@
 use std::fmt;
 use std::time::Duration;
 
+use r6_motion::Turning;
 use r6_proto::address::{ADDRESSES, Ports};
 use r6_proto::dialect::{CommandReplyForm, CounterForm, Dialect, KeyOrder, ReplyType};
 use r6_proto::message::command::COMMANDS;
@@ -51,6 +52,8 @@ pub struct Profile {
     pub add_rcc_unarmed: Unarmed,
     /// What an AddRCC that replaces the list in mid-motion does. Reported, unit A: alarm 200.
     pub replace_in_motion: ReplaceInMotion,
+    /// Which way round a line or curve turns the tool to a target more than half a turn away in U, V or W.
+    pub turning: Turning,
     /// The most connections that are served; further ones are accepted and never answered. Chosen.
     pub max_connections: usize,
     /// Whether a heartbreak is answered. Nobody knows; chosen: no.
@@ -158,6 +161,7 @@ impl Profile {
             add_rcc_ack: Duration::from_millis(18),
             add_rcc_unarmed: Unarmed::Refuse,
             replace_in_motion: ReplaceInMotion::Alarm200,
+            turning: Turning::Shortest,
             max_connections: 8,
             answers_heartbreak: false,
             accepts_heartbreak_command: false,
@@ -276,6 +280,7 @@ struct ProfileFile {
     add_rcc_ack_ms: Option<u64>,
     add_rcc_unarmed: Option<Unarmed>,
     replace_in_motion: Option<ReplaceInMotion>,
+    turning: Option<TurningWord>,
     max_connections: Option<usize>,
     answers_heartbreak: Option<bool>,
     accepts_heartbreak_command: Option<bool>,
@@ -305,6 +310,7 @@ macro_rules! words {
     };
 }
 
+words!(TurningWord => Turning { Shortest => Turning::Shortest, AsTold => Turning::AsTold });
 words!(PortWord => Port { Mainboard => Port::Mainboard, Pendant => Port::Pendant });
 words!(KeyOrderWord => KeyOrder { Alphabetical => KeyOrder::Alphabetical, Manual => KeyOrder::Manual });
 words!(ReplyTypeWord => ReplyType {
@@ -370,6 +376,7 @@ impl ProfileFile {
         set_ms(&mut profile.add_rcc_ack, self.add_rcc_ack_ms);
         set(&mut profile.add_rcc_unarmed, self.add_rcc_unarmed);
         set(&mut profile.replace_in_motion, self.replace_in_motion);
+        set(&mut profile.turning, self.turning);
         set(&mut profile.max_connections, self.max_connections);
         set(&mut profile.answers_heartbreak, self.answers_heartbreak);
         set(&mut profile.accepts_heartbreak_command, self.accepts_heartbreak_command);

@@ -361,15 +361,63 @@ fn empty_list_1_while_moving_raises_200_on_hc1() {
 }
 
 #[test]
-fn empty_list_1_while_moving_takes_over_where_the_profile_says_so() {
+fn empty_list_1_while_moving_takes_over_without_a_stop_where_the_profile_says_so() {
     let profile = Profile::from_toml("replace_in_motion = \"take-over\"").unwrap();
     let mut cell = Cell::with(profile, Default::default());
     cell.run_ok(&json!([axis_move([90.0, 0.0, 0.0, 0.0, 0.0, 0.0], 10.0)]));
     cell.pass(1.0);
-    cell.run_ok(&json!([axis_move([0.0, 5.0, 0.0, 0.0, 0.0, 0.0], 10.0)]));
-    cell.pass(20.0);
+    let speed = cell.number("curSpeed-0");
+    // An output before the move is set at once.
+    cell.run_ok(&json!([
+        {"oneshot": "1", "action": "200", "type": "0", "io_status": "1", "point": "3"},
+        axis_move([40.0, 5.0, 0.0, 0.0, 0.0, 0.0], 10.0),
+        axis_move([0.0, 5.0, 0.0, 0.0, 0.0, 0.0], 10.0),
+    ]));
+    assert_eq!(cell.query(&["output-0", "RemoteCmdLen"]), [json!("8"), json!("2")]);
+    for _ in 0..50 {
+        cell.pass(0.01);
+        assert_eq!(cell.text("isMoving"), "1");
+        assert!(cell.number("curSpeed-0") >= speed - 1.0, "J1 goes on as it went");
+    }
+    cell.pass(30.0);
     assert_near(cell.axes(), [0.0, 5.0, 0.0, 0.0, 0.0, 0.0], 1e-6);
-    assert_eq!(cell.text("curAlarm"), "0");
+    assert_eq!(cell.query(&["curAlarm", "RemoteCmdLen"]), [json!("0"), json!("0")]);
+}
+
+/// Twenty targets a second, each replacing the one before: the arm follows and never stands.
+#[test]
+fn a_target_that_moves_on_is_followed() {
+    let profile = Profile::from_toml("replace_in_motion = \"take-over\"\nadd_rcc_ack_ms = 0").unwrap();
+    let mut cell = Cell::with(profile, Default::default());
+    for n in 1..=100 {
+        let target = 0.5 * f64::from(n);
+        cell.run_ok(&json!([axis_move([target, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0)]));
+        cell.pass(0.05);
+        if n > 20 {
+            let (place, rpm) = (cell.number("axis-0"), cell.number("curSpeed-0"));
+            assert!(rpm > 50.0, "10 degrees a second is 167 RPM, at target {target}: {rpm}");
+            assert!((target - 12.0..target).contains(&place), "{place} of {target}");
+        }
+    }
+    cell.pass(2.0);
+    assert_near(cell.axes(), [50.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1e-6);
+}
+
+/// What cannot be gone to in mid-move stops the arm first, and then raises its alarm.
+#[test]
+fn a_list_that_cannot_take_over_stops_the_arm_first() {
+    let profile = Profile::from_toml("replace_in_motion = \"take-over\"").unwrap();
+    for (next, alarm) in [
+        (axis_move([156.0, 0.0, 0.0, 0.0, 0.0, 0.0], 10.0), "130"),
+        (json!({"oneshot": "1", "action": "100", "type": "100", "limit": "5"}), "0"),
+    ] {
+        let mut cell = Cell::with(profile.clone(), Default::default());
+        cell.run_ok(&json!([axis_move([90.0, 0.0, 0.0, 0.0, 0.0, 0.0], 10.0)]));
+        cell.pass(1.0);
+        cell.run_ok(&json!([next]));
+        cell.pass(0.1);
+        assert_eq!(cell.query(&["isMoving", "curAlarm"]), [json!("0"), json!(alarm)]);
+    }
 }
 
 #[test]

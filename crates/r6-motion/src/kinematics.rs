@@ -173,6 +173,18 @@ fn flange(model: &RobotModel, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
     }
 }
 
+/// Where the model's three masses are in the base frame, mm: the upper arm's and the forearm's in the middle of them,
+/// the tool's at tool 0. On a Cartesian machine the first moves with X, the second also with Y, the third with all.
+pub(super) fn mass_points(model: &RobotModel, arm: [f64; ARM_AXES]) -> [Vector3<f64>; 3] {
+    let tool = flange(model, arm).translation.vector;
+    let [upper_arm, forearm] = match &model.geometry {
+        Geometry::SixAxis(lengths) => six_axis::middles(model, lengths, arm),
+        Geometry::Scara(lengths) => four_axis::scara_middles(model, lengths, arm),
+        Geometry::Cartesian => [Vector3::new(tool.x, 0.0, 0.0), Vector3::new(tool.x, tool.y, 0.0)],
+    };
+    [upper_arm, forearm, tool]
+}
+
 fn flange_of(tool_at: &Isometry3<f64>, tool: &Frame) -> Isometry3<f64> {
     tool_at * tool.isometry().inverse()
 }

@@ -14,6 +14,7 @@
 )]
 
 pub mod axes;
+pub mod drive;
 pub mod error;
 pub mod kinematics;
 pub mod movement;
@@ -23,9 +24,11 @@ pub mod profile;
 pub mod robot_model;
 
 pub use axes::{ARM_AXES, AXES, Axes, AxisNumber, MoveMask};
+pub use drive::AxisMotions;
 pub use error::{LimitSide, NotFinite, PlanError};
 pub use kinematics::{Frames, InverseError};
 pub use movement::{Blend, Conditions, MotionState, Move, MoveSpeed, MoveTarget, Movement};
+pub use path::Turning;
 pub use pose::{Frame, Pose};
 pub use profile::Ramps;
-pub use robot_model::{Geometry, RobotModel};
+pub use robot_model::{Geometry, Masses, RobotModel};

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use super::axes::{ARM_AXES, AXES, Axes, MoveMask};
 use super::error::PlanError;
 use super::kinematics::{Frames, world};
-use super::path::{AxisPath, CurvePath, LinearPath, Path};
+use super::path::{AxisPath, CurvePath, LinearPath, Path, Turning};
 use super::pose::Pose;
 use super::profile::{Profile, Ramps, SmoothStep};
 use super::robot_model::RobotModel;
@@ -89,6 +89,8 @@ pub struct Conditions {
     pub ramps: Ramps,
     /// Current tool and work frame.
     pub frames: Frames,
+    /// Which way round the tool turns in a line or curve.
+    pub turning: Turning,
 }
 
 /// The arm at one instant.
@@ -151,7 +153,7 @@ impl Stroke {
             return Err(PlanError::NotFinite);
         }
         fraction(told_speed, conditions.global)?;
-        let path = plan_path(model, start, order, &conditions.frames)?;
+        let path = plan_path(model, start, order, conditions)?;
         let top = top_speed(&path, told_speed, conditions.global)?;
         let profile = Profile::plan(path.length(), top, conditions.ramps).ok_or(PlanError::Speed)?;
         let starts = from + order.delay;
@@ -230,6 +232,20 @@ impl Movement {
         }
         let pose = world(&self.model, &here.axes, &self.last().frames);
         MotionState { axes: here.axes, axis_speeds, pose, done }
+    }
+
+    /// How the speeds of the axes change `seconds` after the start, degrees or mm per second squared; 0 for J7 and J8.
+    /// Found from the speeds half a millisecond before and after.
+    #[must_use]
+    pub fn accelerations_at(&self, seconds: f64) -> [f64; AXES] {
+        /// As short as rounding allows: speeds are exact to some 1e-13.
+        const HALF_MILLISECOND: f64 = 5e-4;
+        let before = self.state_at(seconds - HALF_MILLISECOND).axis_speeds;
+        let mut accelerations = self.state_at(seconds + HALF_MILLISECOND).axis_speeds;
+        for (slot, before) in accelerations.iter_mut().zip(before) {
+            *slot = (*slot - before) / (2.0 * HALF_MILLISECOND);
+        }
+        accelerations
     }
 
     /// The arm at one time of the plan.
@@ -345,12 +361,21 @@ fn since_start(at: f64) -> f64 {
     at.max(0.0)
 }
 
-fn plan_path(model: &RobotModel, start: &Axes, order: &Move, frames: &Frames) -> Result<Path, PlanError> {
+fn plan_path(
+    model: &RobotModel,
+    start: &Axes,
+    order: &Move,
+    conditions: &Conditions,
+) -> Result<Path, PlanError> {
+    let Conditions { frames, turning, .. } = conditions;
+    let mask = order.mask;
     Ok(match &order.target {
-        MoveTarget::Axes(target) => Path::Axis(AxisPath::plan(model, start, target, order.mask)?),
-        MoveTarget::Line(target) => Path::Linear(LinearPath::plan(model, frames, start, target, order.mask)?),
+        MoveTarget::Axes(target) => Path::Axis(AxisPath::plan(model, start, target, mask)?),
+        MoveTarget::Line(target) => {
+            Path::Linear(LinearPath::plan(model, frames, start, target, mask, *turning)?)
+        }
         MoveTarget::Curve { middle, end } => {
-            Path::Curve(CurvePath::plan(model, frames, start, (middle, end), order.mask)?)
+            Path::Curve(CurvePath::plan(model, frames, start, (middle, end), mask, *turning)?)
         }
     })
 }

@@ -13,7 +13,7 @@ mod tool_path;
 mod track;
 
 pub use axis_path::AxisPath;
-pub use tool_path::{CurvePath, LinearPath};
+pub use tool_path::{CurvePath, LinearPath, Turning};
 
 use super::axes::{ARM_AXES, Axes};
 

@@ -68,6 +68,8 @@ pub struct AxisModel {
     pub max_speed: f64,
     /// Motor turns per turn of the axis, or per millimetre.
     pub gear_ratio: f64,
+    /// The torque its drive can give all the time, at the axis: Nm, or N where it slides; `None` where nobody says.
+    pub rated_torque: Option<f64>,
     /// 1 or −1: which way the axis counts, see [`Geometry`].
     pub sign: i8,
     /// Where the geometry stands when the axis reads 0, degrees or mm: geometry = sign · axis + offset.
@@ -82,6 +84,7 @@ impl AxisModel {
         vendor: Limits { min: -FARTHEST, max: FARTHEST },
         max_speed: 1.0,
         gear_ratio: 0.0,
+        rated_torque: None,
         sign: 1,
         offset: 0.0,
     };
@@ -135,6 +138,17 @@ pub struct ScaraGeometry {
     pub forearm: f64,
 }
 
+/// What the arm weighs, each mass in one point, kg ([`drive`](crate::drive)).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Masses {
+    /// In the middle of the upper arm; on a Cartesian machine, what X alone carries.
+    pub upper_arm: f64,
+    /// In the middle of the forearm; on a Cartesian machine, what Y carries too.
+    pub forearm: f64,
+    /// At tool 0: wrist, gripper and workpiece; on a Cartesian machine, what Z carries too.
+    pub tool: f64,
+}
+
 /// How the axes carry the tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Geometry {
@@ -156,6 +170,8 @@ pub struct RobotModel {
     axis_count: usize,
     /// Its lengths.
     pub geometry: Geometry,
+    /// What it weighs; `None` where nobody says.
+    pub masses: Option<Masses>,
     /// Full speed of a linear or curve move, mm/s.
     pub max_line_speed: f64,
     /// Full turning speed of the tool in such a move, degrees per second.

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use r6_motion::robot_model::{AxisModel, AxisMotion};
-use r6_motion::{Geometry, RobotModel};
+use r6_motion::{Geometry, Masses, RobotModel};
 
 const DOCUMENT: &str = include_str!("../../../docs/MODELS.md");
 
@@ -18,7 +18,15 @@ fn section(model: &RobotModel) -> String {
         model.max_line_speed, model.max_angular_speed, model.acceleration_time
     )
     .unwrap();
-    text.push_str("| axis | soft limits | vendor's limits | full speed | motor turns | sign |\n|---|---|---|---|---|---|\n");
+    if let Some(masses) = &model.masses {
+        text.truncate(text.trim_end().len());
+        let Masses { upper_arm, forearm, tool } = masses;
+        writeln!(text, "\n`upper_arm` {upper_arm}, `forearm` {forearm}, `tool` {tool} kg.\n").unwrap();
+    }
+    text.push_str(
+        "| axis | soft limits | vendor's limits | full speed | motor turns | rated torque | sign |\n",
+    );
+    text.push_str("|---|---|---|---|---|---|---|\n");
     for (n, axis) in model.drives().enumerate() {
         writeln!(text, "| J{} {}", n + 1, row(axis)).unwrap();
     }
@@ -44,12 +52,13 @@ fn lengths(geometry: &Geometry) -> Option<String> {
 }
 
 fn row(axis: &AxisModel) -> String {
-    let (unit, turns) = match axis.motion {
-        AxisMotion::Turns => ("°", format!("{} per turn", axis.gear_ratio)),
-        AxisMotion::Slides => (" mm", format!("one per {} mm", axis.gear_ratio.recip())),
+    let (unit, turns, force) = match axis.motion {
+        AxisMotion::Turns => ("°", format!("{} per turn", axis.gear_ratio), "Nm"),
+        AxisMotion::Slides => (" mm", format!("one per {} mm", axis.gear_ratio.recip()), "N"),
     };
+    let torque = axis.rated_torque.map_or_else(|| "unknown".to_owned(), |rated| format!("{rated} {force}"));
     format!(
-        "| {} … {}{unit} | {} … {}{unit} | {}{unit}/s | {turns} | {} |",
+        "| {} … {}{unit} | {} … {}{unit} | {}{unit}/s | {turns} | {torque} | {} |",
         axis.soft.min, axis.soft.max, axis.vendor.min, axis.vendor.max, axis.max_speed, axis.sign
     )
 }

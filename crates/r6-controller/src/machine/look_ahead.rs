@@ -6,8 +6,8 @@
 //! meanwhile joins at once. The arm comes to rest before a wait, before a move with a delay, and at the end of a
 //! pass.
 
-use r6_proto::message::{Action, Instruction};
 use r6_proto::message::instruction::OutputKind;
+use r6_proto::message::{Action, Instruction};
 
 use super::Machine;
 use super::execution::{Activity, Run};
@@ -50,7 +50,7 @@ impl Machine {
         };
         let between: Vec<_> = (1..ahead).filter_map(|step| self.list.ahead(step).copied()).collect();
         self.activity = Activity::Moving(run.joined_by(movement, ahead, order.blend));
-        self.carry_out(&between);
+        self.begin_at_once(&between);
     }
 
     /// A new list takes the arm over in mid-move, without a stop. `false` where it has to stop first: its first move
@@ -69,12 +69,12 @@ impl Machine {
         for _ in &before {
             self.list.finish_current();
         }
-        self.carry_out(&before);
+        self.begin_at_once(&before);
         true
     }
 
     /// Steps that take no time, while the arm moves on.
-    fn carry_out(&mut self, steps: &[Instruction]) {
+    fn begin_at_once(&mut self, steps: &[Instruction]) {
         for step in steps {
             if let Err((alarm, why)) = self.begin(step) {
                 self.raise(alarm, why);

@@ -60,6 +60,7 @@ impl Machine {
             global: self.global_speed,
             ramps: self.ramps,
             frames: self.frames_of(manner.tool.unwrap_or(self.tool), manner.coord.unwrap_or(told.bench)),
+            turning: self.profile.turning,
         };
         let blend = Blend::new(manner.smooth.map_or(0, |level| level.level()));
         Ok(Some(Order { step, conditions, blend }))

@@ -28,6 +28,21 @@ pub(super) fn scara_flange(model: &RobotModel, g: &ScaraGeometry, arm: [f64; ARM
     upright(Vector3::new(x, y, g.height + j3), j1 + j2 + j4)
 }
 
+/// The middles of upper arm and forearm.
+pub(super) fn scara_middles(
+    model: &RobotModel,
+    g: &ScaraGeometry,
+    arm: [f64; ARM_AXES],
+) -> [Vector3<f64>; 2] {
+    let [j1, j2, ..] = geometric(model, arm);
+    let along = |degrees: f64, length: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        Vector3::new(cos, sin, 0.0) * length
+    };
+    let (base, upper_arm) = (Vector3::new(0.0, 0.0, g.height), along(j1, g.upper_arm));
+    [base + upper_arm / 2.0, base + upper_arm + along(j1 + j2, g.forearm) / 2.0]
+}
+
 pub(super) fn cartesian_flange(model: &RobotModel, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
     let [x, y, z, turn, _, _] = geometric(model, arm);
     upright(Vector3::new(x, y, z), if model.axis_count() < TURN_AXIS { 0.0 } else { turn })

@@ -1,12 +1,12 @@
 //! Six turning axes with parallel base and spherical wrist, by `rs-opw-kinematics`.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rs_opw_kinematics::glam::{DQuat, DVec3};
 use rs_opw_kinematics::kinematic_traits::{Kinematics, Pose as SolverPose};
 use rs_opw_kinematics::kinematics_impl::OPWKinematics;
 
 use crate::axes::ARM_AXES;
-use crate::robot_model::RobotModel;
+use crate::robot_model::{RobotModel, SixAxisGeometry};
 
 /// J5 this close to 0 turns J4 and J6 about one line, degrees: the solver's own threshold of 1e-6 rad,
 /// rounded up.
@@ -19,6 +19,21 @@ pub(super) fn flange(solver: &OPWKinematics, arm: [f64; ARM_AXES]) -> Isometry3<
     let (t, r) = (pose.translation, pose.rotation);
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(r.w, r.x, r.y, r.z));
     Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), rotation)
+}
+
+/// The middles of upper arm and forearm.
+pub(super) fn middles(model: &RobotModel, g: &SixAxisGeometry, arm: [f64; ARM_AXES]) -> [Vector3<f64>; 2] {
+    let mut geometric = arm;
+    for (slot, axis) in geometric.iter_mut().zip(&model.axes) {
+        *slot = axis.geometric(*slot).to_radians();
+    }
+    let [j1, j2, j3, ..] = geometric;
+    let about = |axis, angle| UnitQuaternion::from_axis_angle(&axis, angle);
+    let base = about(Vector3::z_axis(), j1);
+    let shoulder = Vector3::new(g.a1, g.b, g.d1);
+    let upper_arm = about(Vector3::y_axis(), j2) * Vector3::new(0.0, 0.0, g.a2);
+    let forearm = about(Vector3::y_axis(), j2 + j3) * Vector3::new(g.d4, 0.0, g.a3);
+    [base * (shoulder + upper_arm / 2.0), base * (shoulder + upper_arm + forearm / 2.0)]
 }
 
 /// The up to eight ways to bend the arm, each axis within half a turn of `near`.

@@ -54,8 +54,9 @@ impl Movement {
     #[must_use]
     pub fn corner(&self, blend: Blend) -> Option<f64> {
         let alone = self.second.is_none() && !self.pace.stops() && self.first.profile.end() > 0.0;
-        (alone && blend.level() > 0)
-            .then(|| self.pace.when((self.first.ends() - overlap(&self.first, blend)).max(self.tail_ends())))?
+        (alone && blend.level() > 0).then(|| {
+            self.pace.when((self.first.ends() - overlap(&self.first, blend)).max(self.tail_ends()))
+        })?
     }
 
     /// The same with a move that begins at `at`, or as soon after as the corner allows, and goes on from where

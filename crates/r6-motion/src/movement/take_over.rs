@@ -88,7 +88,13 @@ impl Movement {
         let allowed = stays_within(&self.model, 0.0, tail.ends(), fastest, |time| {
             sum(&tail.at(time), &first.at(time), &rest).axes
         });
-        let next = Self { model: self.model.clone(), first, second: None, tail: Some(tail), pace: super::Pace::EVEN };
+        let next = Self {
+            model: self.model.clone(),
+            first,
+            second: None,
+            tail: Some(tail),
+            pace: super::Pace::EVEN,
+        };
         Ok(allowed.then_some(next))
     }
 

@@ -8,7 +8,7 @@ use crate::kinematics::tests::{arm_in_limits, model, possible};
 use crate::pose::Frame;
 
 pub(super) fn conditions(global: f64) -> Conditions {
-    Conditions { global, ramps: Ramps::default(), frames: Frames::default() }
+    Conditions { global, ramps: Ramps::default(), frames: Frames::default(), turning: Turning::Shortest }
 }
 
 pub(super) fn percent(target: MoveTarget, percent: f64) -> Move {
@@ -135,6 +135,19 @@ fn a_delay_stands_still_first() {
     let going_on = movement.halt(1.0, STOP_SECONDS).resume(100.0, 1.0).unwrap();
     assert!((going_on.duration() - (movement.duration() - 1.0)).abs() < 1e-9);
     assert!(movement.halt(1.0, STOP_SECONDS).state_at(0.0).done);
+}
+
+/// Half-way up the ramp the filter and the S-curve have passed: the acceleration of the straight part.
+#[test]
+fn the_axes_gain_speed_as_the_ramp_says() {
+    let movement = plan(&Axes::ZERO, &percent(to_axes([90.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 50.0), 1.0);
+    let full = 110.4 / 0.175;
+    let at = |t| movement.accelerations_at(t)[0];
+    let up = at(0.189);
+    assert!((0.8 * full..=full).contains(&up), "{up} of {full}");
+    assert!((at(movement.duration() - 0.189) + up).abs() < 1e-3);
+    assert!(at(movement.duration() / 2.0).abs() < 1e-6 && at(movement.duration() + 1.0) == 0.0);
+    assert_eq!(movement.accelerations_at(0.1)[1..], [0.0; 7]);
 }
 
 #[test]

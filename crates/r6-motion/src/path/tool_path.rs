@@ -4,7 +4,7 @@
 //! tool on its track. Asking for the axes later is a look-up: it cannot fail, and position and speed have no
 //! jumps.
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 use super::follower::Follower;
 use super::spline::{Node, Stretch};
@@ -14,7 +14,7 @@ use crate::error::PlanError;
 use crate::kinematics::{Frames, continued, place_of, pose_of, tool_isometry};
 use crate::path::PathAxes;
 use crate::pose::{Frame, Pose};
-use crate::robot_model::RobotModel;
+use crate::robot_model::{Geometry, RobotModel};
 
 /// A path no longer than this is standing still, seconds at full speed: two millionths of a micrometre.
 const NO_LENGTH: f64 = 1e-12;
@@ -25,8 +25,22 @@ const NO_LENGTH: f64 = 1e-12;
 /// of a millimetre.
 const CREEP: f64 = 0.002;
 
+/// Half a turn, degrees.
+const HALF_TURN: f64 = 180.0;
+
+/// Which way round the tool turns to the orientation it is told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Turning {
+    /// The short way: a target of +180 where the tool reads −180 turns nothing.
+    #[default]
+    Shortest,
+    /// The way the numbers say: where U, V or W is told more than half a turn from what it reads, the long way
+    /// round (reported of a real unit: +180 where it stood at −180 was a turn of the wrist).
+    AsTold,
+}
+
 /// The tool straight from where it is to a pose, turning evenly the short way round (`action` 10, manual
-/// 6.1.1).
+/// 6.1.1), or as [`Turning`] says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearPath(ToolPath);
 
@@ -45,10 +59,12 @@ impl LinearPath {
         start: &Axes,
         target: &Pose,
         mask: MoveMask,
+        turning: Turning,
     ) -> Result<Self, PlanError> {
         let from = tool_isometry(model, start, &frames.tool);
         let to = masked(model, frames, &from, target, mask)?;
-        ToolPath::plan(model, &frames.tool, start, Track::line(from, to)).map(Self)
+        let track = turned(Track::line(from, to), model, frames, &from, target, (mask, turning));
+        ToolPath::plan(model, &frames.tool, start, track).map(Self)
     }
 }
 
@@ -65,11 +81,13 @@ impl CurvePath {
         start: &Axes,
         (middle, end): (&Pose, &Pose),
         mask: MoveMask,
+        turning: Turning,
     ) -> Result<Self, PlanError> {
         let from = tool_isometry(model, start, &frames.tool);
         let through = masked(model, frames, &from, middle, mask)?.translation.vector;
         let to = masked(model, frames, &from, end, mask)?;
         let track = Track::arc(from, Point3::from(through), to)?;
+        let track = turned(track, model, frames, &from, end, (mask, turning));
         ToolPath::plan(model, &frames.tool, start, track).map(Self)
     }
 }
@@ -119,6 +137,41 @@ fn masked(
         wanted.rotation = start.rotation;
     }
     Ok(work * wanted)
+}
+
+/// The track with the turn as it is told.
+fn turned(
+    track: Track,
+    model: &RobotModel,
+    frames: &Frames,
+    from: &Isometry3<f64>,
+    target: &Pose,
+    (mask, turning): (MoveMask, Turning),
+) -> Track {
+    let start = pose_of(model, &frames.work.isometry().inv_mul(from));
+    let picked = mask.pick(start.components(), target.components());
+    let [_, _, _, u, v, w] = picked;
+    match turning {
+        Turning::Shortest => track,
+        Turning::AsTold => track.turned_as_told(&long_way(model, &start, [u, v, w])),
+    }
+}
+
+/// What U, V and W are told to change beyond half a turn, as a turn that the tool sees, in radians; nothing where
+/// none is.
+fn long_way(model: &RobotModel, start: &Pose, told: [f64; 3]) -> Vector3<f64> {
+    let far = |from: f64, to: f64| if (to - from).abs() > HALF_TURN { (to - from).to_radians() } else { 0.0 };
+    let [u, v, w] = told;
+    let (x, y, z) = (Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis());
+    if !matches!(model.geometry, Geometry::SixAxis(_)) {
+        return z.into_inner() * far(start.u, u);
+    }
+    // R = Rz(W)·Ry(V)·Rx(U): U turns about the tool's own X, V and W about axes that U and V have turned away.
+    let about_x = UnitQuaternion::from_axis_angle(&x, start.u.to_radians()).inverse();
+    let about_y = UnitQuaternion::from_axis_angle(&y, start.v.to_radians()).inverse();
+    x.into_inner() * far(start.u, u)
+        + about_x * y.into_inner() * far(start.v, v)
+        + about_x * (about_y * z.into_inner()) * far(start.w, w)
 }
 
 #[derive(Clone, Debug, PartialEq)]

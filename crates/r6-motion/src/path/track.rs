@@ -1,5 +1,7 @@
 //! The way of the tool: a straight line or an arc, with the tool turning evenly along it.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::error::PlanError;
@@ -11,12 +13,15 @@ const FLAT_MM: f64 = 1e-3;
 /// Points closer than this are one point, mm.
 const SAME_MM: f64 = 1e-6;
 
+/// A turn smaller than this has no direction, radians: told the long way round it is a full turn.
+const SAME_TURN: f64 = 1e-6;
+
 /// Where the tool is along the way, counted 0 to 1. Beyond both ends the way goes on as it was.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Track {
     start: Isometry3<f64>,
     end: Isometry3<f64>,
-    /// From start to end as seen by the tool: axis times angle, at most half a turn.
+    /// From start to end as seen by the tool: axis times angle, at most half a turn unless it is told otherwise.
     turn: Vector3<f64>,
     shape: Shape,
 }
@@ -71,7 +76,7 @@ impl Track {
         let along = normal.normalize().cross(&out);
         let radius_squared = out.norm_squared();
         let (cos, sin) = ((c - centre).dot(&out) / radius_squared, (c - centre).dot(&along) / radius_squared);
-        let angle = sin.atan2(cos).rem_euclid(std::f64::consts::TAU);
+        let angle = sin.atan2(cos).rem_euclid(TAU);
         Ok(Self::new(start, end, Shape::Arc { centre, out, along, angle }))
     }
 
@@ -82,6 +87,23 @@ impl Track {
         Self { start, end, turn, shape }
     }
 
+    /// The same, turning the other way round to the same end where `told`, a turn that the tool sees in radians, is a
+    /// long way; a `told` of zero changes nothing.
+    pub(super) fn turned_as_told(self, told: &Vector3<f64>) -> Self {
+        if *told == Vector3::zeros() {
+            return self;
+        }
+        let short = self.turn.norm();
+        let turn = if short < SAME_TURN {
+            told.normalize() * TAU
+        } else if self.turn.dot(told) < 0.0 {
+            self.turn * (1.0 - TAU / short)
+        } else {
+            self.turn
+        };
+        Self { turn, ..self }
+    }
+
     /// How far the tool goes, mm.
     pub(super) fn distance(&self) -> f64 {
         match &self.shape {
@@ -90,7 +112,7 @@ impl Track {
         }
     }
 
-    /// How far the tool turns, degrees, at most 180.
+    /// How far the tool turns, degrees, at most 180, or 360 the long way round.
     pub(super) fn angle(&self) -> f64 {
         self.turn.norm().to_degrees()
     }

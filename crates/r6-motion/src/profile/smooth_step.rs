@@ -142,7 +142,10 @@ mod tests {
             assert!((step.width() - seconds).abs() < 1e-12 * seconds.max(1.0));
             assert!((step.at(seconds / 2.0).height - 0.5).abs() < 1e-9);
         }
-        assert_eq!(SmoothStep::within(0.378).at(0.1).height.to_bits() >> 12, SmoothStep::of(0.25).at(0.1).height.to_bits() >> 12);
+        assert_eq!(
+            SmoothStep::within(0.378).at(0.1).height.to_bits() >> 12,
+            SmoothStep::of(0.25).at(0.1).height.to_bits() >> 12
+        );
     }
 
     proptest! {

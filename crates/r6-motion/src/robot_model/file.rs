@@ -5,7 +5,8 @@ use std::sync::Arc;
 use super::reader::{self, ModelError, Table, Value, suggestion};
 use super::source::matches;
 use super::{
-    AxisModel, AxisMotion, Certainty, Geometry, Limits, RobotModel, ScaraGeometry, SixAxisGeometry, Source,
+    AxisModel, AxisMotion, Certainty, Geometry, Limits, Masses, RobotModel, ScaraGeometry, SixAxisGeometry,
+    Source,
 };
 use crate::axes::ARM_AXES;
 
@@ -17,6 +18,9 @@ const FARTHEST_LIMIT: f64 = 1e5;
 
 /// No speed, gear ratio or lead is greater.
 const MOST: f64 = 1e6;
+
+/// No part is heavier, kg.
+const HEAVIEST: f64 = 1e5;
 
 /// None is smaller: at a thousandth of a millimetre or degree per second no move ends on the day it began.
 const LEAST: f64 = 1e-3;
@@ -88,6 +92,7 @@ impl File<'_> {
             "max_angular_speed",
             "acceleration_time",
             "geometry",
+            "masses",
             "axis",
             "source",
         ])?;
@@ -101,6 +106,7 @@ impl File<'_> {
         let wanted = "seconds from 0.001 to 60";
         let acceleration_time = self.own("acceleration_time", wanted, |n| ACCELERATION_TIMES.contains(&n))?;
         let geometry = (kind.build)(&mut self)?;
+        let masses = self.masses()?;
         let (axes, axis_count) = self.axes(&kind)?;
         let sources = self.sources()?;
         Ok(RobotModel {
@@ -108,6 +114,7 @@ impl File<'_> {
             axes,
             axis_count,
             geometry,
+            masses,
             max_line_speed,
             max_angular_speed,
             acceleration_time,
@@ -144,6 +151,24 @@ impl File<'_> {
         Ok(lengths)
     }
 
+    /// The masses of `[masses]`, if there are any.
+    fn masses(&mut self) -> Result<Option<Masses>, ModelError> {
+        let Some(value) = self.root.optional("masses") else { return Ok(None) };
+        let wanted = "a [masses] table with upper_arm, forearm and tool";
+        let table = value.table(wanted)?;
+        let fields = ["upper_arm", "forearm", "tool"];
+        table.only(&fields)?;
+        let mut masses = [0.0; 3];
+        for (slot, field) in masses.iter_mut().zip(fields) {
+            let wanted = "a mass, kg";
+            let value = table.required(field, wanted)?;
+            self.numbers.push(value.name().to_owned());
+            *slot = value.number(wanted, |n| (0.0..=HEAVIEST).contains(&n))?;
+        }
+        let [upper_arm, forearm, tool] = masses;
+        Ok(Some(Masses { upper_arm, forearm, tool }))
+    }
+
     fn axes(&mut self, kind: &Kind) -> Result<([AxisModel; ARM_AXES], usize), ModelError> {
         let list = self.root.required("axis", kind.axes_wanted)?;
         let tables = list.list(kind.axes_wanted)?;
@@ -161,6 +186,10 @@ impl File<'_> {
     }
 
     fn axis(&mut self, value: &Value<'_>, motion: AxisMotion) -> Result<AxisModel, ModelError> {
+        let torque_wanted = match motion {
+            AxisMotion::Turns => "Nm at the axis, 0.001 or more",
+            AxisMotion::Slides => "N, 0.001 or more",
+        };
         let (gear, gear_wanted, speed_wanted) = match motion {
             AxisMotion::Turns => (
                 "gear_ratio",
@@ -170,7 +199,7 @@ impl File<'_> {
             AxisMotion::Slides => ("lead", "mm per motor turn, 0.001 or more", "mm/s 0.001 or more"),
         };
         let table = value.table("an [[axis]] table")?;
-        table.only(&["soft", "vendor", "max_speed", gear, "sign", "offset"])?;
+        table.only(&["soft", "vendor", "max_speed", gear, "rated_torque", "sign", "offset"])?;
         let limits_wanted = match motion {
             AxisMotion::Turns => "[min, max] in degrees, with 0 inside",
             AxisMotion::Slides => "[min, max] in mm, with 0 inside",
@@ -188,6 +217,10 @@ impl File<'_> {
         };
         let max_speed = table.required("max_speed", speed_wanted)?.number(speed_wanted, above_zero)?;
         let gear_figure = table.required(gear, gear_wanted)?.number(gear_wanted, above_zero)?;
+        let rated_torque = match table.optional("rated_torque") {
+            Some(value) => Some(value.number(torque_wanted, above_zero)?),
+            None => None,
+        };
         let sign = match table.optional("sign") {
             Some(value) => value.number("1 or -1", |n| n.abs() == 1.0)?,
             None => 1.0,
@@ -196,7 +229,7 @@ impl File<'_> {
             Some(value) => value.number("degrees or mm", |n| n.abs() <= FARTHEST_LIMIT)?,
             None => 0.0,
         };
-        for field in ["soft", "vendor", "max_speed", gear, "sign", "offset"] {
+        for field in ["soft", "vendor", "max_speed", gear, "rated_torque", "sign", "offset"] {
             self.numbers.extend(table.optional(field).map(|value| value.name().to_owned()));
         }
         Ok(AxisModel {
@@ -208,6 +241,7 @@ impl File<'_> {
                 AxisMotion::Turns => gear_figure,
                 AxisMotion::Slides => gear_figure.recip(),
             },
+            rated_torque,
             sign: if sign < 0.0 { -1 } else { 1 },
             offset,
         })

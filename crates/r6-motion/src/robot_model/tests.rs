@@ -20,6 +20,8 @@ fn numbers(text: &str) -> BTreeSet<String> {
             table = format!("J{axis}.");
         } else if line.starts_with("[geometry]") {
             "geometry.".clone_into(&mut table);
+        } else if line.starts_with("[masses]") {
+            "masses.".clone_into(&mut table);
         } else if line.starts_with("[[source]]") {
             break;
         }
@@ -168,45 +170,58 @@ fn a_wrong_file_says_where_and_what() {
         six,
         "max_speed = 270.0",
         "max_sped = 270.0",
-        "line 27, `J2.max_sped`: there is no such field; nearest: `max_speed`",
+        "line 33, `J2.max_sped`: there is no such field; nearest: `max_speed`",
     );
     complains(
         six,
         "max_speed = 270.0",
         "max_speed = inf",
-        "line 27, `J2.max_speed`: wanted degrees per second 0.001 or more, found inf",
+        "line 33, `J2.max_speed`: wanted degrees per second 0.001 or more, found inf",
     );
     complains(
         six,
         "soft = [-105.0, 75.0]",
         "soft = [75.0, -105.0]",
-        "line 25, `J2.soft`: wanted [min, max] in degrees, with 0 inside, found [75.0, -105.0]",
+        "line 31, `J2.soft`: wanted [min, max] in degrees, with 0 inside, found [75.0, -105.0]",
     );
     complains(
         six,
         "vendor = [-125.0, 85.0]",
         "vendor = [-100.0, 85.0]",
-        "line 26, `J2.vendor`: wanted limits that hold the soft ones, found [-100.0, 85.0]",
+        "line 32, `J2.vendor`: wanted limits that hold the soft ones, found [-100.0, 85.0]",
     );
-    complains(six, "sign = -1", "sign = 0", "line 29, `J2.sign`: wanted 1 or -1, found 0");
+    complains(
+        six,
+        "forearm = 8.0",
+        "forearm = -8.0",
+        "line 20, `masses.forearm`: wanted a mass, kg, found -8.0",
+    );
+    complains(six, "forearm = 8.0", "#", "line 18, `masses.forearm`: is missing; wanted a mass, kg");
+    complains(
+        six,
+        "rated_torque = 230.0",
+        "rated_torque = 0",
+        "line 35, `J2.rated_torque`: wanted Nm at the axis, 0.001 or more, found 0",
+    );
+    complains(six, "sign = -1", "sign = 0", "line 36, `J2.sign`: wanted 1 or -1, found 0");
     complains(
         "GENERIC-SCARA",
         "lead = 20.0",
         "gear_ratio = 20.0",
-        "line 27, `J3.gear_ratio`: there is no such field; there are: soft, vendor, max_speed, lead, sign, offset",
+        "line 34, `J3.gear_ratio`: there is no such field; there are: soft, vendor, max_speed, lead, rated_torque, sign, offset",
     );
     complains(
         "GENERIC-SCARA",
         "certainty = \"chosen\"",
         "certainty = \"choosen\"",
-        "line 36, `source.1.certainty`: wanted one of measured, published, derived, borrowed, assumed, chosen \
+        "line 45, `source.1.certainty`: wanted one of measured, published, derived, borrowed, assumed, chosen \
          (nearest: chosen), found \"choosen\"",
     );
     complains(
         "GENERIC-SCARA",
         "of = [\"geometry.height\"",
         "of = [\"geometry.heigth\"",
-        "line 35, `source.1.of.1`: wanted the name of a number of this file (nearest: `geometry.height`), found \
+        "line 44, `source.1.of.1`: wanted the name of a number of this file (nearest: `geometry.height`), found \
          \"geometry.heigth\"",
     );
 }

@@ -3,7 +3,7 @@
 use r6_motion::kinematics::{Frames, InverseError, all_solutions, forward, inverse, world};
 use r6_motion::{
     Axes, AxisNumber, Conditions, Frame, LimitSide, Move, MoveMask, MoveSpeed, MoveTarget, Movement,
-    PlanError, Pose, Ramps, RobotModel,
+    PlanError, Pose, Ramps, RobotModel, Turning,
 };
 
 use crate::common::model;
@@ -30,7 +30,12 @@ fn close(pose: &Pose, wanted: [f64; 6]) {
 
 fn moved(model: &RobotModel, start: &Axes, target: MoveTarget, mask: u8) -> Result<Movement, PlanError> {
     let order = Move { target, mask: MoveMask(mask), speed: MoveSpeed::PercentOfMax(50.0), delay: 0.0 };
-    let conditions = Conditions { global: 1.0, ramps: Ramps::default(), frames: Frames::default() };
+    let conditions = Conditions {
+        global: 1.0,
+        ramps: Ramps::default(),
+        frames: Frames::default(),
+        turning: Turning::Shortest,
+    };
     Movement::plan(model, start, &order, &conditions)
 }
 
@@ -164,7 +169,7 @@ fn tool_and_work_frame_count_on_four_axes_too() {
         delay: 0.0,
     };
     let frames = Frames { tool, work };
-    let conditions = Conditions { global: 1.0, ramps: Ramps::default(), frames };
+    let conditions = Conditions { global: 1.0, ramps: Ramps::default(), frames, turning: Turning::Shortest };
     let start = axes([10.0, 50.0, -10.0, 0.0]);
     let movement = Movement::plan(scara(), &start, &order, &conditions).unwrap();
     close(&world(scara(), &end(&movement), &frames), [30.0, -300.0, 250.0, -60.0, 0.0, 0.0]);
@@ -190,7 +195,8 @@ fn a_bench_that_is_tilted_is_out_of_reach_for_an_upright_tool() {
     let line = |mask| {
         let target = MoveTarget::Line(Pose { x: from.x - 5.0, u: from.u + 5.0, ..from });
         let order = Move { target, mask: MoveMask(mask), speed: MoveSpeed::PercentOfMax(10.0), delay: 0.0 };
-        let conditions = Conditions { global: 1.0, ramps: Ramps::default(), frames };
+        let conditions =
+            Conditions { global: 1.0, ramps: Ramps::default(), frames, turning: Turning::Shortest };
         Movement::plan(scara(), &start, &order, &conditions)
     };
     assert_eq!(line(0x0F).unwrap_err(), PlanError::Unreachable);

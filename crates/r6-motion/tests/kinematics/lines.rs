@@ -3,6 +3,7 @@
 use r6_motion::kinematics::forward;
 use r6_motion::{
     Conditions, Frame, Frames, Move, MoveMask, MoveSpeed, MoveTarget, Movement, Pose, Ramps, RobotModel,
+    Turning,
 };
 
 use crate::common::{Numbers, apart, model};
@@ -14,7 +15,12 @@ const LINES: usize = 300;
 fn every_model_draws_straight_lines() {
     for name in RobotModel::names() {
         let (model, mut numbers) = (model(name), Numbers(17));
-        let conditions = Conditions { global: 1.0, ramps: Ramps::default(), frames: Frames::default() };
+        let conditions = Conditions {
+            global: 1.0,
+            ramps: Ramps::default(),
+            frames: Frames::default(),
+            turning: Turning::Shortest,
+        };
         let mut drawn = 0;
         for _ in 0..LINES {
             let start = numbers.axes(model);

@@ -13,7 +13,7 @@ fn tool_down() -> Axes {
 }
 
 fn line(frames: &Frames, start: &Axes, target: &Pose) -> Result<LinearPath, PlanError> {
-    LinearPath::plan(model(), frames, start, target, MoveMask::SIX)
+    LinearPath::plan(model(), frames, start, target, MoveMask::SIX, Turning::Shortest)
 }
 
 fn tool_at(frames: &Frames, axes: &Axes) -> Isometry3<f64> {
@@ -48,7 +48,15 @@ fn a_line_is_as_long_as_full_speed_takes() {
 #[test]
 fn standing_still_is_a_path_of_no_length() {
     let start = tool_down();
-    let path = LinearPath::plan(model(), &Frames::default(), &start, &Pose::default(), MoveMask(0)).unwrap();
+    let path = LinearPath::plan(
+        model(),
+        &Frames::default(),
+        &start,
+        &Pose::default(),
+        MoveMask(0),
+        Turning::Shortest,
+    )
+    .unwrap();
     assert_eq!((path.length(), path.at(0.0).axes, path.at(1.0).slope), (0.0, start, [0.0; 6]));
 }
 
@@ -78,7 +86,9 @@ fn masked_out_components_keep_their_value() {
     let start = tool_down();
     let from = pose_at(&start);
     let target = Pose { u: 1.0, v: 2.0, w: 3.0, y: 999.0, ..shifted(from, -50.0, 0.0, 30.0) };
-    let path = LinearPath::plan(model(), &Frames::default(), &start, &target, MoveMask(0b101)).unwrap();
+    let path =
+        LinearPath::plan(model(), &Frames::default(), &start, &target, MoveMask(0b101), Turning::Shortest)
+            .unwrap();
     let (is, wanted) = (path.at(path.length()).axes, shifted(from, -50.0, 0.0, 30.0).to_isometry().unwrap());
     let (place, turn) = apart(&tool_at(&Frames::default(), &is), &wanted);
     assert!(place < 1e-9 && turn < 1e-9, "{place} {turn}");
@@ -89,7 +99,9 @@ fn masked_out_components_keep_their_value() {
 fn a_kept_orientation_is_kept_to_the_last_digit() {
     let start = Axes::of_arm([20.0, 0.0, 0.0, 0.0, 0.0, 3e-7]).unwrap();
     let target = Pose { z: pose_at(&start).z + 50.0, ..pose_at(&start) };
-    let path = LinearPath::plan(model(), &Frames::default(), &start, &target, MoveMask(0b100)).unwrap();
+    let path =
+        LinearPath::plan(model(), &Frames::default(), &start, &target, MoveMask(0b100), Turning::Shortest)
+            .unwrap();
     let end = tool_at(&Frames::default(), &path.at(path.length()).axes);
     let (_, turn) = apart(&end, &tool_at(&Frames::default(), &start));
     assert!(turn < 1e-12, "{turn}");
@@ -120,7 +132,7 @@ fn masks_and_targets_count_in_the_work_frame() {
     let frames = Frames { tool: Frame::identity(), work };
     let from = crate::kinematics::world(model(), &start, &frames);
     let target = Pose { x: from.x + 40.0, ..Pose::default() };
-    let path = LinearPath::plan(model(), &frames, &start, &target, MoveMask(0b1)).unwrap();
+    let path = LinearPath::plan(model(), &frames, &start, &target, MoveMask(0b1), Turning::Shortest).unwrap();
     // X of a workbench turned by 90° is Y of the base.
     let wanted = shifted(pose_at(&start), 0.0, 40.0, 0.0).to_isometry().unwrap();
     let (place, turn) = apart(&tool_at(&frames, &path.at(path.length()).axes), &wanted);
@@ -203,7 +215,15 @@ fn a_curve_goes_through_its_middle() {
     let start = tool_down();
     let from = pose_at(&start);
     let (middle, end) = (shifted(from, 40.0, 40.0, 10.0), shifted(from, 0.0, 80.0, 0.0));
-    let path = CurvePath::plan(model(), &Frames::default(), &start, (&middle, &end), MoveMask::SIX).unwrap();
+    let path = CurvePath::plan(
+        model(),
+        &Frames::default(),
+        &start,
+        (&middle, &end),
+        MoveMask::SIX,
+        Turning::Shortest,
+    )
+    .unwrap();
     let nearest = (0..=2000)
         .map(|n| tool_at(&Frames::default(), &path.at(path.length() * f64::from(n) / 2000.0).axes))
         .map(|at| (at.translation.vector - Vector3::new(middle.x, middle.y, middle.z)).norm())
@@ -219,7 +239,14 @@ fn a_curve_without_a_circle_is_refused() {
     let start = tool_down();
     let from = pose_at(&start);
     let (middle, end) = (shifted(from, 0.0, 90.0, 0.0), shifted(from, 0.0, 80.0, 0.0));
-    let path = CurvePath::plan(model(), &Frames::default(), &start, (&middle, &end), MoveMask::SIX);
+    let path = CurvePath::plan(
+        model(),
+        &Frames::default(),
+        &start,
+        (&middle, &end),
+        MoveMask::SIX,
+        Turning::Shortest,
+    );
     assert_eq!(path, Err(PlanError::CurvePoints));
 }
 
@@ -232,8 +259,14 @@ fn what_is_no_number_is_refused() {
             components[n] = bad;
             let bad = Pose::from_components(components);
             assert_eq!(line(&Frames::default(), &start, &bad), Err(PlanError::NotFinite));
-            let curve =
-                CurvePath::plan(model(), &Frames::default(), &start, (&bad, &pose_at(&start)), MoveMask::SIX);
+            let curve = CurvePath::plan(
+                model(),
+                &Frames::default(),
+                &start,
+                (&bad, &pose_at(&start)),
+                MoveMask::SIX,
+                Turning::Shortest,
+            );
             assert_eq!(curve, Err(PlanError::NotFinite));
         }
     }
@@ -283,6 +316,49 @@ fn check(path: &ToolPath, frames: &Frames, wanted: &Isometry3<f64>, part: f64) -
     Ok(())
 }
 
+/// A wrist that reads W = 100 and is told −100, from a J6 that has room for either way round.
+fn wrist_path(turning: Turning) -> LinearPath {
+    let stance = |j6| Axes::of_arm([0.0, -10.0, 10.0, 0.0, -90.0, j6]).unwrap();
+    let plan = |j6: f64, turning| {
+        let from = pose_at(&stance(j6));
+        let target = Pose { w: -100.0, ..from };
+        LinearPath::plan(model(), &Frames::default(), &stance(j6), &target, MoveMask::SIX, turning)
+    };
+    let fits = |j6: &f64| [Turning::Shortest, Turning::AsTold].iter().all(|way| plan(*j6, *way).is_ok());
+    let reads_100 = |j6: &f64| (pose_at(&stance(*j6)).w - 100.0).abs() < 1e-6;
+    let j6 = (-340..=340).map(f64::from).find(|j6| reads_100(j6) && fits(j6));
+    plan(j6.unwrap(), turning).unwrap()
+}
+
+#[test]
+fn the_wrist_turns_the_short_way_unless_it_is_told_otherwise() {
+    let (short, told) = (wrist_path(Turning::Shortest), wrist_path(Turning::AsTold));
+    assert!((short.length() - 160.0 / 200.0).abs() < 1e-9, "{}", short.length());
+    assert!((told.length() - 200.0 / 200.0).abs() < 1e-9, "{}", told.length());
+    let turned = |path: &LinearPath| path.at(9.0).axes.arm()[5] - path.at(0.0).axes.arm()[5];
+    assert!((turned(&short).abs() - 160.0).abs() < 1e-6 && (turned(&told).abs() - 200.0).abs() < 1e-6);
+    assert!(turned(&short) * turned(&told) < 0.0, "the other way round");
+    let (a, b) = (pose_at(&short.at(9.0).axes), pose_at(&told.at(9.0).axes));
+    assert!((a.w - b.w).abs() < 1e-6 && (a.x - b.x).abs() < 1e-6);
+    let middle = pose_at(&told.at(told.length() / 2.0).axes);
+    assert!(middle.w.abs() < 1e-6, "by way of 0: {}", middle.w);
+}
+
+/// U told +180 where it reads −180, seen on a real unit: as told it is a whole turn, which J6 cannot do.
+#[test]
+fn half_a_turn_told_with_the_other_sign_is_a_whole_turn_as_told() {
+    let start = Axes::of_arm([0.0, -10.0, 10.0, 0.0, -89.9, 0.0]).unwrap();
+    let from = pose_at(&start);
+    let plan = |turning| {
+        let other = Pose { w: from.w - 360.0 * from.w.signum(), ..from };
+        LinearPath::plan(model(), &Frames::default(), &start, &other, MoveMask::SIX, turning)
+    };
+    assert!(from.w.abs() > 1.0 || from.u.abs() > 1.0);
+    assert!(plan(Turning::Shortest).unwrap().length() < 1e-9);
+    let error = plan(Turning::AsTold).unwrap_err();
+    assert!(matches!(error, PlanError::OutsideLimits { axis, .. } if axis == AxisNumber::ARM[5]), "{error}");
+}
+
 proptest! {
     #[test]
     fn the_tool_keeps_to_the_line(
@@ -320,7 +396,7 @@ proptest! {
         to.translation.vector += Vector3::from(by);
         to.rotation = UnitQuaternion::from_scaled_axis(Vector3::from(turn)) * to.rotation;
         let points = (&Pose::from_isometry(&middle), &Pose::from_isometry(&to));
-        let path = possible(CurvePath::plan(model(), &frames, &start, points, MoveMask::SIX))?;
+        let path = possible(CurvePath::plan(model(), &frames, &start, points, MoveMask::SIX, Turning::Shortest))?;
         let track = Track::arc(from, Point3::from(middle.translation.vector), to).unwrap();
         for part in parts {
             check(&path.0, &frames, &track.at(part), part)?;
