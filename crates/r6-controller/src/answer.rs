@@ -54,14 +54,10 @@ impl Machine {
             Address::CurSpeed(axis) => data.integer(whole(self.motor_speed(axis))),
             Address::CurAccount => data.text(&self.account),
             Address::Origin => data.flag(self.homed),
-            Address::MoldList => data.texts(self.molds.iter().map(String::as_str)),
+            Address::MoldList => data.texts(self.library.names()),
             Address::IsMoving => data.flag(self.is_moving()),
             Address::Addr(register) => data.integer(self.registers.get(&register).copied().unwrap_or(0)),
-            Address::RemoteCmdLen => {
-                // Steps that a program put there itself are none of the remote list's.
-                let remote = if self.has_own_steps() { 0 } else { self.list.len() };
-                data.integer(i64::try_from(remote).unwrap_or(i64::MAX));
-            }
+            Address::RemoteCmdLen => data.integer(i64::try_from(self.list.len()).unwrap_or(i64::MAX)),
             Address::ToolCoord => {
                 // A collaborative desk cannot be chosen by anything that a manual knows: none.
                 let (tool, bench) = (self.tool.to_string(), self.bench.to_string());

@@ -329,6 +329,7 @@ impl Desk<'_> {
             Body::PhotoAnswer(answer) => {
                 *self.camera = Some(self.id);
                 self.info(format!("camera {} answers: ret {}", answer.cam_id, answer.ret));
+                self.machine.photo_answered(answer.cam_id, answer.ret == 1);
             }
             Body::AddPoints(points) => self.add_points(header, points, outbox),
             Body::AddRcc(list) => self.add_rcc(message, list, outbox),

@@ -16,6 +16,7 @@ pub mod log;
 pub mod machine;
 pub mod mode;
 pub mod profile;
+pub mod program;
 pub mod settings;
 pub mod snapshot;
 
@@ -23,6 +24,7 @@ pub use controller::{ConnectionId, Controller};
 pub use log::{Level, LogLine};
 pub use mode::{Key, StartState};
 pub use profile::{Profile, ProfileError};
+pub use program::{Library, LibraryError, Program, ProgramError};
 pub use r6_motion::robot_model::{AxisMotion, RobotModel};
 pub use r6_proto::OperationMode;
 pub use settings::ControllerSettings;

@@ -24,12 +24,13 @@ use r6_proto::time::Instant;
 pub use buttons::NotTaken;
 pub use execution::Activity;
 pub use halt::AfterHalt;
-pub use program::ProgramStep;
+pub use program::{MAX_CALLS, ProgramRun};
 pub use watchdog::Watchdog;
 
 use crate::instruction_list::InstructionList;
 use crate::io::{Io, OutputPoint};
 use crate::profile::Profile;
+use crate::program::Library;
 use crate::settings::ControllerSettings;
 use r6_motion::{Axes, Frame, Frames, MotionState, Pose, Ramps, RobotModel};
 use r6_proto::OperationMode;
@@ -98,7 +99,7 @@ pub struct Machine {
     /// Fraction, 1 for 100 %.
     pub(crate) global_speed: f64,
     pub(crate) ramps: Ramps,
-    pub(crate) molds: Vec<String>,
+    pub(crate) library: Library,
     pub(crate) mold: String,
     pub(crate) machine_name: String,
     pub(crate) account: String,
@@ -111,10 +112,8 @@ pub struct Machine {
     pub(crate) stop_signal: Option<StopOnSignal>,
     /// Outputs to be set back: when, which, to what.
     pub(crate) pulses: Vec<(Instant, OutputPoint, bool)>,
-    /// Where the register-driven program is.
-    pub(crate) program_step: ProgramStep,
-    /// A target was written that the free-running program has not moved to yet.
-    pub(crate) target_written: bool,
+    /// Where the program is.
+    pub(crate) program: ProgramRun,
     /// Cameras that a program asks for a photo.
     pub(crate) photos: VecDeque<i64>,
     /// The program ends with this pass.
@@ -139,8 +138,9 @@ impl Machine {
             .map(|(id, (target, current))| (id, CounterState { target, current }))
             .collect();
         let ramps = Ramps::new(settings.model.acceleration_time, settings.model.acceleration_time);
+        let program = settings.library.named(&settings.mold).cloned().unwrap_or_default();
         let watchdog = Watchdog::new(settings.profile.heartbeat_timeout);
-        Self {
+        let mut machine = Self {
             profile: settings.profile,
             model: settings.model,
             now,
@@ -162,8 +162,8 @@ impl Machine {
             stacks: BTreeMap::new(),
             global_speed: (settings.global_speed / 100.0).clamp(0.0, 1.0),
             ramps: ramps.unwrap_or_default(),
-            molds: settings.molds,
             mold: settings.mold,
+            library: settings.library,
             machine_name: settings.machine_name,
             account: settings.account,
             io_boards: settings.io_boards,
@@ -172,8 +172,7 @@ impl Machine {
             path_speed: None,
             stop_signal: None,
             pulses: Vec::new(),
-            program_step: ProgramStep::default(),
-            target_written: false,
+            program: ProgramRun::of(program.clone()),
             photos: VecDeque::new(),
             last_pass: false,
             cycle_started: None,
@@ -182,7 +181,10 @@ impl Machine {
             watchdog,
             points: VecDeque::new(),
             events: VecDeque::new(),
-        }
+        };
+        machine.use_program(program);
+        machine.run_list();
+        machine
     }
 
     /// Brings the machine to a point in time. Going back in time does nothing.
@@ -322,6 +324,7 @@ impl Machine {
             }
             self.points.push_back((cam_id, *point));
         }
+        self.points_have_come();
     }
 
     /// The points of the cameras that no program has used yet, oldest first: camera and point.

@@ -4,16 +4,11 @@ use std::collections::BTreeMap;
 
 use crate::mode::StartState;
 use crate::profile::Profile;
+use crate::program::Library;
 use r6_motion::RobotModel;
 
-/// The program that waits for remote commands.
+/// The program that waits for remote commands: what a controller runs unless it is told otherwise.
 pub const REMOTE_MOLD: &str = "remote";
-
-/// The program that moves to the axes in registers 800 to 805 at a pulse of M011, or once in single cycle.
-pub const REGISTER_MOLD: &str = "register-move";
-
-/// The program that runs freely and moves to the axes in registers 850 to 855 whenever they are written.
-pub const FOLLOW_MOLD: &str = "register-follow";
 
 /// How a virtual controller is built.
 #[derive(Clone, Debug)]
@@ -30,9 +25,9 @@ pub struct ControllerSettings {
     pub machine_name: String,
     /// The user that `curAccount` tells.
     pub account: String,
-    /// The programs, by name: [`REMOTE_MOLD`], [`REGISTER_MOLD`], [`FOLLOW_MOLD`]; any other one is empty and never ends.
-    pub molds: Vec<String>,
-    /// The program in use.
+    /// The programs.
+    pub library: Library,
+    /// The program in use; one that is not in the library has no steps.
     pub mold: String,
     /// The counters: id, (target, current).
     pub counters: BTreeMap<u32, (i64, i64)>,
@@ -55,7 +50,7 @@ impl ControllerSettings {
             start: StartState::Waiting,
             homed: true,
             account: "operator".to_owned(),
-            molds: ["default", FOLLOW_MOLD, REGISTER_MOLD, REMOTE_MOLD].map(str::to_owned).to_vec(),
+            library: Library::default(),
             mold: REMOTE_MOLD.to_owned(),
             counters: [(0, (0, 0)), (2, (0, 0)), (5, (0, 0))].into_iter().collect(),
             io_boards: 2,

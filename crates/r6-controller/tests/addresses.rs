@@ -207,7 +207,7 @@ fn address_origin() {
 fn address_mold_list() {
     assert_eq!(
         Cell::new().value("moldList"),
-        json!(["default", "register-follow", "register-move", "remote"])
+        json!(["default", "palletise", "pick-and-place", "register-follow", "register-move", "remote"])
     );
 }
 

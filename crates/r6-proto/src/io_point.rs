@@ -1,6 +1,7 @@
 //! The names of input and output points, and the two-bit masks of action 204.
 
 use std::fmt;
+use std::str::FromStr;
 
 /// Which kind of point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +16,23 @@ pub enum PointKind {
     Eux,
     /// Output of the EU board, `EUY`.
     Euy,
+}
+
+impl PointKind {
+    /// Every kind, the longer names first.
+    pub const ALL: [Self; 5] = [Self::Eux, Self::Euy, Self::X, Self::Y, Self::M];
+
+    /// The letters before a point's number.
+    #[must_use]
+    pub const fn prefix(self) -> &'static str {
+        match self {
+            Self::X => "X",
+            Self::Y => "Y",
+            Self::M => "M",
+            Self::Eux => "EUX",
+            Self::Euy => "EUY",
+        }
+    }
 }
 
 /// One point of one board: written as its kind and octal(point + 8), `X010` to `X047`.
@@ -32,17 +50,48 @@ pub struct IoPoint {
 
 impl fmt::Display for IoPoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self.kind {
-            PointKind::X => "X",
-            PointKind::Y => "Y",
-            PointKind::M => "M",
-            PointKind::Eux => "EUX",
-            PointKind::Euy => "EUY",
-        })?;
+        f.write_str(self.kind.prefix())?;
         if self.board > 0 {
             write!(f, "{}.", self.board)?;
         }
         write!(f, "{:03o}", u16::from(self.point) + 8)
+    }
+}
+
+/// The text is no name of a point: it is the kind, a board with a full stop behind it unless it is board 0, and octal 010
+/// to 047.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoPoint;
+
+impl fmt::Display for NoPoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("no point: a point is X, Y, M, EUX or EUY and octal 010 to 047, such as X010 or, on board 1, Y1.010")
+    }
+}
+
+impl std::error::Error for NoPoint {}
+
+impl FromStr for IoPoint {
+    type Err = NoPoint;
+
+    /// The point of this name, in upper or lower case; boards 0 to 7.
+    fn from_str(name: &str) -> Result<Self, NoPoint> {
+        let after = |kind: PointKind| {
+            let head = name.get(..kind.prefix().len())?;
+            head.eq_ignore_ascii_case(kind.prefix())
+                .then(|| (kind, name.get(head.len()..).unwrap_or_default()))
+        };
+        let (kind, rest) = PointKind::ALL.into_iter().find_map(after).ok_or(NoPoint)?;
+        let (board, number) = match rest.split_once('.') {
+            Some((board, number)) => (board.parse().ok().filter(|board| *board < 8).ok_or(NoPoint)?, number),
+            None => (0, rest),
+        };
+        if number.len() != 3 || !number.bytes().all(|digit| digit.is_ascii_digit()) {
+            return Err(NoPoint);
+        }
+        let number = u8::from_str_radix(number, 8).map_err(|_| NoPoint)?;
+        let point = number.checked_sub(8).filter(|point| *point < 32).ok_or(NoPoint)?;
+        Ok(Self { kind, board, point })
     }
 }
 
@@ -106,6 +155,23 @@ mod tests {
         assert_eq!(name(PointKind::X, 8), "X020");
         assert_eq!(name(PointKind::Euy, 31), "EUY047");
         assert_eq!(IoPoint { kind: PointKind::Y, board: 1, point: 0 }.to_string(), "Y1.010");
+    }
+
+    #[test]
+    fn a_point_is_read_as_it_is_written() {
+        for kind in PointKind::ALL {
+            for (board, point) in [(0, 0), (0, 31), (1, 8), (7, 1)] {
+                let point = IoPoint { kind, board, point };
+                assert_eq!(point.to_string().parse(), Ok(point));
+            }
+        }
+        assert_eq!("x010".parse(), Ok(IoPoint { kind: PointKind::X, board: 0, point: 0 }));
+        for wrong in [
+            "", "X", "X10", "X007", "X050", "X018", "Z010", "Y8.010", "Y-1.010", "Y.010", "X+10", "EU010",
+            "ÄX010",
+        ] {
+            assert_eq!(wrong.parse::<IoPoint>(), Err(NoPoint), "{wrong}");
+        }
     }
 
     #[test]

@@ -25,9 +25,16 @@ pub type NotPossible = &'static str;
 impl Machine {
     /// The start button: in automatic the program runs, from where it was paused or from its first step.
     pub(crate) fn press_start(&mut self) -> Result<(), NotPossible> {
+        self.start(true)
+    }
+
+    /// Runs the program: from its first step if `anew`, unless it was paused.
+    fn start(&mut self, anew: bool) -> Result<(), NotPossible> {
         self.ready_to_run()?;
         if !self.mode.may_run() {
-            self.restart_program();
+            if anew {
+                self.restart_program();
+            }
             self.mode = OperationMode::Running;
             self.last_pass = false;
             self.note(format!("{}: started", self.mode));
@@ -47,9 +54,6 @@ impl Machine {
         self.note("single cycle".to_owned());
         self.skip_trigger();
         self.go_on();
-        if self.list.is_empty() && self.mode.may_run() {
-            self.leave_running("single cycle: nothing to run");
-        }
         Ok(())
     }
 
@@ -137,6 +141,9 @@ impl Machine {
     /// `actionPause`: the motion rests, and start goes on from there.
     pub(crate) fn pause_action(&mut self) {
         self.halt(self.profile.action_pause_time, AfterHalt::Keep);
+        if self.mode.may_run() {
+            self.program_is_paused();
+        }
         self.leave_running("actionPause");
     }
 
@@ -164,20 +171,18 @@ impl Machine {
             match &mut self.activity {
                 // It counts as done once the arm rests.
                 Activity::Halting(_, after) if *after < AfterHalt::Rewind => *after = AfterHalt::NextStep,
-                Activity::Idle if self.list.current().is_some() => {
-                    self.list.finish_current();
-                }
-                Activity::Idle
-                | Activity::Halting(..)
+                Activity::Idle => self.skip_step(),
+                Activity::Halting(..)
                 | Activity::Moving(_)
                 | Activity::Paused(_)
                 | Activity::Suspended(..)
                 | Activity::Waiting { .. }
+                | Activity::Awaiting { .. }
                 | Activity::Delaying { .. }
                 | Activity::Resting { .. } => {}
             }
         }
-        self.press_start()
+        self.start(false)
     }
 
     /// Takes an AddRCC: `replace` empties the list first.
@@ -208,6 +213,7 @@ impl Machine {
                 | Activity::Paused(_)
                 | Activity::Suspended(..)
                 | Activity::Waiting { .. }
+                | Activity::Awaiting { .. }
                 | Activity::Delaying { .. }
                 | Activity::Resting { .. } => false,
             };
@@ -229,11 +235,14 @@ impl Machine {
 
     fn arm_by_itself(&mut self) -> Result<(), NotTaken> {
         const WHY: &str = "no program waits for remote commands: the mode is not 7, an alarm is present, or another \
-                           program than `remote` is in use";
+                           program than `remote` is in use, which does something else now";
         match self.profile.add_rcc_unarmed {
             Unarmed::Refuse => Err(NotTaken::Refused(WHY)),
             Unarmed::Silent => Err(NotTaken::Silent(WHY)),
-            Unarmed::Arm if self.mode == OperationMode::Auto => self.press_start().map_err(NotTaken::Refused),
+            Unarmed::Arm if self.mode == OperationMode::Auto => {
+                self.press_start().map_err(NotTaken::Refused)?;
+                if self.waits_for_remote() { Ok(()) } else { Err(NotTaken::Refused(WHY)) }
+            }
             Unarmed::Arm => Err(NotTaken::Refused(WHY)),
         }
     }

@@ -4,7 +4,7 @@ use r6_proto::Command;
 use r6_proto::message::command::CommandError;
 use r6_proto::message::{CommandWords, RequestType};
 
-use super::{AfterHalt, MAX_FRAMES, MAX_STACKS, Machine, ProgramStep, Stack};
+use super::{AfterHalt, MAX_FRAMES, MAX_STACKS, Machine, Stack};
 use crate::io::OutputPoint;
 use r6_motion::{Frame, Pose, Ramps};
 
@@ -93,21 +93,20 @@ impl Machine {
     }
 
     fn switch_mold(&mut self, mold: &str) -> Result<(), String> {
-        if !self.molds.iter().any(|known| known == mold) {
-            let nearest = r6_proto::nearest(mold, self.molds.iter().map(String::as_str));
+        let Some(program) = self.library.named(mold).cloned() else {
+            let nearest = r6_proto::nearest(mold, self.library.names());
             let hint = nearest.map(|near| format!("; nearest: `{near}`")).unwrap_or_default();
             return Err(format!("there is no program `{mold}`{hint}"));
-        }
+        };
         if self.is_moving() {
             return Err("the machine is moving".to_owned());
         }
         // The other program begins at its beginning, with a list of its own.
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
         self.list.clear();
-        self.program_step = ProgramStep::default();
-        self.target_written = false;
         self.cycle_started = None;
-        self.mold = mold.to_owned();
+        mold.clone_into(&mut self.mold);
+        self.use_program(program);
         self.run_list();
         Ok(())
     }

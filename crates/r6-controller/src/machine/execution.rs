@@ -14,7 +14,7 @@ use super::halt::AfterHalt;
 use super::order::{Told, path_speed};
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
-use crate::settings::{REGISTER_MOLD, REMOTE_MOLD};
+use crate::program::Photo;
 use r6_motion::{Blend, Movement, PlanError};
 use r6_proto::OperationMode;
 
@@ -54,11 +54,29 @@ pub enum Activity {
         /// When.
         until: Instant,
     },
+    /// The program waits for something that no point tells.
+    Awaiting {
+        /// What.
+        what: Awaited,
+        /// When it runs out.
+        until: Option<Instant>,
+    },
     /// A pass that took no time: the next one begins a little later.
     Resting {
         /// When.
         until: Instant,
     },
+}
+
+/// What a program waits for, besides points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Awaited {
+    /// The answer to a photo request, and how often it will have been asked for.
+    Photo(Photo, u32),
+    /// A point of a camera.
+    Point,
+    /// Registers that are written.
+    Registers,
 }
 
 /// A movement that began at a point in time.
@@ -122,7 +140,7 @@ impl Activity {
             Self::Idle | Self::Paused(_) | Self::Suspended(..) => None,
             Self::Moving(run) => Some(run.next_event()),
             Self::Halting(run, _) => Some(run.ends_at()),
-            Self::Waiting { until, .. } => *until,
+            Self::Waiting { until, .. } | Self::Awaiting { until, .. } => *until,
             Self::Delaying { until, .. } | Self::Resting { until } => Some(*until),
         }
     }
@@ -137,6 +155,7 @@ impl Activity {
             | Self::Paused(_)
             | Self::Suspended(..)
             | Self::Waiting { .. }
+            | Self::Awaiting { .. }
             | Self::Delaying { .. }
             | Self::Resting { .. } => None,
         }
@@ -149,46 +168,37 @@ impl Machine {
         self.mode.may_run() && self.alarm == 0
     }
 
-    /// Whether remote instructions are executed: a program runs, and it is the one that waits for them.
+    /// Whether remote instructions are executed: a program runs, and stands at a step that waits for them.
     pub(crate) fn waits_for_remote(&self) -> bool {
-        self.runs() && self.mold == REMOTE_MOLD
+        self.runs() && self.is_remote()
     }
 
     /// Runs steps until one takes time, or none is left.
     pub(crate) fn run_list(&mut self) {
         self.join_next();
         while self.runs() && matches!(self.activity, Activity::Idle) {
-            let Some(step) = self.list.current().copied() else {
+            self.begin_anew_if_asked();
+            let Some(step) = self.steps().current().copied() else {
                 if self.next_program_step() {
                     continue;
                 }
-                self.end_of_list();
                 return;
             };
             if self.global_speed <= 0.0 && is_motion(&step) {
                 // It begins once there is a speed again.
                 return;
             }
-            if self.cycle_started.is_none() && !self.awaits_trigger() {
+            if self.cycle_started.is_none() && self.is_remote() {
                 self.cycle_started = Some(self.now);
                 self.pass_started = self.now;
             }
             if let Err((alarm, why)) = self.begin(&step) {
-                let number = self.list.position() + 1;
-                self.raise(alarm, format!("instruction {number} (action {}): {why}", step.action.number()));
+                self.raise(alarm, format!("{}: {why}", self.said_of(&step)));
                 return;
             }
             if matches!(self.activity, Activity::Idle) {
                 self.finish_step();
             }
-        }
-    }
-
-    /// The list is empty: in single cycle, or after the stop button, the program ends here.
-    fn end_of_list(&mut self) {
-        self.close_cycle();
-        if self.last_pass {
-            self.leave_running("the program has ended");
         }
     }
 
@@ -200,11 +210,10 @@ impl Machine {
 
     pub(crate) fn finish_step(&mut self) {
         self.activity = Activity::Idle;
-        match self.list.finish_current() {
+        match self.finish_one() {
             After::Next => {}
-            // A program with steps of its own ends its cycle itself.
-            After::Empty if self.mold == REGISTER_MOLD => {}
-            After::Empty => self.end_of_list(),
+            After::Empty if self.is_remote() => self.remote_is_over(),
+            After::Empty => {}
             After::PassOver => {
                 self.close_cycle();
                 if self.last_pass {
@@ -233,6 +242,8 @@ impl Machine {
             Activity::Halting(run, after) => self.finish_halt(run, after),
             Activity::Waiting { wait, .. } => match wait.source {
                 WaitSource::Time => self.finish_step(),
+                WaitSource::Input { .. } | WaitSource::M { .. } | WaitSource::Eu { .. }
+                    if self.wait_in_vain() => {}
                 source @ (WaitSource::Input { .. } | WaitSource::M { .. } | WaitSource::Eu { .. }) => {
                     let alarm = wait_alarm(source);
                     let text = AlarmCode(alarm).decode().text;
@@ -243,6 +254,7 @@ impl Machine {
                 self.write_output(&output);
                 self.finish_step();
             }
+            Activity::Awaiting { what, .. } => self.awaited_in_vain(&what),
             Activity::Resting { .. } => {}
         }
         self.run_list();
@@ -297,7 +309,7 @@ impl Machine {
             return;
         }
         let timed = !wait.unlimited || wait.source == WaitSource::Time;
-        let until = timed.then(|| self.now + seconds(wait.limit));
+        let until = timed.then(|| self.now + duration(wait.limit));
         self.activity = Activity::Waiting { wait: *wait, level, until };
     }
 
@@ -306,12 +318,12 @@ impl Machine {
         match output.kind {
             OutputKind::TimedY => {
                 self.io.set(point, output.on);
-                self.pulse(self.now + seconds(output.delay), point, !output.on);
+                self.pulse(self.now + duration(output.delay), point, !output.on);
                 self.io_changed();
             }
             OutputKind::Y | OutputKind::M | OutputKind::Euy if output.delay > 0.0 => {
                 self.activity =
-                    Activity::Delaying { output: *output, until: self.now + seconds(output.delay) };
+                    Activity::Delaying { output: *output, until: self.now + duration(output.delay) };
             }
             OutputKind::Y | OutputKind::M | OutputKind::Euy => self.write_output(output),
         }
@@ -353,7 +365,7 @@ impl Machine {
     }
 }
 
-fn is_motion(step: &Instruction) -> bool {
+pub(super) fn is_motion(step: &Instruction) -> bool {
     match step.action {
         Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_) => true,
         Action::PathSpeed(_)
@@ -370,7 +382,8 @@ pub(super) fn plan_failed(error: PlanError) -> (u32, String) {
     (u32::from(error.alarm()), error.to_string())
 }
 
-fn seconds(time: f64) -> Duration {
+/// A time of so many seconds.
+pub(super) fn duration(time: f64) -> Duration {
     Duration::from_secs_f64(time.clamp(0.0, LONGEST_ACTIVITY))
 }
 

@@ -49,7 +49,10 @@ impl Machine {
                 }
                 false
             }
-            Activity::Waiting { .. } | Activity::Delaying { .. } | Activity::Resting { .. }
+            Activity::Waiting { .. }
+            | Activity::Awaiting { .. }
+            | Activity::Delaying { .. }
+            | Activity::Resting { .. }
                 if after == AfterHalt::Keep =>
             {
                 let left = activity.next_event().map(|due| due.since(self.now));
@@ -63,6 +66,7 @@ impl Machine {
             Activity::Idle
             | Activity::Suspended(..)
             | Activity::Waiting { .. }
+            | Activity::Awaiting { .. }
             | Activity::Delaying { .. }
             | Activity::Resting { .. } => {
                 self.after_rest(after);
@@ -85,6 +89,7 @@ impl Machine {
     fn after_rest(&mut self, after: AfterHalt) {
         if after == AfterHalt::Rewind {
             self.list.rewind();
+            self.begin_anew();
         }
     }
 
@@ -97,7 +102,7 @@ impl Machine {
             AfterHalt::NextStep => self.finish_step(),
             AfterHalt::Drop | AfterHalt::Rewind => {
                 if reached {
-                    self.list.finish_current();
+                    self.finish_one();
                 }
                 self.after_rest(after);
             }
@@ -133,6 +138,7 @@ impl Machine {
             | Activity::Moving(_)
             | Activity::Halting(..)
             | Activity::Waiting { .. }
+            | Activity::Awaiting { .. }
             | Activity::Delaying { .. }
             | Activity::Resting { .. } => {}
         }
@@ -151,6 +157,10 @@ impl Machine {
             }
             Activity::Delaying { output, .. } => {
                 Activity::Delaying { output, until: due.unwrap_or(self.now) }
+            }
+            Activity::Awaiting { what, .. } => {
+                self.await_again(what, due);
+                return;
             }
             Activity::Resting { .. } => Activity::Resting { until: due.unwrap_or(self.now) },
             Activity::Idle
@@ -181,6 +191,7 @@ impl Machine {
             | Activity::Suspended(..)
             | Activity::Halting(..)
             | Activity::Waiting { .. }
+            | Activity::Awaiting { .. }
             | Activity::Delaying { .. }
             | Activity::Resting { .. } => {}
         }

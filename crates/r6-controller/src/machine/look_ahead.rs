@@ -32,25 +32,45 @@ impl Machine {
     /// Finishes the step of the first of two moves, and those that were carried out at the corner.
     pub(super) fn finish_joined(&mut self, run: &Run) {
         for _ in 0..run.joined {
-            self.list.finish_current();
+            self.finish_one();
         }
     }
 
     /// Lets the next move begin while the present one is at its corner.
     pub(super) fn join_next(&mut self) {
         let Activity::Moving(run) = &self.activity else { return };
-        if !run.at_corner || run.joined > 0 || !self.waits_for_remote() {
+        if !run.at_corner || run.joined > 0 || !self.runs() {
             return;
         }
+        let run = run.clone();
+        self.fetch_moves();
         let Some((ahead, order)) = self.next_move(1, &run.movement.end()) else { return };
         let seconds = run.seconds(self.now);
         let Ok(movement) = run.movement.join(seconds, &order.step, &order.conditions, run.blend) else {
             // It raises its alarm when its turn comes, with the arm at rest.
             return;
         };
-        let between: Vec<_> = (1..ahead).filter_map(|step| self.list.ahead(step).copied()).collect();
+        let between: Vec<_> = (1..ahead).filter_map(|step| self.steps().ahead(step).copied()).collect();
         self.activity = Activity::Moving(run.joined_by(movement, ahead, order.blend));
         self.begin_at_once(&between);
+    }
+
+    /// Fetches steps of the program up to the next move.
+    fn fetch_moves(&mut self) {
+        /// More steps than anybody teaches between two moves that follow one another.
+        const MOST: usize = 16;
+        for _ in 0..MOST {
+            let length = self.steps().len();
+            let moves =
+                (1..length).filter_map(|ahead| self.steps().ahead(ahead)).any(super::execution::is_motion);
+            if moves {
+                return;
+            }
+            self.fetch_ahead();
+            if self.steps().len() == length {
+                return;
+            }
+        }
     }
 
     /// A new list takes the arm over in mid-move, without a stop. `false` where it has to stop first: its first move
@@ -89,7 +109,7 @@ impl Machine {
     fn next_move(&self, first: usize, from: &Axes) -> Option<(usize, Order)> {
         let mut told = Told { path_speed: self.path_speed, bench: self.bench };
         for ahead in first.. {
-            let action = &self.list.ahead(ahead)?.action;
+            let action = &self.steps().ahead(ahead)?.action;
             match action {
                 Action::PathSpeed(speed) => told.path_speed = path_speed(speed).ok()?,
                 Action::Workbench(bench) => told.bench = bench.id,

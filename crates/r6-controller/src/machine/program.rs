@@ -1,143 +1,594 @@
-//! The programs that are driven by registers: the other way in which PCs move these arms.
+//! The taught program, step by step: where it is, and what its next step asks of the machine.
 //!
-//! A PC writes six axes, in degrees × 1000. One program runs freely and moves whenever registers 850 to 855 are written.
-//! The other takes registers 800 to 805: a pulse of M011, or a single cycle, lets it
-//! move there, count counter 0 and ask the camera for a photo. What a taught program does more is to come.
+//! Steps that AddRCC could send too become instructions of the program's own list and run as those of a PC do,
+//! look-ahead and blending included. The others are carried out here.
 
-use r6_proto::message::instruction::{Coordinates, Manner, Move, Wait, WaitCondition, WaitSource};
-use r6_proto::message::{Action, Instruction};
+mod places;
+
+use std::collections::{BTreeSet, VecDeque};
+use std::sync::Arc;
+
+use r6_proto::message::instruction::{Output, OutputKind};
+use r6_proto::message::{Action, Instruction, Point};
+use r6_proto::time::Instant;
 use r6_proto::{OperationMode, RegisterIndex};
 
 use super::Machine;
-use super::execution::Activity;
-use crate::settings::{FOLLOW_MOLD, REGISTER_MOLD};
+use super::execution::{Activity, Awaited, SHORTEST_PASS, duration};
+use crate::instruction_list::{After, InstructionList};
+use crate::program::{Change, Condition, Photo, Program, Step};
 
-/// The first of the six registers with the target.
-const BASE: u16 = RegisterIndex::FIRST;
-
-/// The first of the six registers that the free-running program follows.
-const FOLLOWED: u16 = 850;
-
-/// M011: board 0, point 1 of the M points (`modifyOutput` board 4).
-const TRIGGER: WaitSource = WaitSource::M { board: 0, point: 1 };
-
-/// The counter that counts the moves, and the camera that is asked.
-const COUNTER: u32 = 0;
-const CAMERA: i64 = 0;
+/// How deep programs may call one another.
+pub const MAX_CALLS: usize = 16;
 
 /// How many photo requests wait to be sent; a photo that nobody fetches is not worth more.
 const MAX_PHOTOS: usize = 16;
 
-/// Where the register-driven program is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ProgramStep {
-    /// Before its trigger.
-    #[default]
-    Trigger,
-    /// Waiting for the trigger, or just triggered.
-    Move,
-    /// Moving.
-    Count,
+/// The alarm of a program that cannot go on: program error.
+const PROGRAM_ERROR: u32 = 10;
+
+/// The alarm of points that do not come: points not set.
+const NO_POINTS: u32 = 201;
+
+/// The alarm of a counter that is not there: counter not defined.
+const NO_COUNTER: u32 = 300;
+
+/// A step of a program.
+#[derive(Clone, Debug)]
+struct Place {
+    program: Arc<Program>,
+    step: usize,
+}
+
+/// Where the program is.
+#[derive(Clone, Debug)]
+pub struct ProgramRun {
+    /// The programs that call one another, the innermost last; each with the step whose turn it is.
+    calls: Vec<Place>,
+    /// The program's own instructions.
+    own: InstructionList,
+    /// Where each of them stands in its program.
+    places: VecDeque<Place>,
+    /// It waits for remote commands, or carries them out.
+    remote: bool,
+    /// Some were carried out since it began to wait for them.
+    remote_ran: bool,
+    /// It begins at its first step as soon as nothing is under way.
+    begin_anew: bool,
+    /// It was paused: the next start goes on.
+    paused: bool,
+    /// The point that was taken last.
+    point: Option<Point>,
+    /// Registers that were written since a step waited for them.
+    written: BTreeSet<RegisterIndex>,
+    /// It awaits something since before: until when.
+    awaiting: Option<Option<Instant>>,
+    /// When it last jumped back or began anew, so that it cannot do so endlessly often at one instant.
+    last_round: Option<Instant>,
+}
+
+impl ProgramRun {
+    /// At the first step of a program.
+    pub(super) fn of(program: Arc<Program>) -> Self {
+        Self {
+            calls: vec![Place { program, step: 0 }],
+            own: InstructionList::default(),
+            places: VecDeque::new(),
+            remote: false,
+            remote_ran: false,
+            begin_anew: false,
+            paused: false,
+            point: None,
+            written: BTreeSet::new(),
+            awaiting: None,
+            last_round: None,
+        }
+    }
+
+    /// The program and the step whose turn it is.
+    fn place(&self) -> Option<&Place> {
+        self.calls.last()
+    }
+
+    fn step(&self) -> Option<&Step> {
+        self.place().and_then(|place| place.program.steps().get(place.step))
+    }
+
+    fn go_to(&mut self, step: usize) {
+        if let Some(place) = self.calls.last_mut() {
+            place.step = step;
+        }
+    }
+
+    fn next(&mut self) {
+        if let Some(place) = self.calls.last_mut() {
+            place.step += 1;
+        }
+    }
+
+    /// From the first step of the outermost program.
+    fn restart(&mut self) {
+        self.calls.truncate(1);
+        self.go_to(0);
+        self.own.clear();
+        self.places.clear();
+        self.remote = false;
+        self.begin_anew = false;
+        self.point = None;
+        self.written.clear();
+        self.awaiting = None;
+        self.last_round = None;
+    }
 }
 
 impl Machine {
-    /// Puts the next step of the program into the list, where the program in use has steps of its own.
-    pub(super) fn next_program_step(&mut self) -> bool {
-        if !self.runs() {
-            return false;
-        }
-        if self.mold == FOLLOW_MOLD {
-            let written = std::mem::take(&mut self.target_written);
-            return written && self.append_own(self.move_to(FOLLOWED));
-        }
-        if self.mold != REGISTER_MOLD {
-            return false;
-        }
-        let action = match self.program_step {
-            ProgramStep::Trigger => {
-                self.program_step = ProgramStep::Move;
-                if self.mode == OperationMode::SingleCycle {
-                    return self.next_program_step();
-                }
-                let condition = WaitCondition::RisingEdge;
-                Action::Wait(Wait { source: TRIGGER, condition, limit: 0.0, unlimited: true })
-            }
-            ProgramStep::Move => {
-                self.program_step = ProgramStep::Count;
-                self.move_to(BASE)
-            }
-            ProgramStep::Count => {
-                self.program_step = ProgramStep::Trigger;
-                self.close_cycle();
-                if let Some(counter) = self.counters.get_mut(&COUNTER) {
-                    counter.current += 1;
-                }
-                if self.photos.len() < MAX_PHOTOS {
-                    self.photos.push_back(CAMERA);
-                }
-                if self.last_pass {
-                    self.leave_running("the program has ended");
-                    return false;
-                }
-                return self.next_program_step();
-            }
-        };
-        self.append_own(action)
+    /// The instructions that are being carried out: the remote list, or the program's own.
+    pub(super) fn steps(&self) -> &InstructionList {
+        if self.program.remote { &self.list } else { &self.program.own }
     }
 
-    fn append_own(&mut self, action: Action) -> bool {
-        self.list.append(&[Instruction { oneshot: true, action }]).is_ok()
+    /// Ends the present instruction.
+    pub(super) fn finish_one(&mut self) -> After {
+        if self.program.remote {
+            return self.list.finish_current();
+        }
+        self.program.places.pop_front();
+        self.program.own.finish_current()
     }
 
-    /// Registers were written: the free-running program sees whether its target is among them.
+    /// Whether the program stands at a step that waits for remote commands, or carries them out.
+    pub(crate) fn is_remote(&self) -> bool {
+        self.program.remote
+    }
+
+    /// Remote commands were carried out and none is left.
+    pub(super) fn remote_is_over(&mut self) {
+        self.program.remote_ran = true;
+    }
+
+    /// The program goes on from its first step once nothing is under way.
+    pub(super) fn begin_anew(&mut self) {
+        self.program.begin_anew = true;
+        self.program.paused = false;
+    }
+
+    pub(super) fn program_is_paused(&mut self) {
+        self.program.paused = true;
+    }
+
+    /// A start: from the first step, unless the program was paused.
+    pub(super) fn restart_program(&mut self) {
+        if !std::mem::take(&mut self.program.paused) {
+            self.begin_anew();
+        }
+    }
+
+    pub(super) fn begin_anew_if_asked(&mut self) {
+        if self.program.begin_anew {
+            self.program.restart();
+        }
+    }
+
+    /// Another program, at its first step.
+    pub(super) fn use_program(&mut self, program: Arc<Program>) {
+        for (number, stack) in program.stacks() {
+            self.stacks.entry(*number).or_insert(*stack);
+        }
+        self.program = ProgramRun::of(program);
+    }
+
+    /// Registers were written: the program sees whether it waits for them.
     pub(super) fn registers_written(&mut self, first: RegisterIndex, count: usize) {
-        let first = usize::from(first.number());
-        let followed = usize::from(FOLLOWED)..usize::from(FOLLOWED) + 6;
-        if self.mold == FOLLOW_MOLD && first < followed.end && first + count > followed.start {
-            self.target_written = true;
+        let numbers = (first.number()..).take(count).map_while(RegisterIndex::new);
+        self.program.written.extend(numbers);
+        self.look_again(Awaited::Registers);
+    }
+
+    /// Points of a camera have come.
+    pub(super) fn points_have_come(&mut self) {
+        self.look_again(Awaited::Point);
+    }
+
+    fn look_again(&mut self, awaited: Awaited) {
+        let awaits = matches!(&self.activity, Activity::Awaiting { what, .. } if *what == awaited);
+        if awaits && !matches!(awaited, Awaited::Photo(..)) {
+            self.activity = Activity::Idle;
             self.run_list();
         }
     }
 
-    /// Whether the program in use puts steps of its own into the list.
-    pub(crate) fn has_own_steps(&self) -> bool {
-        self.mold == REGISTER_MOLD || self.mold == FOLLOW_MOLD
-    }
-
-    /// Whether the program stands before its move, so that no cycle has begun.
-    pub(super) fn awaits_trigger(&self) -> bool {
-        self.mold == REGISTER_MOLD && self.program_step == ProgramStep::Move
-    }
-
-    /// Goes back to the beginning of the program, unless something of it is only interrupted.
-    pub(super) fn restart_program(&mut self) {
-        if self.has_own_steps() && matches!(self.activity, Activity::Idle) {
-            self.list.clear();
-            self.target_written = false;
-            self.program_step = ProgramStep::Trigger;
+    /// Carries out program steps until one takes time, or an instruction is there to be carried out. `false`: there is
+    /// nothing to do now.
+    pub(super) fn next_program_step(&mut self) -> bool {
+        if self.program.remote {
+            return self.next_after_remote();
         }
+        let Some(place) = self.program.place().cloned() else { return false };
+        let Some(step) = place.program.steps().get(place.step) else {
+            return self.end_of_program(&place);
+        };
+        match self.carry_out_step(step) {
+            Ok(()) => true,
+            Err((alarm, why)) => {
+                self.raise(alarm, format!("{}: {why}", said(&place)));
+                false
+            }
+        }
+    }
+
+    /// The remote list is empty.
+    fn next_after_remote(&mut self) -> bool {
+        if self.program.remote_ran {
+            self.program.remote = false;
+            self.program.next();
+            return true;
+        }
+        self.program.last_round = None;
+        if self.last_pass {
+            self.leave_running("single cycle: nothing to run");
+        }
+        false
+    }
+
+    /// The last step of a program is over: back to the one that called it, or the cycle is over.
+    fn end_of_program(&mut self, place: &Place) -> bool {
+        if self.program.calls.len() > 1 {
+            self.program.calls.pop();
+            self.program.next();
+            return true;
+        }
+        // A program without steps has nothing to do, and does it for ever.
+        !place.program.steps().is_empty() && self.end_of_cycle()
+    }
+
+    fn end_of_cycle(&mut self) -> bool {
+        self.close_cycle();
+        self.program.calls.truncate(1);
+        self.program.go_to(0);
+        if self.last_pass {
+            self.leave_running("the program has ended");
+            return false;
+        }
+        self.another_round();
+        true
+    }
+
+    /// The program goes round: not twice at one instant.
+    fn another_round(&mut self) {
+        let mut begins = self.now;
+        if self.program.last_round == Some(self.now) {
+            begins = self.now + SHORTEST_PASS;
+            self.activity = Activity::Resting { until: begins };
+        }
+        self.program.last_round = Some(begins);
+    }
+
+    fn carry_out_step(&mut self, step: &Step) -> Result<(), (u32, String)> {
+        if !matches!(
+            step,
+            Step::Wait { .. }
+                | Step::WaitForRegisters { .. }
+                | Step::Remote
+                | Step::Label
+                | Step::Jump(_)
+                | Step::If { .. }
+        ) && !matches!(step, Step::Instruction(Action::Wait(_)))
+        {
+            self.begin_cycle();
+        }
+        match step {
+            Step::Instruction(_)
+            | Step::MoveToRegisters { .. }
+            | Step::MoveToPoint { .. }
+            | Step::MoveToStack { .. } => {
+                if let Some(action) = self.instruction_of(step)? {
+                    self.append_own(action);
+                }
+            }
+            Step::Wait { wait, skip_in_single_cycle, .. } => {
+                if *skip_in_single_cycle && self.mode == OperationMode::SingleCycle {
+                    self.program.next();
+                } else {
+                    self.append_own(Action::Wait(*wait));
+                }
+            }
+            Step::TakePoint { camera, model, limit, or_else } => {
+                self.take_point((*camera, *model), *limit, *or_else);
+            }
+            Step::WaitForRegisters { first, count, limit } => self.wait_for_registers(*first, *count, *limit),
+            Step::Photo(photo) => self.ask_for_photo(photo, photo.tries),
+            Step::Set { point, on } => {
+                self.program.next();
+                self.io.set(*point, *on);
+                self.io_changed();
+            }
+            Step::Alarm { number } => {
+                self.program.next();
+                return Err((*number, "the program raises it".to_owned()));
+            }
+            Step::Tool(number) => {
+                self.tool = *number;
+                self.program.next();
+            }
+            Step::Counter { id, change } => {
+                let counter = self.counters.get_mut(id);
+                let counter = counter.ok_or_else(|| (NO_COUNTER, format!("there is no counter {id}")))?;
+                counter.current = changed(counter.current, *change);
+                self.program.next();
+            }
+            Step::Register { register, change } => {
+                let value = self.registers.get(register).copied().unwrap_or(0);
+                self.registers.insert(*register, changed(value, *change));
+                self.program.next();
+            }
+            Step::Remote => {
+                self.program.remote = true;
+                self.program.remote_ran = false;
+            }
+            Step::Label => self.program.next(),
+            Step::Jump(to) => self.jump(*to),
+            Step::If { condition, to } => {
+                if self.holds(*condition) {
+                    self.jump(*to)
+                } else {
+                    self.program.next()
+                }
+            }
+            Step::Call(name) => self.call(name)?,
+            Step::Return => {
+                let end = self.program.place().map_or(0, |place| place.program.steps().len());
+                self.program.go_to(end);
+            }
+            Step::End => {
+                self.end_of_cycle();
+            }
+        }
+        Ok(())
+    }
+
+    fn begin_cycle(&mut self) {
+        if self.cycle_started.is_none() {
+            self.cycle_started = Some(self.now);
+        }
+    }
+
+    /// An instruction for the step whose turn it is; the next step's turn comes.
+    fn append_own(&mut self, action: Action) {
+        let Some(place) = self.program.place().cloned() else { return };
+        if self.program.own.append(&[Instruction { oneshot: true, action }]).is_ok() {
+            self.program.places.push_back(place);
+        }
+        self.program.next();
+    }
+
+    /// Fetches the next step while the arm still moves, if it is a move or an output that only says what it does.
+    pub(super) fn fetch_ahead(&mut self) {
+        if self.program.remote {
+            return;
+        }
+        while matches!(self.program.step(), Some(Step::Label)) {
+            self.program.next();
+        }
+        let Some(step) = self.program.step().cloned() else { return };
+        let fetched = match &step {
+            Step::Instruction(Action::Wait(_) | Action::Unknown(_)) => return,
+            Step::Instruction(Action::Output(Output { kind, delay, .. }))
+                if *kind != OutputKind::TimedY && *delay > 0.0 =>
+            {
+                return;
+            }
+            Step::Instruction(_) | Step::MoveToRegisters { .. } | Step::MoveToStack { .. } => {
+                self.instruction_of(&step)
+            }
+            Step::MoveToPoint { .. } if self.program.point.is_some_and(|point| !point.relative) => {
+                self.instruction_of(&step)
+            }
+            _ => return,
+        };
+        // What is wrong with it is told when its turn comes.
+        if let Ok(Some(action)) = fetched {
+            self.append_own(action);
+        }
+    }
+
+    fn jump(&mut self, to: usize) {
+        let back = self.program.place().is_some_and(|place| to <= place.step);
+        self.program.go_to(to);
+        if back {
+            self.another_round();
+        }
+    }
+
+    fn call(&mut self, name: &str) -> Result<(), (u32, String)> {
+        if self.program.calls.len() > MAX_CALLS {
+            return Err((PROGRAM_ERROR, format!("programs call one another more than {MAX_CALLS} deep")));
+        }
+        let program = self.library.named(name).cloned();
+        let program =
+            program.ok_or_else(|| (PROGRAM_ERROR, format!("there is no program `{name}` to call")))?;
+        self.program.calls.push(Place { program, step: 0 });
+        Ok(())
+    }
+
+    fn holds(&self, condition: Condition) -> bool {
+        match condition {
+            Condition::Point(source, on) => self.io.level(source) == Some(on),
+            Condition::Counter(id, compare) => {
+                self.counters.get(&id).is_some_and(|counter| compare.holds(counter.current))
+            }
+            Condition::CounterReached(id) => self
+                .counters
+                .get(&id)
+                .is_some_and(|counter| counter.target > 0 && counter.current >= counter.target),
+            Condition::Register(register, compare) => {
+                compare.holds(self.registers.get(&register).copied().unwrap_or(0))
+            }
+            Condition::Points(camera, model) => self.position_of_point(camera, model).is_some(),
+            Condition::StackFull { stack, counter } => self.is_full(stack, counter),
+        }
+    }
+
+    fn position_of_point(&self, camera: i64, model: Option<i64>) -> Option<usize> {
+        let wanted = |(from, point): &(i64, Point)| {
+            *from == camera && model.is_none_or(|model| point.model_id == model)
+        };
+        self.points.iter().position(wanted)
+    }
+
+    fn take_point(
+        &mut self,
+        (camera, model): (i64, Option<i64>),
+        limit: Option<f64>,
+        or_else: Option<usize>,
+    ) {
+        let found = self.position_of_point(camera, model).and_then(|at| self.points.remove(at));
+        match (found, or_else) {
+            (Some((_, point)), _) => {
+                self.program.point = Some(point);
+                self.stop_awaiting();
+                self.program.next();
+            }
+            (None, Some(to)) if limit.is_none() => self.jump(to),
+            (None, _) => self.await_until(Awaited::Point, limit),
+        }
+    }
+
+    fn wait_for_registers(&mut self, first: RegisterIndex, count: u16, limit: Option<f64>) {
+        let range = first.number()..first.number() + count;
+        let written = &mut self.program.written;
+        let before = written.len();
+        written.retain(|register| !range.contains(&register.number()));
+        if written.len() < before {
+            self.stop_awaiting();
+            self.program.next();
+        } else {
+            self.await_until(Awaited::Registers, limit);
+        }
+    }
+
+    /// Waits for something; where it did so before, until the same time.
+    fn await_until(&mut self, what: Awaited, limit: Option<f64>) {
+        let until = self.program.awaiting.unwrap_or_else(|| limit.map(|limit| self.now + duration(limit)));
+        self.program.awaiting = Some(until);
+        self.activity = Activity::Awaiting { what, until };
+    }
+
+    fn stop_awaiting(&mut self) {
+        self.program.awaiting = None;
+    }
+
+    /// What a pause interrupted is awaited again.
+    pub(super) fn await_again(&mut self, what: Awaited, until: Option<Instant>) {
+        if !matches!(what, Awaited::Photo(..)) {
+            self.program.awaiting = Some(until);
+        }
+        self.activity = Activity::Awaiting { what, until };
+        self.look_again(what);
+    }
+
+    /// Asks for a photo, and waits for the answer if it has a limit.
+    fn ask_for_photo(&mut self, photo: &Photo, tries: u32) {
+        if self.photos.len() < MAX_PHOTOS {
+            self.photos.push_back(photo.camera);
+        }
+        match photo.limit {
+            None => self.program.next(),
+            Some(limit) => {
+                let until = Some(self.now + duration(limit));
+                self.activity = Activity::Awaiting { what: Awaited::Photo(*photo, tries), until };
+            }
+        }
+    }
+
+    /// A camera has answered a photo request.
+    pub(crate) fn photo_answered(&mut self, camera: i64, taken: bool) {
+        let Activity::Awaiting { what: Awaited::Photo(photo, tries), .. } = &self.activity else { return };
+        let (photo, tries) = (*photo, *tries);
+        if photo.camera != camera {
+            return;
+        }
+        self.activity = Activity::Idle;
+        if taken {
+            self.program.next();
+        } else {
+            self.photo_failed(&photo, tries, "the camera could not take the photo");
+        }
+        self.run_list();
+    }
+
+    fn photo_failed(&mut self, photo: &Photo, tries: u32, why: &str) {
+        if tries > 1 {
+            self.ask_for_photo(photo, tries - 1);
+        } else {
+            self.raise_here(photo.alarm, &format!("camera {}: {why}", photo.camera));
+        }
+    }
+
+    /// What is awaited has not come in time.
+    pub(super) fn awaited_in_vain(&mut self, what: &Awaited) {
+        match what {
+            Awaited::Photo(photo, tries) => {
+                let limit = photo.limit.unwrap_or(0.0);
+                self.photo_failed(photo, *tries, &format!("no answer to the photo request within {limit} s"));
+            }
+            Awaited::Point => {
+                self.stop_awaiting();
+                match self.program.step() {
+                    Some(Step::TakePoint { or_else: Some(to), .. }) => {
+                        let to = *to;
+                        self.jump(to);
+                    }
+                    _ => self.raise_here(NO_POINTS, "no point has come in time"),
+                }
+            }
+            Awaited::Registers => {
+                self.stop_awaiting();
+                self.raise_here(PROGRAM_ERROR, "the registers were not written in time");
+            }
+        }
+    }
+
+    /// A wait for a point of the program has run out: `true` if it says where to go on.
+    pub(super) fn wait_in_vain(&mut self) -> bool {
+        let Some(Place { program, step }) = self.program.places.front() else { return false };
+        let Some(Step::Wait { or_else: Some(to), .. }) = program.steps().get(*step) else { return false };
+        let to = *to;
+        self.finish_one();
+        self.jump(to);
+        true
     }
 
     /// In single cycle the program does not wait for its trigger.
     pub(super) fn skip_trigger(&mut self) {
-        let waits = matches!(self.activity, Activity::Waiting { .. } | Activity::Suspended(..));
-        if self.awaits_trigger() && waits {
+        let Some(Place { program, step }) = self.program.places.front() else { return };
+        let skips = matches!(program.steps().get(*step), Some(Step::Wait { skip_in_single_cycle: true, .. }));
+        if skips && matches!(self.activity, Activity::Waiting { .. } | Activity::Suspended(..)) {
             self.activity = Activity::Idle;
-            self.list.clear();
+            self.finish_one();
         }
     }
 
-    /// A move to the six axes in the registers from `base` on.
-    fn move_to(&self, base: u16) -> Action {
-        let mut degrees = [0.0; 6];
-        for (slot, number) in degrees.iter_mut().zip(base..) {
-            let value =
-                RegisterIndex::new(number).and_then(|register| self.registers.get(&register).copied());
-            // A register has 32 bits; what a peer wrote beyond them lies beyond every limit all the same.
-            let value = i32::try_from(value.unwrap_or(0)).unwrap_or(i32::MAX);
-            *slot = f64::from(value) / 1000.0;
+    /// After an alarm, the step that raised it is left out.
+    pub(super) fn skip_step(&mut self) {
+        if self.steps().current().is_some() {
+            self.finish_one();
+        } else if !self.program.remote {
+            self.program.next();
         }
-        Action::AxisMove(Move { target: Coordinates::from_slice(&degrees), manner: full_speed() })
+    }
+
+    fn raise_here(&mut self, alarm: u32, why: &str) {
+        let place = self.program.place().map(said).unwrap_or_default();
+        self.raise(alarm, format!("{place}: {why}"));
+    }
+
+    /// The present instruction, as a complaint names it.
+    pub(super) fn said_of(&self, step: &Instruction) -> String {
+        let action = step.action.number();
+        match self.program.places.front().filter(|_| !self.program.remote) {
+            Some(place) => said(place),
+            None => format!("instruction {} (action {action})", self.steps().position() + 1),
+        }
     }
 
     /// A camera that a program asks for a photo.
@@ -146,6 +597,14 @@ impl Machine {
     }
 }
 
-fn full_speed() -> Manner {
-    Manner { speed: Some(100.0), ..Manner::default() }
+/// A step, as a complaint names it.
+fn said(place: &Place) -> String {
+    format!("program `{}`, step {}", place.program.name(), place.step + 1)
+}
+
+fn changed(value: i64, change: Change) -> i64 {
+    match change {
+        Change::To(to) => to,
+        Change::By(by) => value.saturating_add(by),
+    }
 }

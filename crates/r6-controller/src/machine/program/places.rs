@@ -1,0 +1,143 @@
+//! Where the moves of a taught program go: registers, points of a camera, places in a stack.
+
+use r6_proto::message::instruction::{Coordinates, Manner, Move};
+use r6_proto::message::{Action, Point};
+use r6_proto::{AxisIndex, RegisterIndex};
+
+use super::{Machine, PROGRAM_ERROR};
+use crate::machine::Stack;
+use crate::program::Step;
+use r6_motion::Geometry;
+
+/// The components of a pose on the wire.
+const X: AxisIndex = AxisIndex::ALL[0];
+const Y: AxisIndex = AxisIndex::ALL[1];
+const Z: AxisIndex = AxisIndex::ALL[2];
+const U: AxisIndex = AxisIndex::ALL[3];
+const V: AxisIndex = AxisIndex::ALL[4];
+const W: AxisIndex = AxisIndex::ALL[5];
+
+impl Machine {
+    /// The instruction that a step means now; `None` for a step that is none.
+    pub(super) fn instruction_of(&self, step: &Step) -> Result<Option<Action>, (u32, String)> {
+        Ok(match step {
+            Step::Instruction(action) => Some(*action),
+            Step::MoveToRegisters { first, pose, manner } => {
+                Some(self.move_to_registers(*first, *pose, *manner))
+            }
+            Step::MoveToPoint { above, manner } => Some(self.move_to_point(*above, *manner)?),
+            Step::MoveToStack { stack, counter, first, above, manner } => {
+                let place = self.place_in_stack(*stack, *counter)?;
+                Some(line_to(shifted(first, place, *above), *manner))
+            }
+            _ => None,
+        })
+    }
+
+    /// Six registers, each × 1000: axes, or a pose.
+    fn move_to_registers(&self, first: RegisterIndex, pose: bool, manner: Manner) -> Action {
+        let mut target = Coordinates::default();
+        for (axis, number) in AxisIndex::ALL.into_iter().take(6).zip(first.number()..) {
+            let value =
+                RegisterIndex::new(number).and_then(|register| self.registers.get(&register).copied());
+            // A register has 32 bits; what a peer wrote beyond them lies beyond every limit all the same.
+            let value = i32::try_from(value.unwrap_or(0)).unwrap_or(i32::MAX);
+            target.set(axis, f64::from(value) / 1000.0);
+        }
+        if pose { line_to(target, manner) } else { Action::AxisMove(Move { target, manner }) }
+    }
+
+    /// The point that was taken: a place in the world, or a way from where the tool is.
+    fn move_to_point(&self, above: f64, manner: Manner) -> Result<Action, (u32, String)> {
+        let point = self.program.point;
+        let point = point.ok_or_else(|| (PROGRAM_ERROR, "no point was taken".to_owned()))?;
+        let mut target = self.coordinates_of(&point);
+        if point.relative {
+            let here = self.pose_of(&self.axes).components();
+            for (axis, here) in AxisIndex::ALL.into_iter().zip(here) {
+                if let Some(way) = target.at(axis) {
+                    target.set(axis, here + way);
+                }
+            }
+        }
+        target.set(Z, target.at(Z).unwrap_or(0.0) + above);
+        Ok(line_to(target, manner))
+    }
+
+    /// X, Y, Z, and the angles that were given; `Angel` is W, on a machine of four axes U (manual 5.2).
+    fn coordinates_of(&self, point: &Point) -> Coordinates {
+        let mut target = Coordinates::default();
+        for (axis, value) in [(X, point.x), (Y, point.y), (Z, point.z)] {
+            target.set(axis, value);
+        }
+        match self.model.geometry {
+            Geometry::SixAxis(_) => {
+                for (axis, value) in [(U, point.u), (V, point.v), (W, Some(point.angle))] {
+                    if let Some(value) = value {
+                        target.set(axis, value);
+                    }
+                }
+            }
+            Geometry::Scara(_) | Geometry::Cartesian => target.set(U, point.angle),
+        }
+        target
+    }
+
+    /// How far the place that a counter tells is from the first one, mm.
+    fn place_in_stack(&self, stack: u32, counter: u32) -> Result<[f64; 3], (u32, String)> {
+        let (at, place) = self.stack_and_place(stack, counter)?;
+        let [x, y, z] = at.count.map(u64::from);
+        let places = x.saturating_mul(y).saturating_mul(z);
+        if place >= places {
+            return Err((
+                PROGRAM_ERROR,
+                format!("place {place} lies beyond stack {stack}, which has {places}"),
+            ));
+        }
+        let along = [place % x, place / x % y, place / (x * y)];
+        let mut way = at.spacing;
+        for (slot, along) in way.iter_mut().zip(along) {
+            // Below the number of places of a stack, whose counts are some thousands.
+            *slot *= f64::from(u32::try_from(along).unwrap_or(u32::MAX));
+        }
+        Ok(way)
+    }
+
+    /// Whether a counter is beyond the last place of a stack; one that is not there has no place.
+    pub(super) fn is_full(&self, stack: u32, counter: u32) -> bool {
+        self.stack_and_place(stack, counter).is_ok_and(|(stack, place)| {
+            let [x, y, z] = stack.count.map(u64::from);
+            place >= x.saturating_mul(y).saturating_mul(z)
+        })
+    }
+
+    fn stack_and_place(&self, stack: u32, counter: u32) -> Result<(Stack, u64), (u32, String)> {
+        let found = self.stacks.get(&stack).copied();
+        let found = found.ok_or_else(|| (PROGRAM_ERROR, format!("there is no stack {stack}")))?;
+        if found.count.contains(&0) {
+            return Err((PROGRAM_ERROR, format!("stack {stack} has no places")));
+        }
+        let counter_state = self.counters.get(&counter);
+        let current = counter_state
+            .ok_or_else(|| (super::NO_COUNTER, format!("there is no counter {counter}")))?
+            .current;
+        let place = u64::try_from(current).map_err(|_| {
+            (PROGRAM_ERROR, format!("counter {counter} is {current}, and no place of a stack"))
+        })?;
+        Ok((found, place))
+    }
+}
+
+/// The target moved by so much, and `above` it.
+fn shifted(first: &Coordinates, by: [f64; 3], above: f64) -> Coordinates {
+    let [x, y, z] = by;
+    let mut target = *first;
+    for (axis, by) in [(X, x), (Y, y), (Z, z + above)] {
+        target.set(axis, first.at(axis).unwrap_or(0.0) + by);
+    }
+    target
+}
+
+fn line_to(target: Coordinates, manner: Manner) -> Action {
+    Action::LinearMove(Move { target, manner })
+}

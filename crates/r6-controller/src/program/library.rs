@@ -1,0 +1,120 @@
+//! The programs that one controller has (`moldList`).
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::Arc;
+
+use super::{Program, ProgramError};
+
+/// No controller has more programs. Pendants list some dozen.
+pub const MAX_PROGRAMS: usize = 200;
+
+/// The programs that come with every virtual controller: name, text.
+const SHIPPED: [(&str, &str); 6] = [
+    ("default", include_str!("../../programs/default.toml")),
+    ("palletise", include_str!("../../programs/palletise.toml")),
+    ("pick-and-place", include_str!("../../programs/pick-and-place.toml")),
+    ("register-follow", include_str!("../../programs/register-follow.toml")),
+    ("register-move", include_str!("../../programs/register-move.toml")),
+    ("remote", include_str!("../../programs/remote.toml")),
+];
+
+/// Programs by name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Library {
+    programs: BTreeMap<String, Arc<Program>>,
+}
+
+impl Default for Library {
+    /// The programs that come with every virtual controller.
+    fn default() -> Self {
+        let mut library = Self::empty();
+        for (name, text) in SHIPPED {
+            // A test holds that none of the files is dropped here.
+            if let Ok(program) = Program::read(name, text) {
+                library.programs.insert(name.to_owned(), Arc::new(program));
+            }
+        }
+        library
+    }
+}
+
+impl Library {
+    /// No programs at all.
+    #[must_use]
+    pub const fn empty() -> Self {
+        Self { programs: BTreeMap::new() }
+    }
+
+    /// The names and texts of the programs that come with every virtual controller.
+    pub fn shipped() -> impl Iterator<Item = (&'static str, &'static str)> {
+        SHIPPED.into_iter()
+    }
+
+    /// Takes a program, in place of one with the same name.
+    ///
+    /// # Errors
+    /// [`LibraryError::Full`].
+    pub fn insert(&mut self, program: Program) -> Result<(), LibraryError> {
+        let known = self.programs.contains_key(program.name());
+        if !known && self.programs.len() >= MAX_PROGRAMS {
+            return Err(LibraryError::Full);
+        }
+        self.programs.insert(program.name().to_owned(), Arc::new(program));
+        Ok(())
+    }
+
+    /// Reads a program and takes it.
+    ///
+    /// # Errors
+    /// [`LibraryError`] says what is wrong with the text, or that there is no room.
+    pub fn load(&mut self, name: &str, text: &str) -> Result<(), LibraryError> {
+        let program = Program::read(name, text).map_err(LibraryError::Program)?;
+        self.insert(program)
+    }
+
+    /// The program of this name.
+    #[must_use]
+    pub fn named(&self, name: &str) -> Option<&Arc<Program>> {
+        self.programs.get(name)
+    }
+
+    /// The names, in alphabetical order: `moldList`.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.programs.keys().map(String::as_str)
+    }
+
+    /// The programs, in the order of their names.
+    pub fn programs(&self) -> impl Iterator<Item = &Program> {
+        self.programs.values().map(|program| &**program)
+    }
+
+    /// What a program calls that is not there, and the nearest name that is.
+    #[must_use]
+    pub fn missing_call(&self, program: &Program) -> Option<String> {
+        let missing = program.calls().find(|name| !self.programs.contains_key(*name))?;
+        let near = r6_proto::nearest(missing, self.names());
+        let hint = near.map(|near| format!("; nearest: `{near}`")).unwrap_or_default();
+        Some(format!("it calls `{missing}`, which is not there{hint}"))
+    }
+}
+
+/// Why a program was not taken.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LibraryError {
+    /// Its text is wrong.
+    Program(ProgramError),
+    /// There is no room.
+    Full,
+}
+
+impl fmt::Display for LibraryError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Program(error) => error.fmt(f),
+            Self::Full => write!(f, "there are {MAX_PROGRAMS} programs already"),
+        }
+    }
+}
+
+impl std::error::Error for LibraryError {}
