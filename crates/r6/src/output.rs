@@ -1,6 +1,9 @@
 //! What people and programs see: lines, tables, JSON.
 
+pub mod action;
 pub mod alarm;
+pub mod drawing;
+pub mod plot;
 pub mod queue;
 pub mod readings;
 pub mod screen;

@@ -227,7 +227,8 @@ async fn show_progress(robot: &Robot) -> std::convert::Infallible {
     }
 }
 
-fn clear_progress() {
+/// Takes what was shown on the present line of the terminal away.
+pub fn clear_progress() {
     if std::io::stderr().is_terminal() {
         let line = crossterm::terminal::Clear(crossterm::terminal::ClearType::CurrentLine);
         let _ = crossterm::execute!(std::io::stderr(), line, crossterm::cursor::MoveToColumn(0));

@@ -3,7 +3,7 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-const SUBCOMMANDS: [&str; 15] = [
+const SUBCOMMANDS: [&str; 16] = [
     "up",
     "sim",
     "status",
@@ -15,6 +15,7 @@ const SUBCOMMANDS: [&str; 15] = [
     "move line",
     "move curve",
     "run",
+    "plot",
     "stop",
     "alarm",
     "inspect",
@@ -60,7 +61,7 @@ fn every_example_can_be_parsed() {
         for line in r6(&args).out.lines().filter_map(|line| line.strip_prefix("  r6 ")) {
             // What stands behind two blanks explains, what stands behind a bar or an arrow is for the shell.
             let example =
-                line.split("  ").next().unwrap_or_default().split(['|', '>']).next().unwrap_or_default();
+                line.split("  ").next().unwrap_or_default().split(['|', '>', '<']).next().unwrap_or_default();
             let mut args: Vec<_> = example.split_whitespace().collect();
             if example.contains(".toml") && example.starts_with("sim") {
                 continue;
