@@ -91,6 +91,13 @@ pub fn run(args: PlotArgs) -> Result<Exit, Failure> {
     if to_stdout && args.json {
         return Err(Failure::usage("picture and JSON cannot both go to stdout").advise("give --out a file"));
     }
+    if is_same_file(&out, &args.file) {
+        return Err(Failure::usage(format!(
+            "{} is the program: the picture would take its place",
+            out.display()
+        ))
+        .advise("give --out a name that ends in .svg"));
+    }
     if args.from.len() > args.model.axis_count() {
         return Err(Failure::usage(format!(
             "--from has {} numbers, but {} has {} axes",
@@ -122,6 +129,14 @@ pub fn run(args: PlotArgs) -> Result<Exit, Failure> {
     match trouble {
         None => Ok(Exit::Done),
         Some(trouble) => Err(Failure::refused(trouble).advise(advice(&recording))),
+    }
+}
+
+/// Whether both names lead to one file that is there.
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    match (std::fs::canonicalize(one), std::fs::canonicalize(other)) {
+        (Ok(one), Ok(other)) => one == other,
+        (Ok(_) | Err(_), _) => false,
     }
 }
 

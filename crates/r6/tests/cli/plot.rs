@@ -272,6 +272,7 @@ fn what_cannot_be_drawn_says_why() {
     let program = good.program.path();
     for (args, wanted) in [
         (vec!["plot", "-"], "--out"),
+        (vec!["plot", program, "--out", program], "the picture would take its place"),
         (vec!["plot", program, "--out", "-", "--json"], "cannot both go to stdout"),
         (vec!["plot", program, "--out", "/no/such/folder/x.svg"], "cannot be written"),
         (
@@ -288,6 +289,15 @@ fn what_cannot_be_drawn_says_why() {
         assert_eq!(outcome.code, 2, "{args:?}: {outcome:?}");
         assert!(outcome.err.contains(wanted), "{args:?}: {}", outcome.err);
     }
+}
+
+#[test]
+fn a_program_of_nothing_is_a_picture_of_the_arm_at_rest() {
+    let empty = r#"{"dsID":"www.hc-system.com.HCRemoteCommand","reqType":"AddRCC","emptyList":"1","instructions":[]}"#;
+    let outcome = r6_with_input(&["plot", "-", "--out", "-"], empty.as_bytes());
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    assert!(outcome.err.contains("0.000 s, 0 instructions, tool path 0.0 mm, no stop"), "{}", outcome.err);
+    assert!(!outcome.out.contains("NaN") && !outcome.out.contains("inf"), "{}", outcome.out);
 }
 
 #[test]
