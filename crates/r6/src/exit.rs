@@ -53,13 +53,18 @@ pub enum Exit {
 impl Exit {
     /// The code for the shell.
     pub fn code(self) -> ExitCode {
-        ExitCode::from(match self {
+        ExitCode::from(self.number())
+    }
+
+    /// The code as a number.
+    pub fn number(self) -> u8 {
+        match self {
             Self::Done => 0,
             Self::Refused => 1,
             Self::Usage => 2,
             Self::NoReply => 3,
             Self::Unknown => 4,
-        })
+        }
     }
 }
 
@@ -112,6 +117,16 @@ impl Failure {
     /// How the run ends.
     pub fn exit(&self) -> Exit {
         self.exit
+    }
+
+    /// What is wrong, in one line.
+    pub fn what(&self) -> &str {
+        &self.what
+    }
+
+    /// What to do.
+    pub fn advice(&self) -> Option<&str> {
+        self.advice.as_deref()
     }
 
     /// Prints it and tells the exit code.

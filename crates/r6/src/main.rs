@@ -10,6 +10,7 @@ mod recording;
 mod robot;
 mod signals;
 mod units;
+mod words;
 
 use std::process::ExitCode;
 
@@ -25,7 +26,6 @@ use crate::robot::RobotArgs;
     version,
     max_term_width = 110,
     arg_required_else_help = true,
-    disable_help_subcommand = true,
     after_help = exit::CODES,
     after_long_help = exit::EXAMPLES_AND_CODES
 )]

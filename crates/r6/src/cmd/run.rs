@@ -47,6 +47,9 @@ FILE.toml is written by people: one [[instruction]] table for each step, in orde
 The machine is looked at first, as for `r6 move`. A list too long for one frame (2048 bytes) is \
 sent in several. A wait without a limit waits for ever.
 
+--json prints a line for each frame that was accepted (event \"accepted\"), and one for the outcome: \
+\"stands\" with --wait, \"not_sent\" with the conditions that are not met, or \"failed\" with the exit code.
+
 Examples:
   r6 run examples/programs/square.toml --wait
   r6 run examples/programs/blend-j1.json --wait

@@ -50,8 +50,22 @@ fn every_subcommand_is_in_the_list() {
         .take_while(|line| !line.is_empty())
         .filter_map(|line| line.split_whitespace().next())
         .collect();
+    assert_eq!(listed.last(), Some(&"help"), "the help stands last");
+    let listed = &listed[..listed.len() - 1];
     let top: Vec<_> = SUBCOMMANDS.into_iter().filter(|name| !name.contains(' ')).collect();
     assert_eq!(listed, top);
+}
+
+#[test]
+fn help_is_a_command_too() {
+    for subcommand in SUBCOMMANDS {
+        let words: Vec<_> = subcommand.split(' ').collect();
+        let asked = r6(&[&["help"], &words[..]].concat());
+        let option = r6(&[&words[..], &["--help"]].concat());
+        assert_eq!((asked.code, &asked.out), (0, &option.out), "{subcommand}");
+    }
+    assert_eq!(r6(&["help"]).out, r6(&["--help"]).out);
+    assert_eq!(r6(&["help", "mvoe"]).code, 2);
 }
 
 #[test]

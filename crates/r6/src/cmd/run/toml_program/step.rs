@@ -9,34 +9,39 @@ use r6_proto::message::instruction::{
 };
 use serde::Deserialize;
 
+use super::form::Wanted;
 use crate::cmd::r#move::{eight, first_axes};
 use crate::units;
 
-/// Every key that a step can have.
-pub const KEYS: [&str; 23] = [
-    "do",
-    "to",
-    "through",
-    "speed",
-    "blend",
-    "delay",
-    "mask",
-    "tool",
-    "work_frame",
-    "seconds",
-    "source",
-    "board",
-    "point",
-    "until",
-    "limit",
-    "kind",
-    "on",
-    "pulse",
-    "set",
-    "clear",
-    "watch",
-    "mm_per_s",
-    "number",
+/// Every key that a step can have, and what it wants.
+#[rustfmt::skip]
+pub const KEYS: [(&str, Wanted); 23] = [
+    ("do", Wanted::Word(&[
+        "axis-move", "linear-move", "curve-move", "wait", "output", "board-output", "stop-on-signal", "path-speed",
+        "workbench",
+    ])),
+    ("to", Wanted::Numbers),
+    ("through", Wanted::Numbers),
+    ("speed", Wanted::Number),
+    ("blend", Wanted::Whole(9)),
+    ("delay", Wanted::Number),
+    ("mask", Wanted::Mask),
+    ("tool", Wanted::Whole(u32::MAX)),
+    ("work_frame", Wanted::Whole(u32::MAX)),
+    ("seconds", Wanted::Number),
+    ("source", Wanted::Word(&["input", "m", "eu"])),
+    ("board", Wanted::Whole(4)),
+    ("point", Wanted::Whole(32)),
+    ("until", Wanted::Word(&["on", "off", "rising", "falling"])),
+    ("limit", Wanted::Number),
+    ("kind", Wanted::Word(&["y", "m", "euy"])),
+    ("on", Wanted::Flag),
+    ("pulse", Wanted::Number),
+    ("set", Wanted::Wholes(31)),
+    ("clear", Wanted::Wholes(31)),
+    ("watch", Wanted::Flag),
+    ("mm_per_s", Wanted::Number),
+    ("number", Wanted::Whole(u32::MAX)),
 ];
 
 /// A step as it is written: the keys of all kinds, of which each kind uses some.
@@ -347,6 +352,19 @@ mod tests {
                    source=\"m\"\nboard=1\npoint=1\nuntil=\"on\"\nlimit=1\nkind=\"y\"\non=true\npulse=1\nset=[1]\n\
                    clear=[1]\nwatch=true\nmm_per_s=1\nnumber=1";
         let step: Step = toml::from_str(all).unwrap();
-        assert_eq!(step.given().collect::<Vec<_>>(), KEYS[1..]);
+        let names = KEYS.map(|(name, _)| name);
+        assert_eq!(step.given().collect::<Vec<_>>(), names[1..]);
+    }
+
+    #[test]
+    fn every_word_that_is_wanted_is_read() {
+        for (key, wanted) in KEYS {
+            let Wanted::Word(words) = wanted else { continue };
+            for word in words {
+                let head = if key == "do" { "" } else { "do=\"wait\"\n" };
+                let step = toml::from_str::<Step>(&format!("{head}{key}=\"{word}\""));
+                assert!(step.is_ok(), "{key} = {word}: {step:?}");
+            }
+        }
     }
 }
