@@ -175,7 +175,10 @@ async fn send(robot: &Robot, batches: &[Batch], json: bool) -> Result<(), Failur
             match number {
                 0 => failure,
                 _ => failure
-                    .while_doing(format!("{number} of {} frames were accepted and run, then", batches.len()))
+                    .while_doing(format!(
+                        "after {number} of {} frames had been accepted and run",
+                        batches.len()
+                    ))
                     .with_exit(Exit::Unknown),
             }
         })?;

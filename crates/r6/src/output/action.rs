@@ -22,7 +22,7 @@ pub fn name(action: &Action) -> String {
 
 /// `1 instruction`, `2 instructions`.
 pub fn instructions(count: usize) -> String {
-    if count == 1 { "1 instruction".to_owned() } else { format!("{count} instructions") }
+    super::counted(count, "instruction")
 }
 
 /// What an action does, with the signal where there is one: `wait until X010 is on`.

@@ -6,7 +6,7 @@ use r6_proto::{Body, RequestType};
 
 use super::{Finding, excerpt};
 use crate::cmd::job::frames::MAX_FRAME_BYTES;
-use crate::output::action;
+use crate::output::{self, action};
 
 /// Judges `dsID` and the type.
 pub fn header(message: &Message<'_>, finding: &mut Finding) {
@@ -66,7 +66,7 @@ pub fn command(command: &CommandWords<'_>, finding: &mut Finding) {
     let Some(name) = command.name() else { return };
     let (wanted, given) = (name.info().arguments.len(), command.arguments().len());
     if given > wanted && name != r6_proto::CommandName::RewriteDataList {
-        finding.notes.push(format!("{name} takes {wanted} arguments, {given} are given"));
+        finding.notes.push(format!("{name} takes {}, {given} given", output::counted(wanted, "argument")));
     }
 }
 

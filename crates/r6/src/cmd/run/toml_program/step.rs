@@ -11,6 +11,7 @@ use serde::Deserialize;
 
 use super::form::Wanted;
 use crate::cmd::r#move::{eight, first_axes};
+use crate::output;
 use crate::units;
 
 /// Every key that a step can have, and what it wants.
@@ -250,7 +251,11 @@ struct Given {
 fn coordinates(key: &str, values: &[f64], counts: &[usize]) -> Result<Given, String> {
     if !counts.contains(&values.len()) {
         let counts: Vec<_> = counts.iter().map(ToString::to_string).collect();
-        return Err(format!("`{key}` has {} numbers, but needs {}", values.len(), counts.join(" or ")));
+        return Err(format!(
+            "`{key}` has {}, but needs {}",
+            output::counted(values.len(), "number"),
+            counts.join(" or ")
+        ));
     }
     if let Some(wrong) = values.iter().find(|value| !(-1e6..=1e6).contains(*value)) {
         return Err(format!("`{key}` has {wrong}, which is no coordinate"));
@@ -335,6 +340,7 @@ mod tests {
             ("do=\"axis-move\"\nto=[1]", "`speed` is missing"),
             ("do=\"axis-move\"\nto=[nan]\nspeed=1", "`to` has NaN, which is no coordinate"),
             ("do=\"linear-move\"\nto=[1,2]\nspeed=1", "`to` has 2 numbers, but needs 3 or 6"),
+            ("do=\"linear-move\"\nto=[1]\nspeed=1", "`to` has 1 number, but needs 3 or 6"),
             ("do=\"path-speed\"\nmm_per_s=0.05", "`mm_per_s` has to be a whole number from 1 to 10000"),
             ("do=\"output\"\npoint=33\non=true", "`point` is 33, but has to be 0 to 32"),
             (
