@@ -113,7 +113,8 @@ impl fmt::Display for WaitError {
             Self::TimedOut { after, list_length } => {
                 write!(f, "the motion has not ended within {after:?}")?;
                 if let Some(length) = list_length {
-                    write!(f, ", {length} instructions are left")?;
+                    let are = if *length == 1 { "instruction is" } else { "instructions are" };
+                    write!(f, ", {length} {are} left")?;
                 }
                 f.write_str("; wait longer or stop it (instructions that are not one-shot never end)")
             }

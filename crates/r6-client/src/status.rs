@@ -192,7 +192,8 @@ impl fmt::Display for Unmet {
             Self::Moving => f.write_str("the machine moves: wait until it stands, or stop it"),
             Self::LeftoverList { length } => write!(
                 f,
-                "{length} instructions are left in the list and would run first: clear the list, or wait until it is done"
+                "{length} {} left in the list and would run first: clear the list, or wait until it is done",
+                if *length == 1 { "instruction is" } else { "instructions are" }
             ),
             Self::Unknown { address } => write!(
                 f,

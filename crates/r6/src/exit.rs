@@ -11,7 +11,8 @@ use crate::output::{self, alarm};
 pub const CODES: &str = "\
 Exit codes:
   0  done
-  1  refused by the controller, or a condition is not met; `inspect`: something is wrong
+  1  refused by the controller, or a condition is not met; `inspect`: something is wrong;
+     `plot`: the program does not get to its end
   2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
   4  outcome unknown: the request left and may have acted; look at the machine before going on";
@@ -28,7 +29,8 @@ Examples:
 
 Exit codes:
   0  done
-  1  refused by the controller, or a condition is not met; `inspect`: something is wrong
+  1  refused by the controller, or a condition is not met; `inspect`: something is wrong;
+     `plot`: the program does not get to its end
   2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
   4  outcome unknown: the request left and may have acted; look at the machine before going on";
@@ -51,13 +53,18 @@ pub enum Exit {
 impl Exit {
     /// The code for the shell.
     pub fn code(self) -> ExitCode {
-        ExitCode::from(match self {
+        ExitCode::from(self.number())
+    }
+
+    /// The code as a number.
+    pub fn number(self) -> u8 {
+        match self {
             Self::Done => 0,
             Self::Refused => 1,
             Self::Usage => 2,
             Self::NoReply => 3,
             Self::Unknown => 4,
-        })
+        }
     }
 }
 
@@ -110,6 +117,16 @@ impl Failure {
     /// How the run ends.
     pub fn exit(&self) -> Exit {
         self.exit
+    }
+
+    /// What is wrong, in one line.
+    pub fn what(&self) -> &str {
+        &self.what
+    }
+
+    /// What to do.
+    pub fn advice(&self) -> Option<&str> {
+        self.advice.as_deref()
     }
 
     /// Prints it and tells the exit code.

@@ -6,9 +6,11 @@ mod cmd;
 mod exit;
 mod logs;
 mod output;
+mod recording;
 mod robot;
 mod signals;
 mod units;
+mod words;
 
 use std::process::ExitCode;
 
@@ -24,7 +26,6 @@ use crate::robot::RobotArgs;
     version,
     max_term_width = 110,
     arg_required_else_help = true,
-    disable_help_subcommand = true,
     after_help = exit::CODES,
     after_long_help = exit::EXAMPLES_AND_CODES
 )]
@@ -47,6 +48,7 @@ enum Subcommands {
     Command(cmd::command::CommandArgs),
     Move(cmd::r#move::MoveArgs),
     Run(cmd::run::RunArgs),
+    Plot(cmd::plot::PlotArgs),
     Stop(cmd::stop::StopArgs),
     Alarm(cmd::alarm::AlarmArgs),
     Inspect(cmd::inspect::InspectArgs),
@@ -54,7 +56,7 @@ enum Subcommands {
 }
 
 /// Subcommands that ask no robot: their help does not offer `--robot`.
-const OFFLINE: [&str; 5] = ["up", "sim", "alarm", "inspect", "completions"];
+const OFFLINE: [&str; 6] = ["up", "sim", "plot", "alarm", "inspect", "completions"];
 
 /// The whole command line, as the parser and the completions want it.
 fn command_line() -> clap::Command {
@@ -94,6 +96,7 @@ fn run(cli: Cli) -> Result<Exit, Failure> {
         Subcommands::Command(args) => cmd::block_on(cmd::command::run(args, robot)),
         Subcommands::Move(args) => cmd::block_on(cmd::r#move::run(args, robot)),
         Subcommands::Run(args) => cmd::block_on(cmd::run::run(args, robot)),
+        Subcommands::Plot(args) => cmd::plot::run(args),
         Subcommands::Stop(args) => cmd::block_on(cmd::stop::run(args, robot)),
         Subcommands::Alarm(args) => cmd::alarm::run(&args),
         Subcommands::Inspect(args) => cmd::inspect::run(&args),

@@ -1,6 +1,9 @@
 //! What people and programs see: lines, tables, JSON.
 
+pub mod action;
 pub mod alarm;
+pub mod drawing;
+pub mod plot;
 pub mod queue;
 pub mod readings;
 pub mod screen;
@@ -46,6 +49,16 @@ pub fn json_pretty(value: &impl Serialize) {
     }
 }
 
+/// `1 line`, `2 lines`, `0 lines`.
+pub fn counted(count: usize, word: &str) -> String {
+    if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") }
+}
+
+/// What stands in the place of lines that nobody read in time.
+pub fn lost_lines(lost: u64) -> String {
+    if lost == 1 { "(1 line was lost)".to_owned() } else { format!("({lost} lines were lost)") }
+}
+
 /// Whether stdout is a terminal.
 pub fn is_terminal() -> bool {
     std::io::stdout().is_terminal()
@@ -59,6 +72,12 @@ pub fn note(text: impl std::fmt::Display) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_of_a_thing_has_no_s() {
+        assert_eq!([0, 1, 2].map(|count| counted(count, "line")), ["0 lines", "1 line", "2 lines"]);
+        assert_eq!([1, 2].map(lost_lines), ["(1 line was lost)", "(2 lines were lost)"]);
+    }
 
     #[test]
     fn a_peer_cannot_steer_the_terminal() {

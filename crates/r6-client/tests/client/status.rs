@@ -70,6 +70,12 @@ async fn every_unmet_condition_is_named_with_its_remedy() {
     for word in ["auto (2)", "Auto", "Cycle", "Start", "wait for remote commands"] {
         assert!(mode.contains(word), "{mode}");
     }
+    for (length, wanted) in
+        [(1, "1 instruction is left in the list"), (4, "4 instructions are left in the list")]
+    {
+        let text = Unmet::LeftoverList { length }.to_string();
+        assert!(text.starts_with(wanted), "{text}");
+    }
     let alarm = status.unmet()[2].to_string();
     for word in ["alarm 135", "J6", "soft limit"] {
         assert!(alarm.contains(word), "{alarm}");

@@ -10,6 +10,7 @@ use r6_proto::{Address, CommandName};
 use crate::exit::{Exit, Failure};
 use crate::output::{self, table::Table};
 use crate::robot::RobotArgs;
+use crate::words::CommandWord;
 
 /// Send one command, with its arguments in the units of people
 #[derive(Debug, Args)]
@@ -33,7 +34,7 @@ Examples:
 )]
 pub struct CommandArgs {
     /// Name of the command
-    #[arg(required_unless_present = "list")]
+    #[arg(required_unless_present = "list", value_parser = CommandWord, hide_possible_values = true)]
     name: Option<String>,
     /// Its arguments
     #[arg(value_name = "ARGUMENT", allow_negative_numbers = true)]

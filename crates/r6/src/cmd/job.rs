@@ -1,5 +1,6 @@
 //! Sends instructions and follows them: what `r6 move` and `r6 run` have in common.
 
+mod events;
 pub mod frames;
 pub mod target;
 
@@ -14,7 +15,7 @@ use r6_proto::{Address, AxisIndex};
 use crate::cmd::job::frames::Batch;
 use crate::cmd::job::target::{Missed, Target};
 use crate::exit::{Exit, Failure};
-use crate::output::{self, status};
+use crate::output::{self, action, status};
 use crate::robot::RobotArgs;
 use crate::signals::Ending;
 use crate::units;
@@ -40,10 +41,23 @@ pub struct JobArgs {
     /// Print the frames that would be sent; no robot is asked
     #[arg(long, conflicts_with = "wait")]
     dry_run: bool,
+    /// Print one JSON object for each thing that happens, the outcome last
+    #[arg(long)]
+    json: bool,
 }
 
 /// Checks the machine, sends the batches and, if so asked, waits until they are done.
 pub async fn carry_out(args: &JobArgs, batches: Vec<Batch>, robot: &RobotArgs) -> Result<Exit, Failure> {
+    let result = attempt(args, batches, robot).await;
+    if args.json
+        && let Err(failure) = &result
+    {
+        output::json(&events::failed(failure));
+    }
+    result
+}
+
+async fn attempt(args: &JobArgs, batches: Vec<Batch>, robot: &RobotArgs) -> Result<Exit, Failure> {
     let batches = cut(batches)?;
     if args.dry_run {
         return print_frames(&batches);
@@ -51,13 +65,13 @@ pub async fn carry_out(args: &JobArgs, batches: Vec<Batch>, robot: &RobotArgs) -
     let appends = batches.first().is_some_and(|batch| !batch.replace);
     robot
         .with(async |robot| {
-            let ready = preflight(robot, appends).await?;
+            let ready = preflight(robot, appends, args.json).await?;
             if ready != Exit::Done {
                 return Ok(ready);
             }
             // From here on the arm may move, and Ctrl-C has to say so.
             let ending = args.wait.then(Ending::watch).transpose()?;
-            send(robot, &batches).await?;
+            send(robot, &batches, args.json).await?;
             if let Some(ending) = ending {
                 let instructions: Vec<_> = batches.iter().flat_map(|batch| &batch.instructions).collect();
                 let options = WaitOptions {
@@ -65,7 +79,9 @@ pub async fn carry_out(args: &JobArgs, batches: Vec<Batch>, robot: &RobotArgs) -
                     start_within: START_WITHIN + lead_time(&instructions),
                     ..WaitOptions::default()
                 };
-                follow(robot, options, Target::of(instructions), ending).await
+                follow(robot, options, Target::of(instructions), ending, args.json).await
+            } else if args.json {
+                Ok(Exit::Done)
             } else {
                 if repeats(&batches) {
                     output::line("this list repeats until stopped: r6 stop");
@@ -131,11 +147,14 @@ fn print_frames(batches: &[Batch]) -> Result<Exit, Failure> {
 }
 
 /// Looks at the machine before anything is sent. Appending to a list that runs is what appending is for.
-async fn preflight(robot: &Robot, append: bool) -> Result<Exit, Failure> {
+async fn preflight(robot: &Robot, append: bool, json: bool) -> Result<Exit, Failure> {
     let state = robot.status().await?;
     let unmet: Vec<_> = state.unmet().into_iter().filter(|unmet| !(append && is_running(unmet))).collect();
     if unmet.is_empty() {
         return Ok(Exit::Done);
+    }
+    if json {
+        output::json(&events::not_sent(robot.address(), &unmet));
     }
     output::note(format_args!("r6: nothing was sent. {}", status::not_ready(&unmet)));
     Ok(Exit::Refused)
@@ -148,7 +167,7 @@ fn is_running(unmet: &Unmet) -> bool {
     }
 }
 
-async fn send(robot: &Robot, batches: &[Batch]) -> Result<(), Failure> {
+async fn send(robot: &Robot, batches: &[Batch], json: bool) -> Result<(), Failure> {
     for (number, batch) in batches.iter().enumerate() {
         let count = batch.instructions.len();
         let accepted = robot.add_rcc(batch.replace, batch.instructions.clone()).await.map_err(|error| {
@@ -156,14 +175,21 @@ async fn send(robot: &Robot, batches: &[Batch]) -> Result<(), Failure> {
             match number {
                 0 => failure,
                 _ => failure
-                    .while_doing(format!("{number} of {} frames were accepted and run, then", batches.len()))
+                    .while_doing(format!(
+                        "after {number} of {} frames had been accepted and run",
+                        batches.len()
+                    ))
                     .with_exit(Exit::Unknown),
             }
         })?;
-        let instructions = if count == 1 { "instruction" } else { "instructions" };
+        if json {
+            output::json(&events::accepted(robot.address(), batch, accepted.after));
+            continue;
+        }
+        let instructions = action::instructions(count);
         let how = if batch.replace { "the list replaced" } else { "appended to the list" };
         let milliseconds = accepted.after.as_secs_f64() * 1e3;
-        output::line(format_args!("{count} {instructions} accepted after {milliseconds:.1} ms, {how}"));
+        output::line(format_args!("{instructions} accepted after {milliseconds:.1} ms, {how}"));
     }
     Ok(())
 }
@@ -174,6 +200,7 @@ async fn follow(
     options: WaitOptions,
     target: Option<Target>,
     mut ending: Ending,
+    json: bool,
 ) -> Result<Exit, Failure> {
     let done = tokio::select! {
         done = robot.wait_until_done(options) => done.map_err(Failure::from),
@@ -184,7 +211,11 @@ async fn follow(
     };
     clear_progress();
     let done = done?;
-    report(&done);
+    if json {
+        output::json(&events::stands(robot.address(), &done));
+    } else {
+        report(&done);
+    }
     match target.and_then(|target| target.missed(&done)) {
         None => Ok(Exit::Done),
         Some(missed @ Missed::Unread { .. }) => {
@@ -227,7 +258,8 @@ async fn show_progress(robot: &Robot) -> std::convert::Infallible {
     }
 }
 
-fn clear_progress() {
+/// Takes what was shown on the present line of the terminal away.
+pub fn clear_progress() {
     if std::io::stderr().is_terminal() {
         let line = crossterm::terminal::Clear(crossterm::terminal::ClearType::CurrentLine);
         let _ = crossterm::execute!(std::io::stderr(), line, crossterm::cursor::MoveToColumn(0));

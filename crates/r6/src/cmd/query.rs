@@ -7,6 +7,7 @@ use r6_proto::{ADDRESSES, Address};
 use crate::exit::{Exit, Failure};
 use crate::output::{self, readings, table::Table};
 use crate::robot::RobotArgs;
+use crate::words::AddressWord;
 
 /// Read values once
 #[derive(Debug, Args)]
@@ -24,7 +25,7 @@ Examples:
 )]
 pub struct QueryArgs {
     /// Query addresses, such as axis-0, world-2, curMode
-    #[arg(value_name = "ADDRESS", required_unless_present = "list")]
+    #[arg(value_name = "ADDRESS", required_unless_present = "list", value_parser = AddressWord, hide_possible_values = true)]
     addresses: Vec<Address>,
     /// Print the table of addresses; no robot is asked
     #[arg(long, conflicts_with = "addresses")]

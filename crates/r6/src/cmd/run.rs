@@ -4,6 +4,7 @@ mod json_program;
 mod lines;
 mod toml_program;
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -46,14 +47,18 @@ FILE.toml is written by people: one [[instruction]] table for each step, in orde
 The machine is looked at first, as for `r6 move`. A list too long for one frame (2048 bytes) is \
 sent in several. A wait without a limit waits for ever.
 
+--json prints a line for each frame that was accepted (event \"accepted\"), and one for the outcome: \
+\"stands\" with --wait, \"not_sent\" with the conditions that are not met, or \"failed\" with the exit code.
+
 Examples:
   r6 run examples/programs/square.toml --wait
   r6 run examples/programs/blend-j1.json --wait
   r6 run examples/programs/manual-6-1-1-axis-move.json --once --wait
-  r6 run examples/programs/square.toml --dry-run       the frames that would be sent"
+  r6 run examples/programs/square.toml --dry-run       the frames that would be sent
+  r6 run - --wait < examples/programs/square.toml      from stdin, JSON or TOML"
 )]
 pub struct RunArgs {
-    /// The program: .json or .toml
+    /// The program: .json or .toml, or - for stdin
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Run a list that repeats only once
@@ -65,44 +70,70 @@ pub struct RunArgs {
 
 /// What a file says.
 #[derive(Debug, PartialEq)]
-struct Program {
-    batches: Vec<Batch>,
+pub struct Program {
+    /// Its frames.
+    pub batches: Vec<Batch>,
     /// What the reader of the file should know: odd spellings, unknown keys.
-    remarks: Vec<String>,
+    pub remarks: Vec<String>,
+}
+
+impl Program {
+    /// Prints what the reader of the file should know.
+    pub fn show_remarks(&self, file: &Path) {
+        let name = name(file);
+        for remark in &self.remarks {
+            output::note(format_args!("r6: {name}: {remark}"));
+        }
+    }
+
+    /// Lets a list that repeats run only once.
+    pub fn run_once(&mut self) {
+        let steps = self.batches.iter_mut().flat_map(|batch| &mut batch.instructions);
+        steps.for_each(|step| step.oneshot = true);
+    }
+}
+
+/// A file's name as messages have it.
+pub fn name(file: &Path) -> String {
+    if is_stdin(file) { "stdin".to_owned() } else { file.display().to_string() }
+}
+
+fn is_stdin(file: &Path) -> bool {
+    file == Path::new("-")
 }
 
 /// Reads the file and sends what it says.
 pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
-    let name = args.file.display();
     let mut program = read(&args.file)?;
-    for remark in &program.remarks {
-        output::note(format_args!("r6: {name}: {remark}"));
-    }
+    program.show_remarks(&args.file);
     if args.job.append
         && let Some(first) = program.batches.first_mut()
     {
         first.replace = false;
     }
     if args.once {
-        program
-            .batches
-            .iter_mut()
-            .flat_map(|batch| &mut batch.instructions)
-            .for_each(|step| step.oneshot = true);
+        program.run_once();
     }
     if args.job.wait && job::repeats(&program.batches) {
         return Err(Failure::usage(format!(
-            "{name} repeats until it is stopped, so there is no end to wait for"
+            "{} repeats until it is stopped, so there is no end to wait for",
+            name(&args.file)
         ))
         .advise("add --once to run it once"));
     }
     job::carry_out(&args.job, program.batches, &robot).await
 }
 
-fn read(file: &Path) -> Result<Program, Failure> {
-    let name = file.display();
-    let text = read_text(file)?;
+/// Reads a program from a file, or from stdin.
+///
+/// # Errors
+/// It cannot be read, or is wrong: where, and what.
+pub fn read(file: &Path) -> Result<Program, Failure> {
+    let name = name(file);
+    let text = if is_stdin(file) { read_stdin()? } else { read_text(file)? };
     let program = match file.extension().and_then(|extension| extension.to_str()) {
+        _ if is_stdin(file) && begins_as_json(&text) => json_program::read(&text),
+        _ if is_stdin(file) => toml_program::read(&text),
         Some("json") => json_program::read(&text),
         Some("toml") => toml_program::read(&text),
         Some(_) | None => {
@@ -123,6 +154,22 @@ fn read(file: &Path) -> Result<Program, Failure> {
         .advise("give it \"emptyList\":\"0\", or run the frames from files of their own"));
     }
     Ok(program)
+}
+
+/// Whether a program whose name says nothing is JSON: it begins with a frame, or with a comment before one.
+fn begins_as_json(text: &str) -> bool {
+    let text = text.trim_start_matches('\u{feff}').trim_start();
+    text.starts_with('{') || text.starts_with("//")
+}
+
+fn read_stdin() -> Result<String, Failure> {
+    let mut text = String::new();
+    let read = std::io::stdin().lock().take(MAX_FILE_BYTES + 1).read_to_string(&mut text);
+    let length = read.map_err(|error| Failure::usage(format!("stdin cannot be read: {error}")))?;
+    if u64::try_from(length).is_ok_and(|length| length > MAX_FILE_BYTES) {
+        return Err(Failure::usage(format!("stdin has more than the {MAX_FILE_BYTES} bytes of a program")));
+    }
+    Ok(text)
 }
 
 fn read_text(file: &Path) -> Result<String, Failure> {

@@ -123,7 +123,7 @@ pub async fn start(cell: CellArgs, listen: Vec<SocketAddr>, count: u16) -> Resul
 }
 
 /// The profile of this name, or of this file.
-fn profile(text: &str) -> Result<Profile, String> {
+pub fn profile(text: &str) -> Result<Profile, String> {
     if let Some(profile) = Profile::named(text) {
         return Ok(profile);
     }
@@ -140,7 +140,7 @@ fn profile(text: &str) -> Result<Profile, String> {
 }
 
 /// The robot model of this name, or of this file.
-fn model(text: &str) -> Result<RobotModel, String> {
+pub fn model(text: &str) -> Result<RobotModel, String> {
     if let Some(model) = RobotModel::named(text) {
         return Ok(model.clone());
     }

@@ -10,7 +10,8 @@ use crate::robot::RobotArgs;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The last line is READY, or NOT READY with each condition that is not met and below what to do \
-about it. The exit code is 0 for READY and 1 for NOT READY.
+about it. Firmware that does not tell the length of the list gets UNKNOWN instead of READY. The \
+exit code is 1 for NOT READY, else 0.
 
 Examples:
   r6 status

@@ -100,7 +100,7 @@ async fn show_screen(controller: &ControllerHandle) -> Result<(), Failure> {
         loop {
             match log.try_recv() {
                 Ok(line) => view.add_line(sim::log_text(&line)),
-                Err(TryRecvError::Lagged(lost)) => view.add_line(format!("({lost} lines were lost)")),
+                Err(TryRecvError::Lagged(lost)) => view.add_line(output::lost_lines(lost)),
                 Err(TryRecvError::Empty | TryRecvError::Closed) => break,
             }
         }

@@ -14,6 +14,7 @@ use crate::output::{self, readings};
 use crate::robot::RobotArgs;
 use crate::signals::Ending;
 use crate::units;
+use crate::words::AddressWord;
 
 /// Read values again and again, until Ctrl-C
 #[derive(Debug, Args)]
@@ -31,7 +32,7 @@ Examples:
 )]
 pub struct WatchArgs {
     /// Query addresses, as for `r6 query`
-    #[arg(value_name = "ADDRESS", required = true)]
+    #[arg(value_name = "ADDRESS", required = true, value_parser = AddressWord, hide_possible_values = true)]
     addresses: Vec<Address>,
     /// Time from one reading to the next: 100ms, 1s
     #[arg(long, value_name = "TIME", default_value = "500ms", value_parser = units::duration)]

@@ -121,7 +121,7 @@ impl Shared {
                     bytes
                 }
                 Entry::Lost(1) => b"(1 line was lost)\n".to_vec(),
-                Entry::Lost(lost) => format!("({lost} lines were lost)\n").into_bytes(),
+                Entry::Lost(lost) => format!("{}\n", super::lost_lines(lost)).into_bytes(),
             };
             drop(state);
             write(&bytes);

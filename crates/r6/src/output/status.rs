@@ -73,11 +73,23 @@ pub fn position_table(axes: &[Option<f64>], pose: &[Option<f64>]) -> Table {
     table
 }
 
-/// `READY`, or `NOT READY` with each unmet condition and below what to do about it.
+/// `READY`, what is unknown where the firmware does not tell all of it, or `NOT READY` with each unmet condition and
+/// below what to do about it.
 pub fn verdict(status: &Status) -> String {
     let unmet = status.unmet();
-    if unmet.is_empty() { "READY".to_owned() } else { not_ready(&unmet) }
+    if !unmet.is_empty() {
+        return not_ready(&unmet);
+    }
+    match status.list_length {
+        Some(_) => "READY".to_owned(),
+        None => LIST_UNKNOWN.to_owned(),
+    }
 }
+
+/// The verdict where only the list is not known.
+const LIST_UNKNOWN: &str = "\
+UNKNOWN: whether instructions are left in the list; all else is ready
+  this firmware does not tell the length of the list: what is left in it would run first; `r6 stop` clears it";
 
 /// `NOT READY:`, the conditions in one line, and a line for each that says what to do.
 pub fn not_ready(unmet: &[Unmet]) -> String {
@@ -132,22 +144,31 @@ fn advice(unmet: Unmet) -> String {
     }
 }
 
-/// The whole state as JSON, units in the names; `null` where the controller has no such value.
-pub fn json(address: &str, status: &Status) -> Value {
+/// Conditions as JSON: a word for programs, what is, and what to do.
+pub fn unmet_json(unmet: &[Unmet]) -> Vec<Value> {
+    let entry = |unmet: &Unmet| {
+        let (word, name) = condition(*unmet);
+        json!({ "condition": word, "is": name, "advice": advice(*unmet) })
+    };
+    unmet.iter().map(entry).collect()
+}
+
+/// A pose as JSON, units in the names.
+pub fn pose_json(values: &[Option<f64>]) -> Value {
     let mut pose = Map::new();
-    for (component, value) in AxisIndex::ALL.iter().zip(status.pose).take(USUAL_AXES) {
+    for (component, value) in AxisIndex::ALL.iter().zip(values).take(USUAL_AXES) {
         let unit = if component.number() < 3 { "mm" } else { "deg" };
         pose.insert(format!("{}_{unit}", component.world_name().to_lowercase()), json!(value));
     }
+    Value::Object(pose)
+}
+
+/// The whole state as JSON, units in the names; `null` where the controller has no such value.
+pub fn json(address: &str, status: &Status) -> Value {
+    let pose = pose_json(&status.pose);
     let axes: Vec<_> = status.axes.iter().take(shown_axes(status)).collect();
-    let unmet: Vec<_> = status
-        .unmet()
-        .into_iter()
-        .map(|unmet| {
-            let (word, name) = condition(unmet);
-            json!({ "condition": word, "is": name, "advice": advice(unmet) })
-        })
-        .collect();
+    let unknown: Vec<_> = status.list_length.is_none().then_some("list_length").into_iter().collect();
+    let unmet = unmet_json(&status.unmet());
     json!({
         "robot": address,
         "machine_name": status.machine_name,
@@ -166,8 +187,9 @@ pub fn json(address: &str, status: &Status) -> Value {
         "pose": pose,
         "cycle_s": status.cycle,
         "last_cycle_s": status.last_cycle,
-        "ready": unmet.is_empty(),
+        "ready": status.is_ready(),
         "unmet": unmet,
+        "unknown": unknown,
     })
 }
 
@@ -228,6 +250,21 @@ mod tests {
         let one = verdict(&Status { list_length: Some(1), ..ready() });
         assert!(one.contains("  1 instruction is left in the list and would run first"), "{one}");
         assert!(text.contains("clearAlarm") && text.contains("r6 stop"), "{text}");
+    }
+
+    #[test]
+    fn a_list_that_is_not_told_is_not_called_ready() {
+        let status = Status { list_length: None, ..ready() };
+        let text = text("127.0.0.1:9760", &status);
+        assert!(text.contains("list    ?") && !text.contains("READY"), "{text}");
+        assert!(
+            text.contains("UNKNOWN: whether instructions are left in the list; all else is ready"),
+            "{text}"
+        );
+        assert!(text.contains("r6 stop"), "{text}");
+        let json = json("127.0.0.1:9760", &status);
+        assert_eq!((&json["ready"], &json["unknown"]), (&true.into(), &json!(["list_length"])));
+        assert_eq!(super::json("", &ready())["unknown"], json!([]));
     }
 
     #[test]

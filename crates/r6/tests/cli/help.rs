@@ -3,7 +3,7 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-const SUBCOMMANDS: [&str; 15] = [
+const SUBCOMMANDS: [&str; 16] = [
     "up",
     "sim",
     "status",
@@ -15,6 +15,7 @@ const SUBCOMMANDS: [&str; 15] = [
     "move line",
     "move curve",
     "run",
+    "plot",
     "stop",
     "alarm",
     "inspect",
@@ -49,8 +50,22 @@ fn every_subcommand_is_in_the_list() {
         .take_while(|line| !line.is_empty())
         .filter_map(|line| line.split_whitespace().next())
         .collect();
+    assert_eq!(listed.last(), Some(&"help"), "the help stands last");
+    let listed = &listed[..listed.len() - 1];
     let top: Vec<_> = SUBCOMMANDS.into_iter().filter(|name| !name.contains(' ')).collect();
     assert_eq!(listed, top);
+}
+
+#[test]
+fn help_is_a_command_too() {
+    for subcommand in SUBCOMMANDS {
+        let words: Vec<_> = subcommand.split(' ').collect();
+        let asked = r6(&[&["help"], &words[..]].concat());
+        let option = r6(&[&words[..], &["--help"]].concat());
+        assert_eq!((asked.code, &asked.out), (0, &option.out), "{subcommand}");
+    }
+    assert_eq!(r6(&["help"]).out, r6(&["--help"]).out);
+    assert_eq!(r6(&["help", "mvoe"]).code, 2);
 }
 
 #[test]
@@ -60,7 +75,7 @@ fn every_example_can_be_parsed() {
         for line in r6(&args).out.lines().filter_map(|line| line.strip_prefix("  r6 ")) {
             // What stands behind two blanks explains, what stands behind a bar or an arrow is for the shell.
             let example =
-                line.split("  ").next().unwrap_or_default().split(['|', '>']).next().unwrap_or_default();
+                line.split("  ").next().unwrap_or_default().split(['|', '>', '<']).next().unwrap_or_default();
             let mut args: Vec<_> = example.split_whitespace().collect();
             if example.contains(".toml") && example.starts_with("sim") {
                 continue;

@@ -1,6 +1,6 @@
 //! Motion, from the pre-flight to the stop.
 
-use crate::support::{Robot, Running};
+use crate::support::{Robot, Running, r6};
 
 /// An axis of a fresh robot, in degrees.
 fn axis(robot: &Robot, number: u8) -> f64 {
@@ -130,4 +130,53 @@ fn appending_goes_behind_what_runs() {
     let outcome = robot.r6(&["move", "axes", "8", "--speed", "100", "--append", "--wait"]);
     assert_eq!(outcome.code, 0, "{outcome:?}");
     assert!((axis(&robot, 0) - 8.0).abs() < 1e-3);
+}
+
+/// The JSON objects of stdout, one for each line.
+fn events(out: &str) -> Vec<serde_json::Value> {
+    out.lines()
+        .map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}")))
+        .collect()
+}
+
+#[test]
+fn programs_are_told_what_happens_line_by_line() {
+    let robot = Robot::start(&[]);
+    let outcome = robot.r6(&["move", "axes", "5", "--speed", "100", "--wait", "--json"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    let [accepted, stands] = &events(&outcome.out)[..] else { panic!("{outcome:?}") };
+    assert_eq!((&accepted["event"], &accepted["instructions"]), (&"accepted".into(), &1.into()));
+    assert_eq!((&accepted["replaced_list"], &accepted["repeats"]), (&true.into(), &false.into()));
+    assert!(accepted["after_ms"].as_f64().unwrap() > 0.0);
+    assert_eq!((&stands["event"], &stands["moved"]), (&"stands".into(), &true.into()));
+    assert!((stands["axes_deg"][0].as_f64().unwrap() - 5.0).abs() < 1e-3, "{stands}");
+    assert_eq!(stands["pose"]["x_mm"], robot.value("world-0"));
+    // The way to the limit is an alarm, and the last line says so.
+    let outcome = robot.r6(&["move", "axes", "500", "--speed", "100", "--wait", "--json"]);
+    assert_eq!(outcome.code, 1, "{outcome:?}");
+    let events_of = events(&outcome.out);
+    let failed = events_of.last().unwrap();
+    assert_eq!((&failed["event"], &failed["exit_code"]), (&"failed".into(), &1.into()));
+    assert!(failed["message"].as_str().unwrap().contains("alarm 130"), "{failed}");
+    assert!(outcome.err.contains("alarm 130"), "{}", outcome.err);
+    // Then it is not ready.
+    let outcome = robot.r6(&["move", "axes", "1", "--json"]);
+    assert_eq!(outcome.code, 1);
+    let [not_sent] = &events(&outcome.out)[..] else { panic!("{outcome:?}") };
+    assert_eq!(not_sent["event"], "not_sent");
+    let conditions: Vec<_> =
+        not_sent["unmet"].as_array().unwrap().iter().map(|one| one["condition"].clone()).collect();
+    assert!(conditions.contains(&"alarm".into()), "{conditions:?}");
+}
+
+#[test]
+fn a_program_that_is_run_tells_each_frame() {
+    let robot = Robot::start(&["--profile", "r6-host"]);
+    let outcome = robot.r6(&["run", "examples/programs/manual-6-1-1-axis-move.json", "--json"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    let [accepted] = &events(&outcome.out)[..] else { panic!("{outcome:?}") };
+    assert_eq!((&accepted["event"], &accepted["repeats"]), (&"accepted".into(), &true.into()));
+    assert_eq!(robot.r6(&["stop"]).code, 0);
+    let outcome = r6(&["-r", "127.0.0.1:1", "run", "examples/programs/square.toml", "--json"]);
+    assert_eq!((outcome.code, &events(&outcome.out)[0]["exit_code"]), (3, &3.into()));
 }

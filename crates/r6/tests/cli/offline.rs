@@ -45,6 +45,12 @@ fn completions_are_for_every_shell() {
         let outcome = r6(&["completions", shell]);
         assert_eq!(outcome.code, 0);
         assert!(outcome.out.contains(part), "{shell}");
+        let words = ["plot", "global-speed", "curAlarm", "axis-0", "modifyGSPD", "startButton"];
+        // The scripts for fish know no words of arguments without an option.
+        let known = if shell == "fish" { 2 } else { words.len() };
+        for word in &words[..known] {
+            assert!(outcome.out.contains(word), "{shell} does not complete {word}");
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Programs in TOML: one `[[instruction]]` table for each step, in the words of the glossary.
 
+mod form;
 mod step;
 
 use serde::Deserialize;
@@ -24,6 +25,7 @@ struct File {
 
 /// Reads a file.
 pub fn read(text: &str) -> Result<Program, FileError> {
+    form::check(text)?;
     let file: File = toml::from_str(text).map_err(|error| syntax(text, &error))?;
     if file.instruction.is_empty() {
         return Err(FileError {
@@ -44,22 +46,10 @@ pub fn read(text: &str) -> Result<Program, FileError> {
     Ok(Program { batches: vec![Batch { replace: !file.append, instructions }], remarks: Vec::new() })
 }
 
+/// A text that is no TOML, or that passed the check of its form and cannot be read all the same.
 fn syntax(text: &str, error: &toml::de::Error) -> FileError {
     let what = error.message().lines().collect::<Vec<_>>().join(" ");
-    FileError {
-        at: error.span().map(|span| lines::position(text, span.start)),
-        advice: unknown_key(&what).and_then(|key| {
-            let near =
-                r6_proto::nearest(key, step::KEYS.into_iter().chain(["repeat", "append", "instruction"]))?;
-            Some(format!("nearest: `{near}`"))
-        }),
-        what,
-    }
-}
-
-/// The key that serde does not know, out of its message.
-fn unknown_key(message: &str) -> Option<&str> {
-    message.strip_prefix("unknown field `")?.split('`').next()
+    FileError { at: error.span().map(|span| lines::position(text, span.start)), advice: None, what }
 }
 
 #[cfg(test)]

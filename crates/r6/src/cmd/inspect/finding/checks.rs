@@ -6,6 +6,7 @@ use r6_proto::{Body, RequestType};
 
 use super::{Finding, excerpt};
 use crate::cmd::job::frames::MAX_FRAME_BYTES;
+use crate::output::{self, action};
 
 /// Judges `dsID` and the type.
 pub fn header(message: &Message<'_>, finding: &mut Finding) {
@@ -65,7 +66,7 @@ pub fn command(command: &CommandWords<'_>, finding: &mut Finding) {
     let Some(name) = command.name() else { return };
     let (wanted, given) = (name.info().arguments.len(), command.arguments().len());
     if given > wanted && name != r6_proto::CommandName::RewriteDataList {
-        finding.notes.push(format!("{name} takes {wanted} arguments, {given} are given"));
+        finding.notes.push(format!("{name} takes {}, {given} given", output::counted(wanted, "argument")));
     }
 }
 
@@ -79,12 +80,12 @@ pub fn list(message: &Message<'_>, list: &AddRcc<'_>, finding: &mut Finding) {
     };
     let mut actions: Vec<String> = Vec::new();
     for instruction in list.instructions {
-        let action = action_name(&instruction.action);
+        let action = action::name(&instruction.action);
         if actions.last() != Some(&action) {
             actions.push(action);
         }
     }
-    finding.summary = format!("{count} instructions, {how}: {}", actions.join(", "));
+    finding.summary = format!("{}, {how}: {}", action::instructions(count), actions.join(", "));
     for (number, instruction) in list.instructions.iter().enumerate() {
         if let Action::Unknown(unknown) = &instruction.action {
             finding
@@ -103,20 +104,5 @@ pub fn list(message: &Message<'_>, list: &AddRcc<'_>, finding: &mut Finding) {
         finding.problems.push(format!(
             "{bytes} bytes: controllers neither answer nor execute more than {MAX_FRAME_BYTES}"
         ));
-    }
-}
-
-fn action_name(action: &Action) -> String {
-    match action {
-        Action::AxisMove(_) => "axis move".to_owned(),
-        Action::LinearMove(_) => "linear move".to_owned(),
-        Action::CurveMove(_) => "curve move".to_owned(),
-        Action::PathSpeed(_) => "path speed".to_owned(),
-        Action::StopOnSignal(_) => "stop on signal".to_owned(),
-        Action::Wait(_) => "wait".to_owned(),
-        Action::Output(_) => "output".to_owned(),
-        Action::BoardOutput(_) => "board output".to_owned(),
-        Action::Workbench(_) => "workbench".to_owned(),
-        Action::Unknown(unknown) => format!("action {}", unknown.number()),
     }
 }

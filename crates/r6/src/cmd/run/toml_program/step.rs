@@ -9,34 +9,40 @@ use r6_proto::message::instruction::{
 };
 use serde::Deserialize;
 
+use super::form::Wanted;
 use crate::cmd::r#move::{eight, first_axes};
+use crate::output;
 use crate::units;
 
-/// Every key that a step can have.
-pub const KEYS: [&str; 23] = [
-    "do",
-    "to",
-    "through",
-    "speed",
-    "blend",
-    "delay",
-    "mask",
-    "tool",
-    "work_frame",
-    "seconds",
-    "source",
-    "board",
-    "point",
-    "until",
-    "limit",
-    "kind",
-    "on",
-    "pulse",
-    "set",
-    "clear",
-    "watch",
-    "mm_per_s",
-    "number",
+/// Every key that a step can have, and what it wants.
+#[rustfmt::skip]
+pub const KEYS: [(&str, Wanted); 23] = [
+    ("do", Wanted::Word(&[
+        "axis-move", "linear-move", "curve-move", "wait", "output", "board-output", "stop-on-signal", "path-speed",
+        "workbench",
+    ])),
+    ("to", Wanted::Numbers),
+    ("through", Wanted::Numbers),
+    ("speed", Wanted::Number),
+    ("blend", Wanted::Whole(9)),
+    ("delay", Wanted::Number),
+    ("mask", Wanted::Mask),
+    ("tool", Wanted::Whole(u32::MAX)),
+    ("work_frame", Wanted::Whole(u32::MAX)),
+    ("seconds", Wanted::Number),
+    ("source", Wanted::Word(&["input", "m", "eu"])),
+    ("board", Wanted::Whole(4)),
+    ("point", Wanted::Whole(32)),
+    ("until", Wanted::Word(&["on", "off", "rising", "falling"])),
+    ("limit", Wanted::Number),
+    ("kind", Wanted::Word(&["y", "m", "euy"])),
+    ("on", Wanted::Flag),
+    ("pulse", Wanted::Number),
+    ("set", Wanted::Wholes(31)),
+    ("clear", Wanted::Wholes(31)),
+    ("watch", Wanted::Flag),
+    ("mm_per_s", Wanted::Number),
+    ("number", Wanted::Whole(u32::MAX)),
 ];
 
 /// A step as it is written: the keys of all kinds, of which each kind uses some.
@@ -245,7 +251,11 @@ struct Given {
 fn coordinates(key: &str, values: &[f64], counts: &[usize]) -> Result<Given, String> {
     if !counts.contains(&values.len()) {
         let counts: Vec<_> = counts.iter().map(ToString::to_string).collect();
-        return Err(format!("`{key}` has {} numbers, but needs {}", values.len(), counts.join(" or ")));
+        return Err(format!(
+            "`{key}` has {}, but needs {}",
+            output::counted(values.len(), "number"),
+            counts.join(" or ")
+        ));
     }
     if let Some(wrong) = values.iter().find(|value| !(-1e6..=1e6).contains(*value)) {
         return Err(format!("`{key}` has {wrong}, which is no coordinate"));
@@ -330,6 +340,7 @@ mod tests {
             ("do=\"axis-move\"\nto=[1]", "`speed` is missing"),
             ("do=\"axis-move\"\nto=[nan]\nspeed=1", "`to` has NaN, which is no coordinate"),
             ("do=\"linear-move\"\nto=[1,2]\nspeed=1", "`to` has 2 numbers, but needs 3 or 6"),
+            ("do=\"linear-move\"\nto=[1]\nspeed=1", "`to` has 1 number, but needs 3 or 6"),
             ("do=\"path-speed\"\nmm_per_s=0.05", "`mm_per_s` has to be a whole number from 1 to 10000"),
             ("do=\"output\"\npoint=33\non=true", "`point` is 33, but has to be 0 to 32"),
             (
@@ -347,6 +358,19 @@ mod tests {
                    source=\"m\"\nboard=1\npoint=1\nuntil=\"on\"\nlimit=1\nkind=\"y\"\non=true\npulse=1\nset=[1]\n\
                    clear=[1]\nwatch=true\nmm_per_s=1\nnumber=1";
         let step: Step = toml::from_str(all).unwrap();
-        assert_eq!(step.given().collect::<Vec<_>>(), KEYS[1..]);
+        let names = KEYS.map(|(name, _)| name);
+        assert_eq!(step.given().collect::<Vec<_>>(), names[1..]);
+    }
+
+    #[test]
+    fn every_word_that_is_wanted_is_read() {
+        for (key, wanted) in KEYS {
+            let Wanted::Word(words) = wanted else { continue };
+            for word in words {
+                let head = if key == "do" { "" } else { "do=\"wait\"\n" };
+                let step = toml::from_str::<Step>(&format!("{head}{key}=\"{word}\""));
+                assert!(step.is_ok(), "{key} = {word}: {step:?}");
+            }
+        }
     }
 }

@@ -1,0 +1,272 @@
+//! Plays a program on a virtual controller, on a virtual clock: what a client, the arm and the cell do.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use r6_controller::instruction_list::MAX_INSTRUCTIONS as LIST_ROOM;
+use r6_controller::{ConnectionId, Controller, ControllerSettings, Level};
+use r6_proto::AXES;
+use r6_proto::message::Instruction;
+use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Manner, Move};
+use r6_proto::time::Instant;
+
+use super::inputs::InputChange;
+use crate::cmd::job::frames::Batch;
+use crate::cmd::r#move::first_axes;
+use crate::exit::Failure;
+use crate::recording::{Alarm, Ending, Recorder, Recording};
+
+/// The most instructions that are played: far more than the longest program known, and little enough to draw.
+pub const MAX_INSTRUCTIONS: usize = 10_000;
+
+/// How long a program is followed, in its own time: a program that is longer is one that was not meant.
+pub const LONGEST: Duration = Duration::from_secs(7 * 24 * 3600);
+
+/// What is played, besides the program.
+pub struct Cell {
+    /// The controller and its arm.
+    pub settings: ControllerSettings,
+    /// Where the axes stand at the beginning, degrees or mm; axes that are not given stand at 0.
+    pub from: Vec<f64>,
+    /// What is done to the inputs.
+    pub inputs: Vec<InputChange>,
+}
+
+/// Plays the batches and tells what happened; `progress` is told now and then how far it is, in the program's time.
+///
+/// # Errors
+/// The start cannot be reached, or the controller refuses a frame.
+pub fn play(cell: Cell, batches: Vec<Batch>, progress: &mut dyn FnMut(f64)) -> Result<Recording, Failure> {
+    let count = batches.iter().map(|batch| batch.instructions.len()).sum::<usize>();
+    if count > MAX_INSTRUCTIONS {
+        return Err(Failure::usage(format!(
+            "{count} instructions are too many for one picture: at most {MAX_INSTRUCTIONS}"
+        )));
+    }
+    let model = cell.settings.model.clone();
+    let mut controller = Controller::new(cell.settings, Instant::ORIGIN);
+    let id = controller.connect(Instant::ORIGIN);
+    let mut player = Player {
+        controller,
+        id,
+        now: Instant::ORIGIN,
+        frames: VecDeque::new(),
+        frame_number: 0,
+        answered: Instant::ORIGIN,
+        inputs: VecDeque::new(),
+        alarm: None,
+        done_before: 0,
+    };
+    player.go_to(&cell.from)?;
+    player.frames = cut(batches)?;
+    player.done_before = player.controller.machine().list().completed();
+    let begin = player.now;
+    let mut inputs = cell.inputs;
+    inputs.sort_by_key(|change| change.at);
+    player.inputs = inputs.into_iter().map(|change| (begin + change.at, change)).collect();
+    let mut recorder = Recorder::new(&model, begin, player.controller.machine());
+    let ending = player.follow(&mut recorder, progress)?;
+    Ok(recorder.finish(count, ending))
+}
+
+fn cut(batches: Vec<Batch>) -> Result<VecDeque<Batch>, Failure> {
+    let mut frames = VecDeque::new();
+    for batch in batches {
+        frames.extend(batch.cut().map_err(Failure::usage)?);
+    }
+    Ok(frames)
+}
+
+/// A client, the controller it talks to, and the people in the cell.
+struct Player {
+    controller: Controller,
+    id: ConnectionId,
+    now: Instant,
+    /// Frames that the client has still to send.
+    frames: VecDeque<Batch>,
+    frame_number: u64,
+    /// When the last frame was answered: the next one is not sent before.
+    answered: Instant,
+    inputs: VecDeque<(Instant, InputChange)>,
+    alarm: Option<Alarm>,
+    /// Instructions that were done before the program began.
+    done_before: u64,
+}
+
+impl Player {
+    /// Brings the axes to where the program begins.
+    fn go_to(&mut self, from: &[f64]) -> Result<(), Failure> {
+        if from.iter().all(|axis| *axis == 0.0) {
+            return Ok(());
+        }
+        let mut target = [0.0; AXES];
+        for (slot, value) in target.iter_mut().zip(from) {
+            *slot = *value;
+        }
+        let manner = Manner {
+            mask: Some(first_axes(from.len())),
+            speed: Some(100.0),
+            smooth: BlendLevel::new(0),
+            ..Manner::default()
+        };
+        let motion = Move { target: Coordinates::from_slice(&target), manner };
+        let step = Instruction { oneshot: true, action: Action::AxisMove(motion) };
+        self.frames = VecDeque::from([Batch { replace: true, instructions: vec![step] }]);
+        self.feed()?;
+        while let Some(due) = self.next_event() {
+            self.pass(due);
+        }
+        match &self.alarm {
+            None => Ok(()),
+            Some(alarm) => {
+                Err(Failure::usage(format!("--from cannot be reached: alarm {}: {}", alarm.code, alarm.why)))
+            }
+        }
+    }
+
+    /// Goes from event to event, and looks in between while something moves.
+    fn follow(&mut self, recorder: &mut Recorder, progress: &mut dyn FnMut(f64)) -> Result<Ending, Failure> {
+        let end = self.now + LONGEST;
+        loop {
+            self.feed()?;
+            recorder.look(self.now, self.controller.machine());
+            if let Some(ending) = self.ending() {
+                return Ok(ending);
+            }
+            let moving = self.controller.machine().is_moving();
+            let look = moving.then(|| recorder.next_look(self.now));
+            let Some(due) = self.next_event().into_iter().chain(look).min() else {
+                return Ok(Ending::Waiting);
+            };
+            if due > end {
+                return Ok(Ending::TooLong);
+            }
+            self.pass(due);
+            progress(recorder.seconds(self.now));
+        }
+    }
+
+    /// When something happens next by itself, or is done.
+    fn next_event(&self) -> Option<Instant> {
+        let answer = (self.answered > self.now).then_some(self.answered);
+        let input = self.inputs.front().map(|(at, _)| *at);
+        [self.controller.poll_timeout(), answer, input].into_iter().flatten().min()
+    }
+
+    /// Lets time pass up to an instant at which nothing has happened before.
+    fn pass(&mut self, to: Instant) {
+        self.now = self.now.max(to);
+        self.controller.handle_timeout(self.now);
+        while let Some((_, change)) = self.inputs.pop_front_if(|(at, _)| *at <= self.now) {
+            self.controller.set_input(self.now, change.board, change.point, change.on);
+        }
+        self.listen();
+    }
+
+    /// Sends what the list has room for, one frame after the other as they are answered.
+    fn feed(&mut self) -> Result<(), Failure> {
+        while self.answered <= self.now && self.alarm.is_none() {
+            let left = self.controller.machine().list().len();
+            let fits = |batch: &mut Batch| {
+                let kept = if batch.replace { 0 } else { left };
+                kept + batch.instructions.len() <= LIST_ROOM
+            };
+            let Some(batch) = self.frames.pop_front_if(fits) else { return Ok(()) };
+            self.send(&batch)?;
+            self.listen();
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, batch: &Batch) -> Result<(), Failure> {
+        self.frame_number += 1;
+        let frame = batch.encode(&self.frame_number.to_string()).map_err(Failure::usage)?;
+        self.controller.handle_input(self.now, self.id, &frame);
+        let mut accepted = false;
+        loop {
+            let at = self.controller.next_transmit(self.id).unwrap_or(self.now).max(self.now);
+            let Some(reply) = self.controller.poll_transmit(at, self.id) else { break };
+            accepted = reply_is_ok(reply);
+            self.answered = at;
+        }
+        if accepted {
+            return Ok(());
+        }
+        let why = self.warning().unwrap_or_else(|| "it was not answered".to_owned());
+        Err(Failure::refused(format!("the controller does not take frame {}: {why}", self.frame_number)))
+    }
+
+    /// What the controller complains about.
+    fn warning(&mut self) -> Option<String> {
+        std::iter::from_fn(|| self.controller.poll_log())
+            .find(|line| line.level == Level::Warning)
+            .map(|line| line.text)
+    }
+
+    /// Reads the controller's log: an alarm is the one thing in it that a picture shows.
+    fn listen(&mut self) {
+        let done = self.controller.machine().list().completed().saturating_sub(self.done_before);
+        while let Some(line) = self.controller.poll_log() {
+            if line.connection.is_none()
+                && self.alarm.is_none()
+                && let Some((code, why)) = alarm_of(&line.text)
+            {
+                let instruction = usize::try_from(done).unwrap_or(usize::MAX).saturating_add(1);
+                self.alarm = Some(Alarm { code, why: why.to_owned(), at: line.at, instruction });
+            }
+        }
+    }
+
+    /// How it ended, once it has.
+    fn ending(&self) -> Option<Ending> {
+        let machine = self.controller.machine();
+        if machine.is_moving() {
+            return None;
+        }
+        match &self.alarm {
+            Some(alarm) => Some(Ending::Alarm(alarm.clone())),
+            None => (machine.list().is_empty() && self.frames.is_empty()).then_some(Ending::Done),
+        }
+    }
+}
+
+/// The number and the reason of the alarm that a line of the log tells of. The number of the instruction in it counts
+/// from the present front of the list, and is left out.
+fn alarm_of(line: &str) -> Option<(i64, &str)> {
+    let (code, why) = line.strip_prefix("alarm ")?.split_once(": ")?;
+    let code = code.parse().ok()?;
+    let why = match why.strip_prefix("instruction ").and_then(|rest| rest.split_once("): ")) {
+        Some((_, why)) => why,
+        None => why,
+    };
+    Some((code, why))
+}
+
+/// Whether a reply to AddRCC says ok.
+fn reply_is_ok(reply: &[u8]) -> bool {
+    let reply: Option<serde_json::Value> = serde_json::from_slice(reply).ok();
+    reply.and_then(|reply| Some(reply.get("cmdReply")?.get(1)? == "ok")).unwrap_or(false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn alarms_are_read_from_the_log() {
+        assert_eq!(
+            alarm_of("alarm 135: instruction 1 (action 4): J6 ends at 400"),
+            Some((135, "J6 ends at 400"))
+        );
+        assert_eq!(alarm_of("alarm 2049: waited too long"), Some((2049, "waited too long")));
+        assert_eq!(alarm_of("alarm 12 cleared"), None);
+        assert_eq!(alarm_of("auto: alarm"), None);
+    }
+
+    #[test]
+    fn only_ok_is_ok() {
+        assert!(reply_is_ok(br#"{"cmdReply":["AddRCC","ok"]}"#));
+        assert!(!reply_is_ok(br#"{"cmdReply":["AddRCC","err"]}"#));
+        assert!(!reply_is_ok(b"ok"));
+    }
+}
