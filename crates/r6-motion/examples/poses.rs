@@ -1,4 +1,4 @@
-//! Random axes of each model, the pose they make, and every way back: what `tools/oracle-kinematics` compares.
+//! Random axes of each model, the pose they make, and every way back: what `tools/oracles/kinematics` compares.
 //!
 //! `cargo run --release --package r6-motion --example poses 10000` prints, for each model and each of 10 000 random
 //! axis positions within the soft limits, one line

@@ -3,7 +3,7 @@
 //! A move is a delay, a path, and a profile that says when the arm is where on it. Two moves are blended by
 //! letting the second begin before the first has come to rest, and adding up what both do to each axis. The
 //! ramp down and the ramp up then make one curve: the arm does not stop, its speed has no jump, and no axis is
-//! faster than in either move.
+//! faster than it is told in either move.
 //!
 //! A movement counts its own time from 0. Stopping, going on and a change of global speed make a new movement
 //! that takes over at an instant of the old one, on the same path, without a jump in position or speed.

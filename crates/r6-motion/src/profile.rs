@@ -10,8 +10,10 @@
 //! and stays below the speed that was asked for, and the end is met because the areas under the jumps add up
 //! to the way.
 
+mod peaks;
 mod smooth_step;
 
+pub use peaks::Peaks;
 pub use smooth_step::{FILTER_SECONDS, S_CURVE, SmoothStep, StepState};
 
 /// No move lasts longer, seconds: beyond it a double no longer resolves a microsecond. The slowest sensible

@@ -57,18 +57,42 @@ impl SmoothStep {
         self.width() / 2.0
     }
 
-    /// The steepest it ever is, per second: the longest window alone bounds it.
+    /// The steepest it ever is, per second, in its middle.
+    ///
+    /// The two longest windows make a slope that rises, stays at one over the longest, and falls; the shortest takes
+    /// the average over its own length, and where that is longer than the part that stays, a little less comes out.
     #[must_use]
     pub fn steepest(&self) -> f64 {
-        let [longest, ..] = self.by_length();
-        1.0 / longest
+        let [longest, next, shortest] = self.by_length();
+        let beyond = ((shortest - (longest - next)) / 2.0).max(0.0);
+        1.0 / longest - beyond * beyond / (longest * next * shortest)
     }
 
-    /// The most its slope changes in a second, per second squared: the two longest windows bound it.
+    /// The most its slope changes in a second, per second squared; only the two longest windows count.
     #[must_use]
     pub fn sharpest(&self) -> f64 {
         let [longest, next, _] = self.by_length();
         1.0 / (longest * next)
+    }
+
+    /// How fast its slope changes at `t`, per second squared: straight from each of its [`SmoothStep::knots`] to the next.
+    #[must_use]
+    pub fn jerk(&self, t: f64) -> f64 {
+        let width = self.width();
+        let (t, sign) = if t <= width / 2.0 { (t, 1.0) } else { (width - t, -1.0) };
+        let [a, b, c] = self.windows;
+        let rising: f64 =
+            since(self.windows).into_iter().map(|(passed, sign)| sign * (t - passed).max(0.0)).sum();
+        sign * rising / (a * b * c)
+    }
+
+    /// The eight instants at which another polynomial takes over, seconds from its start, in the order of time.
+    #[must_use]
+    pub fn knots(&self) -> [f64; 8] {
+        let [a, b, c] = self.windows;
+        let mut knots = [0.0, a, b, c, a + b, a + c, b + c, a + b + c];
+        knots.sort_by(f64::total_cmp);
+        knots
     }
 
     fn by_length(&self) -> [f64; 3] {
@@ -97,9 +121,8 @@ impl SmoothStep {
     /// Three windows over a jump: one over a third power less the same for each window that has passed.
     fn first_half(&self, t: f64) -> StepState {
         let [a, b, c] = self.windows;
-        let since = [(0.0, 1.0), (a, -1.0), (b, -1.0), (c, -1.0), (a + b, 1.0), (a + c, 1.0), (b + c, 1.0)];
         let (mut square, mut cube, mut fourth) = (0.0, 0.0, 0.0);
-        for (passed, sign) in since {
+        for (passed, sign) in since(self.windows) {
             let x = t - passed;
             if x > 0.0 {
                 square += sign * x * x;
@@ -116,6 +139,11 @@ impl SmoothStep {
     }
 }
 
+/// What adds to the first half of a step, and what takes away again: since when, and the sign.
+fn since([a, b, c]: [f64; 3]) -> [(f64, f64); 7] {
+    [(0.0, 1.0), (a, -1.0), (b, -1.0), (c, -1.0), (a + b, 1.0), (a + c, 1.0), (b + c, 1.0)]
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -126,9 +154,9 @@ mod tests {
     fn it_takes_the_ramp_and_the_filter() {
         let step = SmoothStep::of(0.25);
         assert!((step.width() - 0.378).abs() < 1e-12);
-        assert!((step.steepest() - 1.0 / 0.175).abs() < 1e-12);
         let middle = step.at(0.189);
-        assert!((middle.height - 0.5).abs() < 1e-12 && middle.slope <= step.steepest());
+        assert!((step.steepest() - middle.slope).abs() < 1e-12 && middle.slope < 1.0 / 0.175);
+        assert!((middle.height - 0.5).abs() < 1e-12);
         assert_eq!(step.at(-1.0), StepState { area: 0.0, height: 0.0, slope: 0.0 });
         let over = step.at(1.0);
         assert_eq!((over.height, over.slope), (1.0, 0.0));
@@ -160,8 +188,19 @@ mod tests {
             prop_assert!((slope - here.slope).abs() < 1e-5 * step.steepest(), "{slope} {}", here.slope);
             prop_assert!((0.0..=1.0).contains(&here.height) && here.area >= 0.0);
             prop_assert!(here.slope >= -1e-9 && here.slope <= step.steepest() * (1.0 + 1e-9));
-            let bend = (after.slope - before.slope).abs() / (2.0 * h);
-            prop_assert!(bend <= step.sharpest() * (1.0 + 1e-4), "{bend} {}", step.sharpest());
+            let bend = (after.slope - before.slope) / (2.0 * h);
+            prop_assert!(bend.abs() <= step.sharpest() * (1.0 + 1e-4), "{bend} {}", step.sharpest());
+            prop_assert!((bend - step.jerk(t)).abs() < 1e-3 * step.sharpest(), "{bend} {}", step.jerk(t));
+        }
+
+        /// Not only bounds: the slope and its change come as high as they say.
+        #[test]
+        fn steepest_and_sharpest_are_met(ramp in 0.001..2.0) {
+            let step = SmoothStep::of(ramp);
+            let middle = step.at(step.width() / 2.0).slope;
+            prop_assert!((middle / step.steepest() - 1.0).abs() < 1e-9, "{middle} {}", step.steepest());
+            let sharpest = step.knots().map(|knot| step.jerk(knot)).into_iter().fold(0.0, f64::max);
+            prop_assert!((sharpest / step.sharpest() - 1.0).abs() < 1e-6, "{sharpest} {}", step.sharpest());
         }
     }
 }

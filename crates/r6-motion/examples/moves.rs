@@ -1,0 +1,176 @@
+//! Random axis moves, what each asks of the axes, and how long it takes: what `tools/oracles/trajectories` compares.
+//!
+//! `cargo run --release --package r6-motion --example moves 10000` prints for each move one line
+//!
+//! ```text
+//! move NAME SECONDS RSRUCKIG SPEED ACCELERATION JERK
+//! ```
+//!
+//! and six lines `axis START TARGET SPEED ACCELERATION JERK`. SECONDS is our plan's duration and RSRUCKIG that of
+//! rsruckig for six synchronised axes under the same limits, or the word `error`. The limits of an axis are its full
+//! speed times the [`Peaks`] of the move's profile; the three numbers of the move say how near the nearest of many
+//! looks at the planned [`Movement`] came to them, as fractions.
+
+use r6_motion::profile::{Peaks, Profile, SmoothStep};
+use r6_motion::robot_model::AxisModel;
+use r6_motion::{
+    Axes, Conditions, Frames, Move, MoveMask, MoveSpeed, MoveTarget, Movement, Ramps, RobotModel, Turning,
+};
+use rsruckig::prelude::*;
+
+/// Looks at each change of speed, and as many at what is between them.
+const LOOKS: u32 = 100;
+
+fn main() {
+    let moves = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(100_u32);
+    let mut random = Random(1);
+    let models: Vec<_> = RobotModel::names().filter_map(RobotModel::named).collect();
+    for (_, model) in (0..moves).zip(models.iter().cycle()) {
+        let case = Case::random(model, &mut random);
+        let [speed, acceleration, jerk] = case.nearest();
+        let theirs = case.rsruckig().map_or("error".to_owned(), |seconds| seconds.to_string());
+        println!("move {} {} {theirs} {speed} {acceleration} {jerk}", model.name, case.movement.duration());
+        for ((start, target), axis) in case.start.arm().iter().zip(case.target.arm()).zip(&model.axes) {
+            let [speed, acceleration, jerk] = limits(axis, &case.peaks);
+            println!("axis {start} {target} {speed} {acceleration} {jerk}");
+        }
+    }
+}
+
+/// Seeded numbers, the same on every machine (splitmix64).
+struct Random(u64);
+
+impl Random {
+    /// Between 0 and 1.
+    fn part(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^= z >> 31;
+        f64::from((z >> 32) as u32) / f64::from(u32::MAX)
+    }
+
+    /// As often in each decade.
+    fn scaled(&mut self, least: f64, most: f64) -> f64 {
+        least * (most / least).powf(self.part())
+    }
+
+    /// Anywhere in the soft limits.
+    fn axes(&mut self, model: &RobotModel) -> Axes {
+        let mut positions = [0.0; 8];
+        for (slot, axis) in positions.iter_mut().zip(model.drives()) {
+            *slot = axis.soft.min + self.part() * (axis.soft.max - axis.soft.min);
+        }
+        Axes::new(positions).expect("soft limits are axis positions")
+    }
+
+    /// Another place: of five, two anywhere, two as near as a ten-thousandth of the way there, one with one axis moved.
+    fn target(&mut self, model: &RobotModel, start: &Axes) -> Axes {
+        let anywhere = self.axes(model);
+        let kind = self.part();
+        let one = (self.part() * model.axis_count() as f64) as usize;
+        let share = if kind < 0.4 { 1.0 } else { self.scaled(1e-4, 1.0) };
+        let mut arm = start.arm();
+        for (n, (slot, far)) in arm.iter_mut().zip(anywhere.arm()).enumerate() {
+            if kind < 0.8 || n == one {
+                *slot += share * (far - *slot);
+            }
+        }
+        Axes::of_arm(arm).expect("between two axis positions")
+    }
+
+    /// As the controller sets out with, or as `modifyAccDec` may set them.
+    fn ramps(&mut self) -> Ramps {
+        let told = [self.scaled(0.01, 3.0), self.scaled(0.01, 3.0)];
+        let [up, down] = told.map(|seconds| (seconds * 1000.0).round() / 1000.0);
+        if self.part() < 0.4 { Ramps::default() } else { Ramps::new(up, down).expect("within its bounds") }
+    }
+}
+
+/// One move from rest to rest.
+struct Case {
+    model: &'static RobotModel,
+    start: Axes,
+    target: Axes,
+    movement: Movement,
+    ramps: Ramps,
+    peaks: Peaks,
+}
+
+impl Case {
+    fn random(model: &'static RobotModel, random: &mut Random) -> Self {
+        let start = random.axes(model);
+        let target = random.target(model, &start);
+        let (percent, global, ramps) = (random.scaled(1.0, 100.0), random.scaled(0.05, 1.0), random.ramps());
+        let order = Move {
+            target: MoveTarget::Axes(target),
+            mask: MoveMask::SIX,
+            speed: MoveSpeed::PercentOfMax(percent),
+            delay: 0.0,
+        };
+        let conditions = Conditions { global, ramps, frames: Frames::default(), turning: Turning::Shortest };
+        let movement = Movement::plan(model, &start, &order, &conditions).expect("a move within the limits");
+        // What a movement goes by is its own affair, so the profile is planned once more; its duration tells.
+        let profile = Profile::plan(movement.path().length(), percent / 100.0 * global, ramps)
+            .expect("a profile of sensible length");
+        assert!((profile.duration() - movement.duration()).abs() < 1e-9, "two plans of one move differ");
+        Self { model, start, target, movement, ramps, peaks: profile.peaks() }
+    }
+
+    /// How near any look at any axis came to its limits of speed, acceleration and jerk: 1 is at the limit.
+    ///
+    /// Acceleration and jerk are differences of the speed over a short while, so they are never above the real ones.
+    fn nearest(&self) -> [f64; 3] {
+        let end = self.movement.duration();
+        let ramps = [self.ramps.acceleration(), self.ramps.deceleration()];
+        let [up, down] = ramps.map(SmoothStep::of);
+        let h = 1e-3 * up.width().min(down.width()).min(end);
+        let mut nearest = [0.0_f64; 3];
+        for t in self.looks(&up, &down) {
+            let [before, here, after] = [t - h, t, t + h].map(|t| self.movement.state_at(t).axis_speeds);
+            for (n, axis) in self.model.axes.iter().enumerate() {
+                let seen =
+                    [here[n], (after[n] - here[n]) / h, (after[n] - 2.0 * here[n] + before[n]) / (h * h)];
+                for ((nearest, seen), limit) in nearest.iter_mut().zip(seen).zip(limits(axis, &self.peaks)) {
+                    *nearest = nearest.max(seen.abs() / limit);
+                }
+            }
+        }
+        nearest
+    }
+
+    /// All over both changes of speed and between them, and where the jerk turns.
+    fn looks(&self, up: &SmoothStep, down: &SmoothStep) -> Vec<f64> {
+        let end = self.movement.duration();
+        let (up_ends, down_begins) = (up.width().min(end), (end - down.width()).max(0.0));
+        let mut looks = Vec::new();
+        for (from, to) in [(0.0, up_ends), (up_ends, down_begins), (down_begins, end)] {
+            looks.extend((0..=LOOKS).map(|look| from + (to - from) * f64::from(look) / f64::from(LOOKS)));
+        }
+        looks.extend(up.knots());
+        looks.extend(down.knots().map(|knot| down_begins + knot));
+        looks
+    }
+
+    /// How long rsruckig takes for it, seconds; `None` where it finds no plan.
+    fn rsruckig(&self) -> Option<f64> {
+        let mut input = InputParameter::<6>::new(None);
+        for (n, axis) in self.model.axes.iter().enumerate() {
+            let [speed, acceleration, jerk] = limits(axis, &self.peaks);
+            input.current_position[n] = self.start.arm()[n];
+            input.target_position[n] = self.target.arm()[n];
+            input.max_velocity[n] = speed;
+            input.max_acceleration[n] = acceleration;
+            input.max_jerk[n] = jerk;
+        }
+        let mut trajectory = Trajectory::new(None);
+        let planned = Ruckig::<6, ThrowErrorHandler>::new(None, 0.001).calculate(&input, &mut trajectory);
+        planned.is_ok().then(|| trajectory.get_duration())
+    }
+}
+
+/// Speed, acceleration and jerk that this axis has at most.
+fn limits(axis: &AxisModel, peaks: &Peaks) -> [f64; 3] {
+    [peaks.speed, peaks.acceleration, peaks.jerk].map(|peak| axis.max_speed * peak)
+}
