@@ -4,7 +4,8 @@ use std::fmt;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 
-use r6_controller::{Profile, RobotModel, StartState};
+use r6_controller::settings::REMOTE_MOLD;
+use r6_controller::{Library, Profile, RobotModel, StartState};
 
 /// The most controllers in one process. Each takes a listening socket and a port of its own.
 pub const MAX_CONTROLLERS: usize = 10_000;
@@ -22,6 +23,10 @@ pub struct SimSettings {
     pub model: RobotModel,
     /// How they stand when they are switched on.
     pub start: StartState,
+    /// The programs they have.
+    pub library: Library,
+    /// The program in use.
+    pub mold: String,
     /// The seed; controller n has seed + n.
     pub seed: u64,
 }
@@ -35,6 +40,8 @@ impl Default for SimSettings {
             profile: Profile::hc1(),
             model: RobotModel::default(),
             start: StartState::Waiting,
+            library: Library::default(),
+            mold: REMOTE_MOLD.to_owned(),
             seed: 0,
         }
     }

@@ -34,6 +34,8 @@ impl Simulation {
             let bound = listener.local_addr().map_err(failed)?;
             let controller = ControllerSettings {
                 start: settings.start,
+                library: settings.library.clone(),
+                mold: settings.mold.clone(),
                 seed: settings.seed.wrapping_add(number),
                 ..ControllerSettings::new(settings.profile.clone(), settings.model.clone())
             };

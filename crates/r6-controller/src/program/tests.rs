@@ -142,6 +142,24 @@ fn a_library_is_bounded_and_knows_what_is_missing() {
     assert_eq!(library.named("p1").unwrap().steps(), [Step::End], "in place of the one of that name");
 }
 
+const PAGE: &str = include_str!("../../../../docs/PROGRAMS.md");
+
+/// docs/PROGRAMS.md has a row for every kind of step and every shipped program, and no other.
+#[test]
+fn the_page_tells_every_step() {
+    let column = |heading: &str| -> Vec<&str> {
+        let (_, rest) = PAGE.split_once(heading).unwrap();
+        let rows = rest.lines().skip_while(|line| !line.starts_with("|---")).skip(1);
+        rows.take_while(|line| line.starts_with('|')).map(|line| line.split('`').nth(1).unwrap()).collect()
+    };
+    assert_eq!(column("## Steps"), file::KINDS);
+    let mut shipped = column("## Those that come");
+    shipped.sort_unstable();
+    assert_eq!(shipped, Library::shipped().map(|(name, _)| name).collect::<Vec<_>>());
+    let (_, example) = PAGE.split_once("```toml\n").unwrap();
+    assert_eq!(read(example.split_once("```").unwrap().0).unwrap().steps().len(), 4);
+}
+
 proptest! {
     #[test]
     fn no_text_breaks_the_reader(text in "\\PC{0,200}", which in 0..6_usize, at in 0..600_usize) {

@@ -1,5 +1,6 @@
 //! `r6 sim`: virtual controllers, for programs to talk to.
 
+mod programs;
 mod stdin;
 
 use std::net::SocketAddr;
@@ -31,6 +32,10 @@ pub struct CellArgs {
     /// How it stands when it is switched on
     #[arg(long, value_enum, default_value = "waiting")]
     start: Start,
+    /// The program it runs: one that every controller has (remote, register-move, register-follow, pick-and-place,
+    /// palletise, default), or a .toml or .json file; may be given several times: the first one runs, all are there
+    #[arg(long, value_name = "NAME|FILE", value_parser = programs::read)]
+    program: Vec<programs::Given>,
     /// Seed of whatever is random; nothing is yet, so it has no effect
     #[arg(long, default_value = "0")]
     seed: u64,
@@ -70,6 +75,7 @@ Examples:
   r6 sim --profile my-cell.toml
   r6 sim --model GENERIC-SCARA
   r6 sim --model my-arm.toml
+  r6 sim --program cell.toml                    a program of your own (docs/PROGRAMS.md)
   echo input 0 3 on | r6 sim                    input 3 is on from the start")]
 pub struct SimArgs {
     /// Where to listen, may be given several times; port 0 takes any free port
@@ -107,14 +113,15 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
 
 /// Starts the controllers that the arguments describe.
 pub async fn start(cell: CellArgs, listen: Vec<SocketAddr>, count: u16) -> Result<Simulation, Failure> {
-    let CellArgs { model, profile, start, seed } = cell;
+    let CellArgs { model, profile, start, program, seed } = cell;
+    let (library, mold) = programs::library(program).map_err(|error| Failure::usage(&error))?;
     let start = match start {
         Start::Waiting => StartState::Waiting,
         Start::Stopped => StartState::Stopped,
         Start::Manual => StartState::Manual,
         Start::Auto => StartState::Auto,
     };
-    let settings = SimSettings { listen, count, profile, model, start, seed };
+    let settings = SimSettings { listen, count, profile, model, start, library, mold, seed };
     Simulation::start(settings).await.map_err(|error| match &error {
         SimError::BadCount { .. } | SimError::NoSuchPort { .. } | SimError::Listen { .. } => {
             Failure::usage(&error)

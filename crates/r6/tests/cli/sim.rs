@@ -54,6 +54,32 @@ fn up_without_a_terminal_prints_lines() {
     }
 }
 
+/// A program out of a file runs, another is there for it to call, and a wrong one says where.
+#[test]
+fn programs_of_ones_own_are_played() {
+    let part = r#"{"step": [{"do": "register", "number": 850, "to": 77}]}"#;
+    let part = TempFile::new("part.json", part);
+    let stem = std::path::Path::new(part.path()).file_stem().unwrap().to_str().unwrap().to_owned();
+    let main = format!("[[step]]\ndo = \"call\"\nprogram = \"{stem}\"\n[[step]]\ndo = \"remote\"\n");
+    let main = TempFile::new("cell.toml", &main);
+    let robot = Robot::start(&["--program", main.path(), "--program", part.path()]);
+    assert_eq!(robot.value("Addr-850"), 77);
+    let names = robot.value("moldList").to_string();
+    assert!(
+        names.contains("-cell\"") && names.contains(&stem) && names.contains("\"palletise\""),
+        "{names}"
+    );
+    let refused = |args: &[&str], complaint: &str| {
+        let outcome = r6(&[&["sim", "--listen", "127.0.0.1:0"], args].concat());
+        assert_eq!(outcome.code, 2, "{outcome:?}");
+        assert!(outcome.err.contains(complaint), "{}", outcome.err);
+    };
+    refused(&["--program", main.path()], "which is not there");
+    refused(&["--program", "palletize"], "there is no such program; nearest: `palletise`");
+    let wrong = TempFile::new("wrong.toml", "[[step]]\ndo = \"wait\"\nsecond = 2\n");
+    refused(&["--program", wrong.path()], "wrong`, step 1 (wait)");
+}
+
 #[test]
 fn a_model_of_four_axes_is_played() {
     let document = include_str!("../../../../docs/MODELS.md");
