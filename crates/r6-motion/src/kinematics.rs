@@ -1,11 +1,14 @@
 //! From axes to poses and back.
 
 mod four_axis;
+mod jacobian;
 mod six_axis;
 
 use std::fmt;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+
+pub(crate) use jacobian::Nearby;
 
 use super::axes::{ARM_AXES, Axes, AxisNumber};
 use super::error::{LimitSide, NotFinite, PlanError};
@@ -162,6 +165,19 @@ pub(super) fn continued(
     near: &Axes,
 ) -> Option<[f64; ARM_AXES]> {
     nearest(model, candidates(model, &flange_of(tool_at, tool), near).into_iter(), near.arm())
+}
+
+/// The same, found from axes close by where that is certain, with the way the axes follow the tool.
+pub(super) fn nearby(
+    model: &RobotModel,
+    tool_at: &Isometry3<f64>,
+    tool: &Frame,
+    near: [f64; ARM_AXES],
+) -> Option<Nearby> {
+    match &model.geometry {
+        Geometry::SixAxis(lengths) => jacobian::nearby(model, lengths, tool_at, tool, near),
+        Geometry::Scara(_) | Geometry::Cartesian => None,
+    }
 }
 
 /// Tool 0 in the base frame.

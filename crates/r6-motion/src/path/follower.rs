@@ -4,7 +4,7 @@ use super::spline::{Node, Stretch};
 use super::track::Track;
 use crate::axes::{ARM_AXES, Axes, AxisNumber};
 use crate::error::PlanError;
-use crate::kinematics::{continued, tool_isometry};
+use crate::kinematics::{continued, nearby, tool_isometry};
 use crate::pose::Frame;
 use crate::robot_model::{Limits, RobotModel, first_outside};
 
@@ -134,6 +134,11 @@ impl<'a> Follower<'a> {
 
     /// The axes and slopes at a place on the path, continuing from axes close by.
     fn node(&self, position: f64, near: [f64; ARM_AXES]) -> Result<Node, PlanError> {
+        let part = self.part(position);
+        if let Some(found) = nearby(self.model, &self.track.at(part), self.tool, near) {
+            let slope = found.follow(&(self.track.velocity(part) / self.length));
+            return Ok(Node { position, arm: found.arm, slope });
+        }
         let arm = self.solve(position, near).ok_or(PlanError::Unreachable)?;
         // At the edge of the reach one side may not exist: then the slope is that of the other.
         let before = self.solve(position - SLOPE_STEP, arm).map(|arm| (arm, SLOPE_STEP));
@@ -152,10 +157,15 @@ impl<'a> Follower<'a> {
     }
 
     fn solve(&self, position: f64, near: [f64; ARM_AXES]) -> Option<[f64; ARM_AXES]> {
-        let track = self.track.at(if position == self.length { 1.0 } else { position / self.length });
+        let track = self.track.at(self.part(position));
         // Axes that run away, as near a singularity they may, are no place to continue from.
         let near = Axes::of_arm(near).ok()?;
         continued(self.model, &track, self.tool, &near)
+    }
+
+    /// Which part of the way a place is: exactly all of it at the end.
+    fn part(&self, position: f64) -> f64 {
+        if position == self.length { 1.0 } else { position / self.length }
     }
 
     fn on_track(&self, position: f64, arm: [f64; ARM_AXES]) -> bool {

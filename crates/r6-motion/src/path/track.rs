@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
 
 use crate::error::PlanError;
 
@@ -117,6 +117,19 @@ impl Track {
         self.turn.norm().to_degrees()
     }
 
+    /// How the tool moves at this part of the way, in the base frame: mm and radians for the whole of it.
+    pub(super) fn velocity(&self, part: f64) -> Vector6<f64> {
+        let linear = match &self.shape {
+            Shape::Line => self.end.translation.vector - self.start.translation.vector,
+            Shape::Arc { out, along, angle, .. } => {
+                let (sin, cos) = (angle * part).sin_cos();
+                (along * cos - out * sin) * *angle
+            }
+        };
+        let angular = self.start.rotation * self.turn;
+        Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
+    }
+
     /// The tool at this part of the way: exactly the start at 0, exactly the end at 1.
     pub(super) fn at(&self, part: f64) -> Isometry3<f64> {
         if part == 0.0 {
@@ -163,6 +176,24 @@ mod tests {
             Track::arc(at(100.0, 0.0, 5.0), Point3::new(0.0, 100.0, 5.0), at(-100.0, 0.0, 5.0)).unwrap();
         assert!((track.distance() - 100.0 * std::f64::consts::PI).abs() < 1e-9);
         assert!((place(&track.at(0.5)) - Vector3::new(0.0, 100.0, 5.0)).norm() < 1e-9);
+    }
+
+    #[test]
+    fn the_velocity_is_the_rate_of_the_place() {
+        let start = turned(100.0, 0.0, 5.0, 20.0);
+        let end = turned(-100.0, 0.0, 5.0, 100.0);
+        let arc = Track::arc(start, Point3::new(0.0, 100.0, 25.0), end).unwrap();
+        for track in [arc, Track::line(start, end)] {
+            for part in [0.1, 0.5, 0.9] {
+                let h = 1e-6;
+                let [before, after] = [part - h, part + h].map(|part| track.at(part));
+                let linear = (place(&after) - place(&before)) / (2.0 * h);
+                let angular = (after.rotation * before.rotation.inverse()).scaled_axis() / (2.0 * h);
+                let velocity = track.velocity(part);
+                assert!((velocity.fixed_rows::<3>(0) - linear).norm() < 1e-4);
+                assert!((velocity.fixed_rows::<3>(3) - angular).norm() < 1e-6);
+            }
+        }
     }
 
     #[test]

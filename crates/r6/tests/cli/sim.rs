@@ -65,10 +65,7 @@ fn programs_of_ones_own_are_played() {
     let robot = Robot::start(&["--program", main.path(), "--program", part.path()]);
     assert_eq!(robot.value("Addr-850"), 77);
     let names = robot.value("moldList").to_string();
-    assert!(
-        names.contains("-cell\"") && names.contains(&stem) && names.contains("\"palletise\""),
-        "{names}"
-    );
+    assert!(names.contains("-cell\"") && names.contains(&stem) && names.contains("\"palletise\""), "{names}");
     let refused = |args: &[&str], complaint: &str| {
         let outcome = r6(&[&["sim", "--listen", "127.0.0.1:0"], args].concat());
         assert_eq!(outcome.code, 2, "{outcome:?}");
