@@ -397,6 +397,27 @@ fn remote_commands_are_one_step_of_a_program() {
     cell.run_ok(&list);
 }
 
+/// A client that clears leftovers does not touch what the program does.
+#[test]
+fn an_empty_list_does_not_touch_a_program_that_moves_or_waits() {
+    let program = format!("{COUNT}{}[[step]]\ndo=\"wait\"\npoint=\"X010\"\nlimit=4\n", axis_move(150.0, ""));
+    for profile in ["hc1", "r6-host"] {
+        let mut cell =
+            cell_with(Profile::named(profile).unwrap(), &[("test", &program)], StartState::Waiting);
+        cell.pass(1.0);
+        let speed = cell.number("curSpeed-0");
+        cell.run_ok(&json!([]));
+        assert_eq!(cell.query(&["isMoving", "curAlarm"]), [json!("1"), json!("0")], "{profile}");
+        assert!((cell.number("curSpeed-0") - speed).abs() < 1.0);
+        assert!(cell.number("curCycle") > 1.0);
+        cell.pass(1.5);
+        assert_eq!(cell.text("isMoving"), "0");
+        cell.run_ok(&json!([]));
+        cell.pass(3.5);
+        assert_eq!(cell.text("curAlarm"), "2048", "the wait's limit went on counting");
+    }
+}
+
 #[test]
 fn registers_tell_a_pose_where_the_program_says_so() {
     let mut cell = running(&format!(

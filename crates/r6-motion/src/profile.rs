@@ -61,9 +61,10 @@ impl Default for Ramps {
     }
 }
 
-/// Two changes of speed are never closer, seconds; a later one waits. So that however often the speed is
-/// changed, no more than a few hundred changes are under way at once.
-const CLOSEST_CHANGES: f64 = 0.002;
+/// Two changes of speed are never closer than this part of the time that one takes; a later one waits. A change is
+/// forgotten once it has been over for as long as it took: so that however often the speed is changed, and however
+/// long the ramps are, no more than 200 are remembered.
+const CLOSEST_CHANGES: f64 = 0.01;
 
 /// A place on the path, the speed there, and what it will be next.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -148,7 +149,8 @@ impl Profile {
         next.settle(at);
         // A change that has had no effect yet is replaced.
         let waiting = next.changes.pop_if(|change| change.at >= at);
-        let soonest = next.changes.last().map_or(at, |change| at.max(change.at + CLOSEST_CHANGES));
+        let apart = |change: &Change| CLOSEST_CHANGES * change.step.width();
+        let soonest = next.changes.last().map_or(at, |change| at.max(change.at + apart(change)));
         let at = waiting.map_or(soonest, |change| change.at);
         let by = top - next.asked_speed();
         let (up, down) = (SmoothStep::of(self.ramps.acceleration), SmoothStep::of(self.ramps.deceleration));

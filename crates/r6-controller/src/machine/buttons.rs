@@ -223,11 +223,17 @@ impl Machine {
                 return Err(NotTaken::Refused("the list was replaced in mid-motion: alarm 200"));
             }
             self.list.clear();
-            self.cycle_started = None;
         }
         self.list.append(instructions).map_err(|_| NO_ROOM)?;
-        if replace && !self.take_over() && !self.halt(self.profile.action_stop_time, AfterHalt::NewList) {
-            self.activity = Activity::Idle;
+        // What a program does meanwhile is no concern of the remote list.
+        if replace && self.is_remote() {
+            self.cycle_started = None;
+            let takes_over = !clears && self.profile.replace_in_motion == ReplaceInMotion::TakeOver;
+            if !(takes_over && self.take_over())
+                && !self.halt(self.profile.action_stop_time, AfterHalt::NewList)
+            {
+                self.activity = Activity::Idle;
+            }
         }
         self.run_list();
         Ok(())

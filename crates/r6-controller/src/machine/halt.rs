@@ -10,8 +10,6 @@ use super::execution::{Activity, Run, fulfilled_at_once, plan_failed};
 pub enum AfterHalt {
     /// The move waits to go on from there.
     Keep,
-    /// It goes on from there: start was pressed while it was still slowing down.
-    GoOn,
     /// The step counts as done and the next one follows (stop on signal).
     NextStep,
     /// Nothing: the move is over, its step begins anew with the next start.
@@ -35,11 +33,8 @@ impl Machine {
                 true
             }
             Activity::Halting(mut run, before) => {
-                let after = match (before, after) {
-                    (AfterHalt::GoOn, AfterHalt::Keep) => AfterHalt::Keep,
-                    (before, after) => before.max(after),
-                };
-                if before <= AfterHalt::GoOn {
+                let after = before.max(after);
+                if before == AfterHalt::Keep {
                     self.leave_joined(&mut run, after);
                 }
                 self.activity = Activity::Halting(run, after);
@@ -83,7 +78,7 @@ impl Machine {
     /// Of two moves that overlap the arm has left the first for the second, and will not go back.
     fn leave_joined(&mut self, run: &mut Run, after: AfterHalt) {
         match after {
-            AfterHalt::Keep | AfterHalt::GoOn => return,
+            AfterHalt::Keep => return,
             AfterHalt::NextStep | AfterHalt::Drop | AfterHalt::Rewind => self.finish_joined(run),
             AfterHalt::NewList => {}
         }
@@ -104,10 +99,6 @@ impl Machine {
         self.axes = run.movement.state_at(run.movement.duration()).axes;
         match after {
             AfterHalt::Keep => self.activity = Activity::Paused(run),
-            AfterHalt::GoOn => {
-                self.activity = Activity::Paused(run);
-                self.resume();
-            }
             AfterHalt::NextStep => self.finish_step(),
             AfterHalt::Drop | AfterHalt::Rewind => {
                 if reached {
@@ -125,11 +116,8 @@ impl Machine {
     /// Lets what rests before its end go on.
     pub(crate) fn resume(&mut self) {
         match &self.activity {
-            // Not before it rests: its acceleration would jump.
-            Activity::Halting(run, AfterHalt::Keep) => {
-                self.activity = Activity::Halting(run.clone(), AfterHalt::GoOn);
-            }
-            Activity::Paused(run) => {
+            // The start button while it is still slowing down for a pause goes on as well.
+            Activity::Paused(run) | Activity::Halting(run, AfterHalt::Keep) => {
                 let run = run.clone();
                 if self.global_speed <= 0.0 {
                     return;

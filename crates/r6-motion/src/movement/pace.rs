@@ -8,6 +8,9 @@ use crate::profile::SmoothStep;
 /// Halvings that find a time to the last digit of a double.
 const HALVINGS: usize = 80;
 
+/// What is left of a change of pace when another begins is gone within this, seconds: as short as a stop of the arm.
+const LONGEST_EASING: f64 = 0.1;
+
 /// The time of a plan as a function of real time, both in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pace {
@@ -19,13 +22,54 @@ pub(super) struct Pace {
     after: f64,
     /// How it changes; `None`: at once.
     step: Option<SmoothStep>,
+    /// What the change before it has left.
+    easing: Easing,
     /// How much of real time has passed since it began.
     passed: f64,
 }
 
+/// A slope that ends smoothly: it would be a jump of the acceleration otherwise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Easing {
+    /// The slope at its beginning, per second.
+    slope: f64,
+    /// How long it takes to 0, seconds; 0 where there is none.
+    seconds: f64,
+}
+
+impl Easing {
+    const NONE: Self = Self { slope: 0.0, seconds: 0.0 };
+
+    /// The slope at a pace, ended so soon that it takes the pace no more than half the way to standing still, or to full
+    /// pace.
+    fn of(slope: f64, pace: f64, within: f64) -> Self {
+        /// What one of slope 1 and length 1 rises to at most: at a third of it.
+        const HIGHEST: f64 = 4.0 / 27.0;
+        let room = if slope > 0.0 { 1.0 - pace } else { pace };
+        let seconds = (room / 2.0 / (HIGHEST * slope.abs())).min(within).min(LONGEST_EASING);
+        if seconds > 0.0 && slope != 0.0 { Self { slope, seconds } } else { Self::NONE }
+    }
+
+    /// What it adds to the time, to the pace and to the slope of the pace at `t`.
+    fn at(&self, t: f64) -> [f64; 3] {
+        if self.seconds <= 0.0 {
+            return [0.0; 3];
+        }
+        let x = (t / self.seconds).clamp(0.0, 1.0);
+        let rest = 1.0 - x;
+        let area = x * x * (0.5 - 2.0 / 3.0 * x + 0.25 * x * x);
+        [
+            self.slope * self.seconds * self.seconds * area,
+            self.slope * self.seconds * x * rest * rest,
+            self.slope * rest * (1.0 - 3.0 * x),
+        ]
+    }
+}
+
 impl Pace {
     /// As fast as real time.
-    pub(super) const EVEN: Self = Self { began: 0.0, before: 1.0, after: 1.0, step: None, passed: 0.0 };
+    pub(super) const EVEN: Self =
+        Self { began: 0.0, before: 1.0, after: 1.0, step: None, easing: Easing::NONE, passed: 0.0 };
 
     /// The same, told from `at` seconds later on.
     pub(super) fn from(self, at: f64) -> Self {
@@ -33,8 +77,12 @@ impl Pace {
     }
 
     /// From `at` on another pace, 0 or 1, reached by this step; without one, at once.
+    ///
+    /// What a change before it has left of its slope is eased out, so that the acceleration has no jump.
     pub(super) fn to(self, at: f64, after: f64, step: Option<SmoothStep>) -> Self {
-        Self { began: self.time(at), before: self.rate(at), after, step, passed: 0.0 }
+        let before = self.rate(at);
+        let easing = step.map_or(Easing::NONE, |step| Easing::of(self.slope(at), before, step.width()));
+        Self { began: self.time(at), before, after, step, easing, passed: 0.0 }
     }
 
     /// The plan's time at `t`.
@@ -44,13 +92,23 @@ impl Pace {
         let changing = t.min(width);
         let changed = self.step.map_or(0.0, |step| step.at(changing).area);
         let evenly = if t > width && !self.stops() { self.after * (t - width) } else { 0.0 };
-        self.began + self.before * changing + (self.after - self.before) * changed + evenly
+        let [eased, ..] = self.easing.at(t);
+        self.began + self.before * changing + (self.after - self.before) * changed + evenly + eased
     }
 
     /// How fast the plan's time passes at `t`, 0 to 1.
     pub(super) fn rate(&self, t: f64) -> f64 {
-        let share = self.step.map_or(1.0, |step| step.at(self.passed + t).height);
-        self.before + (self.after - self.before) * share
+        let t = self.passed + t;
+        let share = self.step.map_or(1.0, |step| step.at(t).height);
+        let [_, eased, _] = self.easing.at(t);
+        self.before + (self.after - self.before) * share + eased
+    }
+
+    /// How fast that changes at `t`, per second.
+    fn slope(&self, t: f64) -> f64 {
+        let t = self.passed + t;
+        let [_, _, eased] = self.easing.at(t);
+        (self.after - self.before) * self.step.map_or(0.0, |step| step.at(t).slope) + eased
     }
 
     /// Whether it comes to a stand.
@@ -107,6 +165,27 @@ mod tests {
                 prop_assert!(pace.rate(t) < 1e-3 || (when - t).abs() < 1e-9, "{when} {t}");
                 let rate = (pace.time(t + 1e-6) - time) / 1e-6;
                 prop_assert!((rate - pace.rate(t)).abs() < 1e-3 + 1e-5 / halt.min(gain));
+            }
+        }
+
+        /// However often it changes, it stays between standing still and full pace, and its slope has no jump.
+        #[test]
+        fn changes_upon_changes_are_smooth(
+            changes in prop::collection::vec((0.0..0.6_f64, prop::bool::ANY, 0.05..0.6_f64), 1..8), t in 0.0..1.0_f64,
+        ) {
+            let mut pace = Pace::EVEN;
+            for (at, go, seconds) in changes {
+                let after = if go { 1.0 } else { 0.0 };
+                let next = pace.to(at, after, Some(SmoothStep::within(seconds)));
+                prop_assert!((next.slope(0.0) - pace.slope(at)).abs() < 1e-9, "{} {}", next.slope(0.0), pace.slope(at));
+                prop_assert!((next.rate(0.0) - pace.rate(at)).abs() < 1e-12);
+                pace = next;
+                let rate = pace.rate(t);
+                prop_assert!((-1e-12..=1.0 + 1e-12).contains(&rate), "{rate}");
+                let h = 1e-6;
+                let slope = (pace.rate(t + h) - pace.rate(t)) / h;
+                prop_assert!((slope - pace.slope(t)).abs() < 0.1, "{slope} {}", pace.slope(t));
+                prop_assert!(((pace.time(t + h) - pace.time(t)) / h - rate).abs() < 1e-4);
             }
         }
     }

@@ -61,7 +61,7 @@ impl Movement {
     /// From `at` on, goes to another target without a stop. It counts its own time from there.
     ///
     /// `None` where the arm has to stop first: when this movement is being halted, when an axis might leave its soft
-    /// limits meanwhile, and when 16 movements are still coming to rest. Errors as [`Movement::plan`].
+    /// limits meanwhile, and when 64 movements are still coming to rest. Errors as [`Movement::plan`].
     pub fn take_over(
         &self,
         at: f64,

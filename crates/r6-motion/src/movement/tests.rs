@@ -333,6 +333,39 @@ proptest! {
         prop_assert!(going_on.reaches_end());
     }
 
+    /// Paused, gone on and stopped in any order, also while the one before is still under way: the acceleration has no
+    /// jump either.
+    #[test]
+    fn interruptions_upon_interruptions_keep_the_acceleration(
+        target in arm_in_limits(), part in 0.1..0.9,
+        interruptions in prop::collection::vec((0.0..0.5, prop_oneof![Just(None), (0.078..0.5).prop_map(Some)]), 1..6),
+    ) {
+        let order = percent(to_axes(target), 100.0);
+        let mut movement = plan(&Axes::ZERO, &order, 1.0);
+        let mut at = part * movement.duration();
+        for (after, halt) in interruptions {
+            let next = match halt {
+                Some(within) => movement.halt(at, within),
+                None => movement.resume(at, 1.0).unwrap(),
+            };
+            takes_over(&movement, &next, at)?;
+            let h = 1e-6;
+            let rate = |movement: &Movement, from: f64, to: f64| -> Vec<f64> {
+                let [a, b] = [from, to].map(|t| movement.state_at(t).axis_speeds);
+                a.iter().zip(b).map(|(a, b)| (b - a) / (to - from)).collect()
+            };
+            let ends = movement.duration() - at;
+            if at > h && ends > h {
+                for (was, is) in rate(&movement, at - h, at).into_iter().zip(rate(&next, 0.0, h)) {
+                    // What the jerk of the fastest halt makes of it in two microseconds.
+                    prop_assert!((was - is).abs() < 5.0, "{was} {is}");
+                }
+            }
+            movement = next;
+            at = after;
+        }
+    }
+
     #[test]
     fn a_new_global_speed_has_no_jumps(
         (start, order) in any_move(), global in 0.05..1.0, next in 0.05..1.0,

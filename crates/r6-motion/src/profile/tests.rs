@@ -114,6 +114,19 @@ fn changed(way: f64, top: f64, ramps: Ramps, changes: &[(f64, f64)]) -> Profile 
     profile
 }
 
+/// A new speed every two milliseconds, with the longest ramps there are.
+#[test]
+fn however_often_the_speed_changes_little_is_remembered() {
+    for ramp in [0.25, Ramps::LONGEST] {
+        let mut profile = Profile::plan(1e4, 0.5, Ramps::new(ramp, ramp).unwrap()).unwrap();
+        for n in 1..20_000_u32 {
+            let top = if n % 2 == 0 { 0.5 } else { 0.4 };
+            profile = profile.with_top(0.002 * f64::from(n), top).unwrap();
+            assert!(profile.changes.len() <= 202, "{ramp}: {}", profile.changes.len());
+        }
+    }
+}
+
 proptest! {
     /// Also when the top is changed on the way, and the ramps up and down differ.
     #[test]
