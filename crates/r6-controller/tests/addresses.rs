@@ -97,13 +97,18 @@ fn address_axis_n() {
 #[test]
 fn address_world_n() {
     let mut cell = Cell::new();
-    // At all axes 0 the forearm points along +X of the world: reach 50 + 363 + 101.3 + 17, height 296.5 + 350 + 41.
+    // At all axes 0 the upper arm leans by 0.0603 degrees, the forearm by -0.0413 and the tool by 0.597 (the offsets of the
+    // model), so that by hand: 50 + 350 sin + (363 cos + 41 sin) + 118.3 cos, and 296.5 + 350 cos + (41 cos - 363 sin) - 118.3 sin.
+    let (upper, fore, tool) = (0.0603_f64.to_radians(), -0.0413_f64.to_radians(), 0.597_f64.to_radians());
+    let reach = 50.0 + 350.0 * upper.sin() + 363.0 * fore.cos() + 41.0 * fore.sin() + 118.3 * tool.cos();
+    let height = 296.5 + 350.0 * upper.cos() + 41.0 * fore.cos() - 363.0 * fore.sin() - 118.3 * tool.sin();
     let home = cell.world();
-    assert_near([home[0], home[1], home[2], 0.0, 0.0, 0.0], [531.3, 0.0, 687.5, 0.0, 0.0, 0.0], 1e-5);
+    assert_near([home[0], home[1], home[2], 0.0, 0.0, 0.0], [reach, 0.0, height, 0.0, 0.0, 0.0], 1e-5);
+    assert!((reach - 531.3).abs() < 0.4 && (height - 687.5).abs() < 1.1, "{reach} {height}");
     cell.run_ok(&json!([axis_move([90.0, 0.0, 0.0, 0.0, 0.0, 0.0], 100.0)]));
     cell.pass(10.0);
     let turned = cell.world();
-    assert_near([turned[0], turned[1], turned[2], 0.0, 0.0, 0.0], [0.0, 531.3, 687.5, 0.0, 0.0, 0.0], 1e-5);
+    assert_near([turned[0], turned[1], turned[2], 0.0, 0.0, 0.0], [0.0, reach, height, 0.0, 0.0, 0.0], 1e-5);
     assert_eq!(cell.query(&["world-6", "world-7"]).len(), 2);
 }
 

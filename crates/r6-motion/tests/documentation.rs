@@ -24,9 +24,9 @@ fn section(model: &RobotModel) -> String {
         writeln!(text, "\n`upper_arm` {upper_arm}, `forearm` {forearm}, `tool` {tool} kg.\n").unwrap();
     }
     text.push_str(
-        "| axis | soft limits | vendor's limits | full speed | motor turns | rated torque | sign |\n",
+        "| axis | soft limits | vendor's limits | full speed | motor turns | rated torque | sign | offset |\n",
     );
-    text.push_str("|---|---|---|---|---|---|---|\n");
+    text.push_str("|---|---|---|---|---|---|---|---|\n");
     for (n, axis) in model.drives().enumerate() {
         writeln!(text, "| J{} {}", n + 1, row(axis)).unwrap();
     }
@@ -58,8 +58,14 @@ fn row(axis: &AxisModel) -> String {
     };
     let torque = axis.rated_torque.map_or_else(|| "unknown".to_owned(), |rated| format!("{rated} {force}"));
     format!(
-        "| {} … {}{unit} | {} … {}{unit} | {}{unit}/s | {turns} | {torque} | {} |",
-        axis.soft.min, axis.soft.max, axis.vendor.min, axis.vendor.max, axis.max_speed, axis.sign
+        "| {} … {}{unit} | {} … {}{unit} | {}{unit}/s | {turns} | {torque} | {} | {}{unit} |",
+        axis.soft.min,
+        axis.soft.max,
+        axis.vendor.min,
+        axis.vendor.max,
+        axis.max_speed,
+        axis.sign,
+        axis.offset
     )
 }
 

@@ -1,12 +1,21 @@
 use std::ops::Range;
+use std::sync::LazyLock;
 
 use nalgebra::{Matrix3, Rotation3};
 use proptest::prelude::*;
 
 use super::*;
 
+/// The default model without its calibration: at zero the upper arm is exactly upright and the forearm exactly level.
 pub(crate) fn model() -> &'static RobotModel {
-    RobotModel::named("BRTIRUS0707A").unwrap()
+    static STRAIGHT: LazyLock<RobotModel> = LazyLock::new(|| {
+        let mut model = RobotModel::default();
+        for axis in &mut model.axes {
+            axis.offset = 0.0;
+        }
+        model
+    });
+    &STRAIGHT
 }
 
 /// Six angles anywhere in the soft limits.

@@ -41,12 +41,12 @@ impl Easing {
     const NONE: Self = Self { slope: 0.0, seconds: 0.0 };
 
     /// The slope at a pace, ended so soon that it takes the pace no more than half the way to standing still, or to full
-    /// pace.
-    fn of(slope: f64, pace: f64, within: f64) -> Self {
+    /// pace, and before the other half is used up by a change that takes so many seconds.
+    fn of(slope: f64, pace: f64, change: f64) -> Self {
         /// What one of slope 1 and length 1 rises to at most: at a third of it.
         const HIGHEST: f64 = 4.0 / 27.0;
         let room = if slope > 0.0 { 1.0 - pace } else { pace };
-        let seconds = (room / 2.0 / (HIGHEST * slope.abs())).min(within).min(LONGEST_EASING);
+        let seconds = (room / 2.0 / (HIGHEST * slope.abs())).min(change / 2.0).min(LONGEST_EASING);
         if seconds > 0.0 && slope != 0.0 { Self { slope, seconds } } else { Self::NONE }
     }
 

@@ -18,6 +18,15 @@ const SIGNS: [f64; 6] = [1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
 /// How many poses each comparison takes.
 const POSES: usize = 2000;
 
+/// The model without the calibration of one arm, as the drawings have it.
+fn straight(name: &str) -> RobotModel {
+    let mut model = model(name).clone();
+    for axis in &mut model.axes {
+        axis.offset = 0.0;
+    }
+    model
+}
+
 /// The largest distance and turn between a model and another description of it, over random axes.
 fn deviation(model: &RobotModel, other: impl Fn([f64; 6]) -> Isometry3<f64>) -> (f64, f64) {
     let mut numbers = Numbers(7);
@@ -64,7 +73,7 @@ fn the_arms_known_by_their_lengths_are_those_lengths() {
         ("BRTIRUS2030A", by_lengths(512.0, 180.0, 800.0, 135.0, 931.0), 130.0 + 18.0),
     ];
     for (name, chain, tip) in arms {
-        let (place, turn) = deviation(model(name), |arm| {
+        let (place, turn) = deviation(&straight(name), |arm| {
             product(&chain, signed(arm)) * along(tip, 0.0, 0.0) * flange_along_x()
         });
         assert!(place < 1e-6 && turn < 1e-6, "{name}: {place} mm, {turn} degrees");
@@ -152,14 +161,17 @@ fn fitted_0707a(offsets: [f64; 6]) -> impl Fn([f64; 6]) -> Isometry3<f64> {
 
 #[test]
 fn the_0707a_is_close_to_the_chain_that_met_a_real_controller() {
-    let model = model("BRTIRUS0707A");
     // The reported offsets, radians. Much of them undoes the lean of the drawing's upper arm, 3.601 mm in 350.
     let offsets = [0.0, 0.01134, -0.01206, 0.0, 0.01114, 0.0];
-    let (place, turn) = deviation(model, fitted_0707a(offsets));
-    println!("0707A against the fitted chain: {place:.2} mm, {turn:.2} degrees");
-    assert!(place < 2.8 && turn < 0.7, "{place} mm, {turn} degrees");
-    let (place, turn) = deviation(model, fitted_0707a([0.0; 6]));
-    println!("0707A against the drawing without offsets: {place:.2} mm, {turn:.2} degrees");
+    let (place, turn) = deviation(model("BRTIRUS0707A"), fitted_0707a(offsets));
+    println!("0707A against the fitted chain: {place:.2} mm, {turn:.4} degrees");
+    // What remains stands sideways: the wrist of the drawing is not quite spherical.
+    assert!(place < 2.3 && turn < 1e-3, "{place} mm, {turn} degrees");
+    let (place, turn) = deviation(&straight("BRTIRUS0707A"), fitted_0707a(offsets));
+    println!("0707A without calibration against the fitted chain: {place:.2} mm, {turn:.2} degrees");
+    assert!((2.3..2.8).contains(&place) && (0.5..0.7).contains(&turn), "{place} mm, {turn} degrees");
+    let (place, turn) = deviation(&straight("BRTIRUS0707A"), fitted_0707a([0.0; 6]));
+    println!("0707A without calibration against the drawing: {place:.2} mm, {turn:.2} degrees");
     assert!(place < 5.3 && turn < 1e-6, "{place} mm, {turn} degrees");
 }
 
@@ -169,7 +181,7 @@ fn the_0707a_is_close_to_the_chain_that_met_a_real_controller() {
 fn a_real_arm_is_turned_the_same_way() {
     let axes = Axes::of_arm([0.0285, 28.31, -34.69, 0.0154, -82.82, 0.0185]).unwrap();
     for name in RobotModel::names().filter(|name| name.starts_with("BRT")) {
-        let pose = forward(model(name), &axes, &Frame::identity());
+        let pose = forward(&straight(name), &axes, &Frame::identity());
         let real = Pose { u: 179.984, v: 0.805, w: -179.992, ..pose };
         let (_, turn) = apart(&pose.to_isometry().unwrap(), &real.to_isometry().unwrap());
         println!("{name} against unit C: {turn:.3} degrees");
