@@ -1,6 +1,13 @@
 //! The names of input and output points, and the two-bit masks of action 204.
 
 use std::fmt;
+use std::str::FromStr;
+
+/// How many boards an address can name (`input-0` … `input-7`).
+const BOARDS: u8 = 8;
+
+/// A name that is none is quoted, but not without end.
+const LONGEST_QUOTED: usize = 40;
 
 /// Which kind of point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +22,20 @@ pub enum PointKind {
     Eux,
     /// Output of the EU board, `EUY`.
     Euy,
+}
+
+impl PointKind {
+    /// The letters that its names begin with.
+    #[must_use]
+    pub fn letters(self) -> &'static str {
+        match self {
+            Self::X => "X",
+            Self::Y => "Y",
+            Self::M => "M",
+            Self::Eux => "EUX",
+            Self::Euy => "EUY",
+        }
+    }
 }
 
 /// One point of one board: written as its kind and octal(point + 8), `X010` to `X047`.
@@ -32,18 +53,59 @@ pub struct IoPoint {
 
 impl fmt::Display for IoPoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self.kind {
-            PointKind::X => "X",
-            PointKind::Y => "Y",
-            PointKind::M => "M",
-            PointKind::Eux => "EUX",
-            PointKind::Euy => "EUY",
-        })?;
+        f.write_str(self.kind.letters())?;
         if self.board > 0 {
             write!(f, "{}.", self.board)?;
         }
         write!(f, "{:03o}", u16::from(self.point) + 8)
     }
+}
+
+/// Why a text is no name of a point.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BadPoint {
+    text: String,
+}
+
+impl fmt::Display for BadPoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { text } = self;
+        write!(
+            f,
+            "`{text}` names no point: the first one is X010, then X011 … X017, X020 … X047 (octal), on board 1 X1.010; \
+             the letters are X, Y, M, EUX and EUY"
+        )
+    }
+}
+
+impl std::error::Error for BadPoint {}
+
+impl FromStr for IoPoint {
+    type Err = BadPoint;
+
+    /// Reads a name as it is written; the case of the letters does not count. Boards 0 to 7; the EU board has no number.
+    fn from_str(text: &str) -> Result<Self, BadPoint> {
+        read(text).ok_or_else(|| BadPoint { text: text.chars().take(LONGEST_QUOTED).collect() })
+    }
+}
+
+fn read(text: &str) -> Option<IoPoint> {
+    let upper = text.to_ascii_uppercase();
+    // The longer letters first: EUX ends in X, but begins with neither X nor Y.
+    let kinds = [PointKind::Eux, PointKind::Euy, PointKind::X, PointKind::Y, PointKind::M];
+    let (kind, rest) =
+        kinds.into_iter().find_map(|kind| Some((kind, upper.strip_prefix(kind.letters())?)))?;
+    let (board, digits) = rest.split_once('.').unwrap_or(("0", rest));
+    let eu = matches!(kind, PointKind::Eux | PointKind::Euy);
+    let board = digit(board)?.parse::<u8>().ok().filter(|board| *board < if eu { 1 } else { BOARDS })?;
+    let number = u8::from_str_radix(digit(digits).filter(|digits| digits.len() == 3)?, 8).ok()?;
+    let point = number.checked_sub(8).filter(|point| *point < 32)?;
+    Some(IoPoint { kind, board, point })
+}
+
+/// The text if it is digits and nothing else: no sign.
+fn digit(text: &str) -> Option<&str> {
+    text.bytes().all(|byte| byte.is_ascii_digit()).then_some(text)
 }
 
 /// Two bits for each of 16 points, the lowest bits for the lowest point: 01 off, 10 on, 00 untouched (action 204).
@@ -106,6 +168,31 @@ mod tests {
         assert_eq!(name(PointKind::X, 8), "X020");
         assert_eq!(name(PointKind::Euy, 31), "EUY047");
         assert_eq!(IoPoint { kind: PointKind::Y, board: 1, point: 0 }.to_string(), "Y1.010");
+    }
+
+    #[test]
+    fn every_name_is_read_back() {
+        for kind in [PointKind::X, PointKind::Y, PointKind::M, PointKind::Eux, PointKind::Euy] {
+            let boards = if matches!(kind, PointKind::Eux | PointKind::Euy) { 1 } else { BOARDS };
+            for (board, point) in (0..boards).flat_map(|board| (0..32).map(move |point| (board, point))) {
+                let named = IoPoint { kind, board, point };
+                assert_eq!(named.to_string().parse(), Ok(named));
+                assert_eq!(named.to_string().to_lowercase().parse(), Ok(named));
+            }
+        }
+        assert_eq!("X0.010".parse(), Ok(IoPoint { kind: PointKind::X, board: 0, point: 0 }));
+    }
+
+    #[test]
+    fn what_names_no_point_is_quoted_with_the_names_there_are() {
+        for wrong in [
+            "", "X", "X10", "X007", "X050", "X018", "Z010", "X8.010", "X+1.010", "X+10", "EUX1.010", "X.010",
+            "010",
+        ] {
+            let error = wrong.parse::<IoPoint>().unwrap_err().to_string();
+            assert!(error.contains(&format!("`{wrong}`")) && error.contains("X047"), "{error}");
+        }
+        assert!("X".repeat(9_999).parse::<IoPoint>().unwrap_err().to_string().len() < 300);
     }
 
     #[test]
