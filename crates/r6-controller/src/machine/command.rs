@@ -87,12 +87,12 @@ impl Machine {
                 self.tools.insert(number, frame);
             }
             Command::SwitchCoordinate { workbench } => self.bench = frame_number(*workbench)?,
-            Command::ClearAlarm => self.clear_alarm(),
+            Command::ClearAlarm => self.clear_alarm()?,
         }
         Ok(())
     }
 
-    fn switch_mold(&mut self, mold: &str) -> Result<(), String> {
+    pub(super) fn switch_mold(&mut self, mold: &str) -> Result<(), String> {
         if !self.molds.iter().any(|known| known == mold) {
             let nearest = r6_proto::nearest(mold, self.molds.iter().map(String::as_str));
             let hint = nearest.map(|near| format!("; nearest: `{near}`")).unwrap_or_default();

@@ -100,6 +100,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, view: &View, state: &ControllerS
             Span::styled(alarm::short(i64::from(state.alarm)), alarm_style),
             Span::raw(format!("   {homed}, ")),
             motion,
+            Span::styled(if state.emergency_stop { "   EMERGENCY STOP" } else { "" }, alarm_style),
         ]),
         Line::raw(format!(
             "list {}   global speed {:.1} %   cycle {:.1} s   connections {}",
@@ -195,8 +196,11 @@ mod tests {
             model: "BRTIRUS0707A".to_owned(),
             mode: r6_controller::OperationMode::Running,
             alarm: 135,
+            emergency_stop: true,
             homed: true,
             moving: true,
+            program: "remote".to_owned(),
+            programs: vec!["remote".to_owned()],
             list_length: 3,
             axes: [10.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0],
             axis_limits: vec![(-155.0, 155.0); 6],
@@ -204,6 +208,8 @@ mod tests {
             world: [400.0, -50.0, 500.0, 180.0, 0.0, 0.0],
             global_speed_percent: 100.0,
             cycle_seconds: 1.5,
+            last_cycle_seconds: 0.0,
+            io: r6_controller::io::Io::default(),
             connections: 2,
         }
     }
@@ -231,6 +237,7 @@ mod tests {
             "(7)",
             "J6: positive soft limit",
             "moving",
+            "EMERGENCY STOP",
             "list 3",
             "10.000 deg",
             "-50.000 mm",
