@@ -1,6 +1,7 @@
 //! What people and programs see: lines, tables, JSON.
 
 pub mod alarm;
+pub mod panel;
 pub mod queue;
 pub mod readings;
 pub mod screen;

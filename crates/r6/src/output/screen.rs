@@ -20,13 +20,13 @@ const KEPT_LINES: usize = 200;
 #[derive(Debug)]
 pub struct View {
     address: SocketAddr,
-    hints: [String; 3],
+    hints: Vec<String>,
     lines: VecDeque<String>,
 }
 
 impl View {
     /// A view without log lines.
-    pub fn new(address: SocketAddr, hints: [String; 3]) -> Self {
+    pub fn new(address: SocketAddr, hints: Vec<String>) -> Self {
         Self { address, hints, lines: VecDeque::new() }
     }
 
@@ -68,7 +68,7 @@ fn draw(frame: &mut Frame<'_>, view: &View, state: &ControllerSnapshot) {
         Constraint::Length(5),
         Constraint::Length(axes + 2),
         Constraint::Min(3),
-        Constraint::Length(5),
+        Constraint::Length(u16::try_from(view.hints.len() + 2).unwrap_or(u16::MAX)),
     ])
     .areas(frame.area());
     let [bars, pose] = Layout::horizontal([Constraint::Min(40), Constraint::Length(24)]).areas(middle);
@@ -217,7 +217,7 @@ mod tests {
     fn drawn(width: u16, height: u16) -> String {
         let mut view = View::new(
             SocketAddr::from(([127, 0, 0, 1], 9760)),
-            ["r6 status".to_owned(), String::new(), String::new()],
+            vec!["r6 status".to_owned(), String::new(), "r6 panel status".to_owned()],
         );
         for number in 0..300 {
             view.add_line(format!("line {number}"));
@@ -243,6 +243,7 @@ mod tests {
             "-50.000 mm",
             "line 299",
             "r6 status",
+            "r6 panel status",
         ] {
             assert!(text.contains(part), "{part} in\n{text}");
         }

@@ -3,7 +3,7 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-const SUBCOMMANDS: [&str; 15] = [
+const SUBCOMMANDS: [&str; 18] = [
     "up",
     "sim",
     "status",
@@ -16,6 +16,9 @@ const SUBCOMMANDS: [&str; 15] = [
     "move curve",
     "run",
     "stop",
+    "panel",
+    "panel input",
+    "panel jog",
     "alarm",
     "inspect",
     "completions",

@@ -4,6 +4,7 @@ mod help;
 mod inspect;
 mod motion;
 mod offline;
+mod panel;
 mod robot;
 mod run;
 mod sim;
