@@ -90,8 +90,8 @@ impl Machine {
             return 0.0;
         }
         let MotionState { axes, axis_speeds: speeds, .. } = self.motion();
-        let accelerations = match self.activity.movement() {
-            Some((movement, seconds)) => movement.accelerations_at(seconds(self.now)),
+        let accelerations = match self.run_under_way() {
+            Some(run) => run.movement.accelerations_at(run.seconds(self.now)),
             None => [0.0; AXES],
         };
         let motion = AxisMotions { axes, speeds, accelerations };

@@ -19,6 +19,7 @@ use crate::io::OutputPoint;
 use crate::log::{Level, Log, LogLine};
 use crate::machine::Machine;
 use crate::mode::Key;
+use crate::panel::{PanelAction, Refused};
 use crate::profile::Profile;
 use crate::settings::ControllerSettings;
 use crate::snapshot::ControllerSnapshot;
@@ -220,18 +221,25 @@ impl Controller {
         self.log.add(now, camera, Level::Info, format!("photo requested from camera {cam_id}"));
     }
 
-    /// Sets an input: what a person or a machine in the cell does. Board 0–7, point 0–31.
-    pub fn set_input(&mut self, now: Instant, board: u8, point: u8, on: bool) {
+    /// Does what a person does at the machine.
+    ///
+    /// # Errors
+    /// Why the machine did not do it, and what to do; nothing has changed.
+    pub fn operate(&mut self, now: Instant, action: &PanelAction) -> Result<(), Refused> {
         self.machine.advance(now);
-        self.machine.set_input(board, point, on);
+        let done = self.machine.operate(action);
         self.collect_machine_events();
+        done
     }
 
-    /// Turns the mode key, as a person at the machine does.
+    /// Sets an input, as [`PanelAction::SetInput`] does; one that is not there changes nothing.
+    pub fn set_input(&mut self, now: Instant, board: u8, point: u8, on: bool) {
+        let _ = self.operate(now, &PanelAction::SetInput { board, point, on });
+    }
+
+    /// Turns the mode key, as [`PanelAction::TurnKey`] does: that is never refused.
     pub fn turn_key(&mut self, now: Instant, key: Key) {
-        self.machine.advance(now);
-        self.machine.turn_key(key);
-        self.collect_machine_events();
+        let _ = self.operate(now, &PanelAction::TurnKey(key));
     }
 
     /// Whether an output is on.

@@ -5,6 +5,9 @@ use r6_proto::message::instruction::{BoardOutput, OutputBoard, WaitSource};
 /// How many boards of 32 points a command can name (`input-0` … `input-7`).
 pub const BOARDS: usize = 8;
 
+/// How many points a board has: 0 to 31.
+pub const POINTS: u8 = 32;
+
 /// All points of one controller, 32 to a word; bit 0 is the first point.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Io {
@@ -75,6 +78,11 @@ impl Io {
         if let Some(word) = self.inputs.get_mut(usize::from(board)) {
             write(word, point, on);
         }
+    }
+
+    /// Sets an input of the EU board: what a person or a machine in the cell does.
+    pub fn set_eu_input(&mut self, point: u8, on: bool) {
+        write(&mut self.eu_inputs, point, on);
     }
 
     /// Sets an output.

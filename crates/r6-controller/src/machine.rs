@@ -7,8 +7,10 @@ mod buttons;
 mod command;
 mod execution;
 mod halt;
+mod hand;
 mod look_ahead;
 mod order;
+mod panel;
 mod program;
 mod watchdog;
 
@@ -22,7 +24,7 @@ use r6_proto::message::instruction::StopOnSignal;
 use r6_proto::time::Instant;
 
 pub use buttons::NotTaken;
-pub use execution::Activity;
+pub use execution::{Activity, Run};
 pub use halt::AfterHalt;
 pub use program::{MAX_CALLS, ProgramRun};
 pub use watchdog::Watchdog;
@@ -106,6 +108,11 @@ pub struct Machine {
     pub(crate) io_boards: u8,
     pub(crate) list: InstructionList,
     pub(crate) activity: Activity,
+    /// A move by hand, while no program runs.
+    hand: Option<hand::HandMove>,
+    pub(crate) emergency_stop: bool,
+    /// Since an emergency stop nobody has pressed a start button: nothing starts by itself.
+    pub(crate) start_needed: bool,
     /// Action 51: path speed in mm/s for linear moves without a speed of their own.
     pub(crate) path_speed: Option<f64>,
     /// Action 52: the input that stops the motion.
@@ -169,6 +176,9 @@ impl Machine {
             io_boards: settings.io_boards,
             list: InstructionList::default(),
             activity: Activity::Idle,
+            hand: None,
+            emergency_stop: false,
+            start_needed: false,
             path_speed: None,
             stop_signal: None,
             pulses: Vec::new(),
@@ -206,7 +216,8 @@ impl Machine {
     #[must_use]
     pub fn next_event(&self) -> Option<Instant> {
         let pulse = self.pulses.iter().map(|(due, _, _)| *due).min();
-        [self.activity.next_event(), pulse, self.watchdog.due()].into_iter().flatten().min()
+        let by_hand = self.hand.as_ref().map(|hand| hand.run.ends_at());
+        [self.activity.next_event(), by_hand, pulse, self.watchdog.due()].into_iter().flatten().min()
     }
 
     fn handle_event(&mut self) {
@@ -228,6 +239,7 @@ impl Machine {
             self.io.set(point, on);
             self.io_changed();
         }
+        self.finish_hand();
         if self.activity.next_event().is_some_and(|end| end <= now) {
             self.finish_activity();
         }
@@ -272,8 +284,8 @@ impl Machine {
     /// Where the arm is and how fast it goes, now.
     #[must_use]
     pub fn motion(&self) -> MotionState {
-        match self.activity.movement() {
-            Some((movement, seconds)) => movement.state_at(seconds(self.now)),
+        match self.run_under_way() {
+            Some(run) => run.movement.state_at(run.seconds(self.now)),
             None => MotionState {
                 axes: self.axes,
                 axis_speeds: [0.0; AXES],
@@ -292,19 +304,18 @@ impl Machine {
     /// Whether `isMoving` is 1: a move is under way, its delay included.
     #[must_use]
     pub fn is_moving(&self) -> bool {
-        self.activity.movement().is_some()
+        self.run_under_way().is_some()
+    }
+
+    /// What moves the arm: a step, or a person.
+    pub(crate) fn run_under_way(&self) -> Option<&Run> {
+        self.activity.run().or(self.hand.as_ref().map(|hand| &hand.run))
     }
 
     /// The time of the present cycle.
     #[must_use]
     pub fn cycle_time(&self) -> Duration {
         self.cycle_started.map_or(Duration::ZERO, |started| self.now.since(started))
-    }
-
-    /// Sets an input: what a person or a machine in the cell does. The machine has to stand at the present time.
-    pub fn set_input(&mut self, board: u8, point: u8, on: bool) {
-        self.io.set_input(board, point, on);
-        self.io_changed();
     }
 
     /// Raises an alarm and stops the machine. The first alarm stays until it is cleared.

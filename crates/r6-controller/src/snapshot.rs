@@ -3,6 +3,7 @@
 use r6_motion::robot_model::AxisMotion;
 use r6_proto::AXES;
 
+use crate::io::Io;
 use crate::machine::Machine;
 use r6_proto::OperationMode;
 
@@ -21,10 +22,16 @@ pub struct ControllerSnapshot {
     pub mode: OperationMode,
     /// The alarm, 0 for none.
     pub alarm: u32,
+    /// Whether the emergency stop is pressed.
+    pub emergency_stop: bool,
     /// Whether it is homed.
     pub homed: bool,
     /// Whether a move is under way.
     pub moving: bool,
+    /// The program in use.
+    pub program: String,
+    /// The programs there are.
+    pub programs: Vec<String>,
     /// How many instructions are left in the list.
     pub list_length: usize,
     /// Axis positions, degrees, or mm where an axis slides.
@@ -39,6 +46,10 @@ pub struct ControllerSnapshot {
     pub global_speed_percent: f64,
     /// Time of the present cycle, seconds.
     pub cycle_seconds: f64,
+    /// Time of the last cycle that ended, seconds.
+    pub last_cycle_seconds: f64,
+    /// Inputs, outputs and M points, 32 to a word.
+    pub io: Io,
     /// How many connections are served.
     pub connections: usize,
 }
@@ -53,8 +64,11 @@ impl ControllerSnapshot {
             model: machine.model.name.to_string(),
             mode: machine.mode,
             alarm: machine.alarm,
+            emergency_stop: machine.emergency_stop,
             homed: machine.homed,
             moving: machine.is_moving(),
+            program: machine.mold.clone(),
+            programs: machine.library.names().map(str::to_owned).collect(),
             list_length: machine.list.len(),
             axes: *motion.axes.degrees(),
             axis_limits: machine.model.drives().map(|axis| (axis.soft.min, axis.soft.max)).collect(),
@@ -62,6 +76,8 @@ impl ControllerSnapshot {
             world: machine.pose_of(&motion.axes).components(),
             global_speed_percent: machine.global_speed * 100.0,
             cycle_seconds: machine.cycle_time().as_secs_f64(),
+            last_cycle_seconds: machine.last_cycle.as_secs_f64(),
+            io: machine.io.clone(),
             connections,
         }
     }

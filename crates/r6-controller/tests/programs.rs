@@ -379,6 +379,29 @@ fn a_single_cycle_is_one_cycle() {
     assert_eq!((cell.text("curMode").as_str(), count(&mut cell, 0)), ("2", 1));
 }
 
+/// One press, one step; what is no instruction is a step too.
+#[test]
+fn a_taught_program_goes_step_by_step() {
+    use r6_controller::panel::{Button, PanelAction};
+    let mut cell = ready(&format!(
+        "{COUNT}{}[[step]]\ndo=\"label\"\nname=\"a\"\n{}",
+        axis_move(10.0, "blend=5"),
+        axis_move(0.0, "")
+    ));
+    let press = |cell: &mut Cell| {
+        cell.controller.operate(cell.now, &PanelAction::Press(Button::SingleStep)).unwrap();
+        let began = cell.text("curMode");
+        cell.pass(3.0);
+        assert_eq!(cell.text("curMode"), "2", "it rests behind each step");
+        began
+    };
+    assert_eq!((press(&mut cell).as_str(), count(&mut cell, 0)), ("2", 1));
+    assert_eq!((press(&mut cell).as_str(), cell.text("axis-0").as_str()), ("8", "10.000000"));
+    assert_eq!((press(&mut cell).as_str(), cell.text("axis-0").as_str()), ("2", "10.000000"), "the label");
+    assert_eq!((press(&mut cell).as_str(), cell.text("axis-0").as_str()), ("8", "0.000000"));
+    assert_eq!(count(&mut cell, 0), 1);
+}
+
 #[test]
 fn remote_commands_are_one_step_of_a_program() {
     let mut cell = running(&format!("{}[[step]]\ndo=\"remote\"\n{COUNT}{}", axis_move(10.0, ""), wait(1.0)));

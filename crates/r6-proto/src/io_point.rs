@@ -3,6 +3,12 @@
 use std::fmt;
 use std::str::FromStr;
 
+/// How many boards an address can name (`input-0` … `input-7`).
+const BOARDS: u8 = 8;
+
+/// A name that is none is quoted, but not without end.
+const LONGEST_QUOTED: usize = 40;
+
 /// Which kind of point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointKind {
@@ -19,12 +25,9 @@ pub enum PointKind {
 }
 
 impl PointKind {
-    /// Every kind, the longer names first.
-    pub const ALL: [Self; 5] = [Self::Eux, Self::Euy, Self::X, Self::Y, Self::M];
-
-    /// The letters before a point's number.
+    /// The letters that its names begin with.
     #[must_use]
-    pub const fn prefix(self) -> &'static str {
+    pub fn letters(self) -> &'static str {
         match self {
             Self::X => "X",
             Self::Y => "Y",
@@ -50,7 +53,7 @@ pub struct IoPoint {
 
 impl fmt::Display for IoPoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.kind.prefix())?;
+        f.write_str(self.kind.letters())?;
         if self.board > 0 {
             write!(f, "{}.", self.board)?;
         }
@@ -58,41 +61,51 @@ impl fmt::Display for IoPoint {
     }
 }
 
-/// The text is no name of a point: it is the kind, a board with a full stop behind it unless it is board 0, and octal 010
-/// to 047.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NoPoint;
+/// Why a text is no name of a point.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BadPoint {
+    text: String,
+}
 
-impl fmt::Display for NoPoint {
+impl fmt::Display for BadPoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("no point: a point is X, Y, M, EUX or EUY and octal 010 to 047, such as X010 or, on board 1, Y1.010")
+        let Self { text } = self;
+        write!(
+            f,
+            "`{text}` names no point: the first one is X010, then X011 … X017, X020 … X047 (octal), on board 1 X1.010; \
+             the letters are X, Y, M, EUX and EUY"
+        )
     }
 }
 
-impl std::error::Error for NoPoint {}
+impl std::error::Error for BadPoint {}
 
 impl FromStr for IoPoint {
-    type Err = NoPoint;
+    type Err = BadPoint;
 
-    /// The point of this name, in upper or lower case; boards 0 to 7.
-    fn from_str(name: &str) -> Result<Self, NoPoint> {
-        let after = |kind: PointKind| {
-            let head = name.get(..kind.prefix().len())?;
-            head.eq_ignore_ascii_case(kind.prefix())
-                .then(|| (kind, name.get(head.len()..).unwrap_or_default()))
-        };
-        let (kind, rest) = PointKind::ALL.into_iter().find_map(after).ok_or(NoPoint)?;
-        let (board, number) = match rest.split_once('.') {
-            Some((board, number)) => (board.parse().ok().filter(|board| *board < 8).ok_or(NoPoint)?, number),
-            None => (0, rest),
-        };
-        if number.len() != 3 || !number.bytes().all(|digit| digit.is_ascii_digit()) {
-            return Err(NoPoint);
-        }
-        let number = u8::from_str_radix(number, 8).map_err(|_| NoPoint)?;
-        let point = number.checked_sub(8).filter(|point| *point < 32).ok_or(NoPoint)?;
-        Ok(Self { kind, board, point })
+    /// Reads a name as it is written; the case of the letters does not count. Boards 0 to 7; the EU board has no number.
+    fn from_str(text: &str) -> Result<Self, BadPoint> {
+        read(text).ok_or_else(|| BadPoint { text: text.chars().take(LONGEST_QUOTED).collect() })
     }
+}
+
+fn read(text: &str) -> Option<IoPoint> {
+    let upper = text.to_ascii_uppercase();
+    // The longer letters first: EUX ends in X, but begins with neither X nor Y.
+    let kinds = [PointKind::Eux, PointKind::Euy, PointKind::X, PointKind::Y, PointKind::M];
+    let (kind, rest) =
+        kinds.into_iter().find_map(|kind| Some((kind, upper.strip_prefix(kind.letters())?)))?;
+    let (board, digits) = rest.split_once('.').unwrap_or(("0", rest));
+    let eu = matches!(kind, PointKind::Eux | PointKind::Euy);
+    let board = digit(board)?.parse::<u8>().ok().filter(|board| *board < if eu { 1 } else { BOARDS })?;
+    let number = u8::from_str_radix(digit(digits).filter(|digits| digits.len() == 3)?, 8).ok()?;
+    let point = number.checked_sub(8).filter(|point| *point < 32)?;
+    Some(IoPoint { kind, board, point })
+}
+
+/// The text if it is digits and nothing else: no sign.
+fn digit(text: &str) -> Option<&str> {
+    text.bytes().all(|byte| byte.is_ascii_digit()).then_some(text)
 }
 
 /// Two bits for each of 16 points, the lowest bits for the lowest point: 01 off, 10 on, 00 untouched (action 204).
@@ -158,20 +171,28 @@ mod tests {
     }
 
     #[test]
-    fn a_point_is_read_as_it_is_written() {
-        for kind in PointKind::ALL {
-            for (board, point) in [(0, 0), (0, 31), (1, 8), (7, 1)] {
-                let point = IoPoint { kind, board, point };
-                assert_eq!(point.to_string().parse(), Ok(point));
+    fn every_name_is_read_back() {
+        for kind in [PointKind::X, PointKind::Y, PointKind::M, PointKind::Eux, PointKind::Euy] {
+            let boards = if matches!(kind, PointKind::Eux | PointKind::Euy) { 1 } else { BOARDS };
+            for (board, point) in (0..boards).flat_map(|board| (0..32).map(move |point| (board, point))) {
+                let named = IoPoint { kind, board, point };
+                assert_eq!(named.to_string().parse(), Ok(named));
+                assert_eq!(named.to_string().to_lowercase().parse(), Ok(named));
             }
         }
-        assert_eq!("x010".parse(), Ok(IoPoint { kind: PointKind::X, board: 0, point: 0 }));
+        assert_eq!("X0.010".parse(), Ok(IoPoint { kind: PointKind::X, board: 0, point: 0 }));
+    }
+
+    #[test]
+    fn what_names_no_point_is_quoted_with_the_names_there_are() {
         for wrong in [
-            "", "X", "X10", "X007", "X050", "X018", "Z010", "Y8.010", "Y-1.010", "Y.010", "X+10", "EU010",
-            "ÄX010",
+            "", "X", "X10", "X007", "X050", "X018", "Z010", "X8.010", "X+1.010", "X+10", "EUX1.010", "X.010",
+            "010",
         ] {
-            assert_eq!(wrong.parse::<IoPoint>(), Err(NoPoint), "{wrong}");
+            let error = wrong.parse::<IoPoint>().unwrap_err().to_string();
+            assert!(error.contains(&format!("`{wrong}`")) && error.contains("X047"), "{error}");
         }
+        assert!("X".repeat(9_999).parse::<IoPoint>().unwrap_err().to_string().len() < 300);
     }
 
     #[test]

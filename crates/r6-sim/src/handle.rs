@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use r6_controller::{ConnectionId, Controller, ControllerSnapshot, Key, Level, LogLine};
+use r6_controller::{ConnectionId, Controller, ControllerSnapshot, Level, LogLine, PanelAction, Refused};
 use r6_proto::time::Instant;
 use tokio::sync::{Notify, broadcast};
 use tracing::{info, warn};
@@ -65,14 +65,12 @@ impl ControllerHandle {
         self.with(|controller, now| controller.request_photo(now, cam_id));
     }
 
-    /// Turns the mode key, as a person at the machine does.
-    pub fn turn_key(&self, key: Key) {
-        self.with(|controller, now| controller.turn_key(now, key));
-    }
-
-    /// Sets an input, as a person or a machine in the cell does. Board 0–7, point 0–31.
-    pub fn set_input(&self, board: u8, point: u8, on: bool) {
-        self.with(|controller, now| controller.set_input(now, board, point, on));
+    /// Does what a person does at the machine, or a machine in the cell where inputs are concerned.
+    ///
+    /// # Errors
+    /// Why the machine did not do it, and what to do; nothing has changed.
+    pub fn operate(&self, action: &PanelAction) -> Result<(), Refused> {
+        self.with(|controller, now| controller.operate(now, action))
     }
 
     /// The present time, as this controller counts it.

@@ -1,7 +1,7 @@
 //! Virtual R6 / HC1 controllers on TCP ports.
 //!
 //! This is the shell around [`r6_controller::Controller`]: listeners, one task for each connection, one for the
-//! timers of each controller. It holds no robot logic.
+//! timers of each controller, and the [`panel`] over HTTP. It holds no robot logic.
 //!
 //! ```
 //! # tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(async {
@@ -13,6 +13,7 @@
 
 mod connection;
 mod handle;
+pub mod panel;
 mod settings;
 mod simulation;
 

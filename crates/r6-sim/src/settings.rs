@@ -27,6 +27,10 @@ pub struct SimSettings {
     pub library: Library,
     /// The program in use.
     pub mold: String,
+    /// Where the panel is offered over HTTP; `None`: nowhere. Port 0 takes any free port.
+    pub panel: Option<SocketAddr>,
+    /// Whether the panel may listen where other machines reach it: it has no login.
+    pub panel_open: bool,
     /// The seed; controller n has seed + n.
     pub seed: u64,
 }
@@ -42,6 +46,8 @@ impl Default for SimSettings {
             start: StartState::Waiting,
             library: Library::default(),
             mold: REMOTE_MOLD.to_owned(),
+            panel: None,
+            panel_open: false,
             seed: 0,
         }
     }
@@ -69,6 +75,18 @@ pub enum SimError {
         /// Why not.
         error: io::Error,
     },
+    /// The system did not let us offer the panel there.
+    ListenPanel {
+        /// Where.
+        address: SocketAddr,
+        /// Why not.
+        error: io::Error,
+    },
+    /// The panel would be reachable from other machines, and nobody said that it may be.
+    PanelNotLocal {
+        /// Where.
+        address: SocketAddr,
+    },
 }
 
 impl fmt::Display for SimError {
@@ -87,6 +105,19 @@ impl fmt::Display for SimError {
                 write!(f, "{address} is taken by another program: choose another address with --listen")
             }
             Self::Listen { address, error } => write!(f, "cannot listen on {address}: {error}"),
+            Self::ListenPanel { address, error } if error.kind() == io::ErrorKind::AddrInUse => {
+                write!(f, "{address} is taken by another program: choose another address with --panel")
+            }
+            Self::ListenPanel { address, error } => {
+                write!(f, "cannot offer the panel on {address}: {error}")
+            }
+            Self::PanelNotLocal { address } => {
+                write!(
+                    f,
+                    "the panel has no login, and {address} can be reached from other machines: use 127.0.0.1, or \
+                     say --panel-open"
+                )
+            }
         }
     }
 }

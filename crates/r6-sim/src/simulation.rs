@@ -10,12 +10,14 @@ use tracing::warn;
 
 use crate::connection;
 use crate::handle::ControllerHandle;
+use crate::panel;
 use crate::settings::{MAX_CONTROLLERS, SimError, SimSettings};
 
 /// Running virtual controllers; they end when this is dropped.
 #[derive(Debug)]
 pub struct Simulation {
     controllers: Vec<ControllerHandle>,
+    panel: Option<SocketAddr>,
     tasks: JoinSet<()>,
 }
 
@@ -27,7 +29,9 @@ impl Simulation {
     pub async fn start(settings: SimSettings) -> Result<Self, SimError> {
         let addresses = addresses(&settings)?;
         let started = tokio::time::Instant::now();
-        let mut simulation = Self { controllers: Vec::with_capacity(addresses.len()), tasks: JoinSet::new() };
+        let panel = listen_for_panel(&settings).await?;
+        let mut simulation =
+            Self { controllers: Vec::with_capacity(addresses.len()), panel: None, tasks: JoinSet::new() };
         for (number, address) in (0_u64..).zip(addresses) {
             let failed = |error| SimError::Listen { address, error };
             let listener = TcpListener::bind(address).await.map_err(failed)?;
@@ -44,6 +48,10 @@ impl Simulation {
             simulation.tasks.spawn(accept(listener, handle.clone()));
             simulation.controllers.push(handle);
         }
+        if let Some((address, listener)) = panel {
+            simulation.panel = Some(address);
+            simulation.tasks.spawn(panel::serve(listener, simulation.controllers.clone()));
+        }
         Ok(simulation)
     }
 
@@ -53,10 +61,27 @@ impl Simulation {
         &self.controllers
     }
 
+    /// Where the panel is offered over HTTP.
+    #[must_use]
+    pub fn panel(&self) -> Option<SocketAddr> {
+        self.panel
+    }
+
     /// Ends all controllers and their connections.
     pub async fn shutdown(mut self) {
         self.tasks.shutdown().await;
     }
+}
+
+/// The panel's listener, where one is wanted.
+async fn listen_for_panel(settings: &SimSettings) -> Result<Option<(SocketAddr, TcpListener)>, SimError> {
+    let Some(address) = settings.panel else { return Ok(None) };
+    if !address.ip().is_loopback() && !settings.panel_open {
+        return Err(SimError::PanelNotLocal { address });
+    }
+    let failed = |error| SimError::ListenPanel { address, error };
+    let listener = TcpListener::bind(address).await.map_err(failed)?;
+    Ok(Some((listener.local_addr().map_err(failed)?, listener)))
 }
 
 /// Every address that a controller listens on.

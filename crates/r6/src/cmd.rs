@@ -6,6 +6,7 @@ pub mod completions;
 pub mod inspect;
 pub mod job;
 pub mod r#move;
+pub mod panel;
 pub mod plot;
 pub mod query;
 pub mod run;

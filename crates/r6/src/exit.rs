@@ -24,6 +24,7 @@ Examples:
   r6 status                                         what it does, and whether it takes motion
   r6 move axes 10 0 0 0 30 0 --speed 50 --wait      the first motion
   r6 watch axis-0 axis-1 isMoving --every 100ms
+  r6 panel estop                                    what a person does at a virtual machine
   r6 stop
   r6 -r 192.168.1.10 status                         the same for a real controller
 
@@ -90,6 +91,11 @@ impl Failure {
     /// Nobody knows what became of a request.
     pub fn unknown(what: impl fmt::Display) -> Self {
         Self::new(Exit::Unknown, what)
+    }
+
+    /// There is no connection, or no reply to a question.
+    pub fn no_reply(what: impl fmt::Display) -> Self {
+        Self::new(Exit::NoReply, what)
     }
 
     fn new(exit: Exit, what: impl fmt::Display) -> Self {

@@ -50,13 +50,14 @@ enum Subcommands {
     Run(cmd::run::RunArgs),
     Plot(cmd::plot::PlotArgs),
     Stop(cmd::stop::StopArgs),
+    Panel(cmd::panel::PanelArgs),
     Alarm(cmd::alarm::AlarmArgs),
     Inspect(cmd::inspect::InspectArgs),
     Completions(cmd::completions::CompletionsArgs),
 }
 
 /// Subcommands that ask no robot: their help does not offer `--robot`.
-const OFFLINE: [&str; 6] = ["up", "sim", "plot", "alarm", "inspect", "completions"];
+const OFFLINE: [&str; 7] = ["up", "sim", "plot", "panel", "alarm", "inspect", "completions"];
 
 /// The whole command line, as the parser and the completions want it.
 fn command_line() -> clap::Command {
@@ -98,6 +99,7 @@ fn run(cli: Cli) -> Result<Exit, Failure> {
         Subcommands::Run(args) => cmd::block_on(cmd::run::run(args, robot)),
         Subcommands::Plot(args) => cmd::plot::run(args),
         Subcommands::Stop(args) => cmd::block_on(cmd::stop::run(args, robot)),
+        Subcommands::Panel(args) => cmd::block_on(cmd::panel::run(args)),
         Subcommands::Alarm(args) => cmd::alarm::run(&args),
         Subcommands::Inspect(args) => cmd::inspect::run(&args),
         Subcommands::Completions(args) => cmd::completions::run(&args),

@@ -3,6 +3,7 @@
 pub mod action;
 pub mod alarm;
 pub mod drawing;
+pub mod panel;
 pub mod plot;
 pub mod queue;
 pub mod readings;

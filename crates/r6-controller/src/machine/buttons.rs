@@ -7,6 +7,7 @@ use super::execution::Activity;
 use super::halt::AfterHalt;
 use crate::instruction_list::MAX_INSTRUCTIONS;
 use crate::mode::Key;
+use crate::panel::Refused;
 use crate::profile::{ReplaceInMotion, StopButton, StopMode, Unarmed};
 use r6_proto::OperationMode;
 
@@ -19,17 +20,14 @@ pub enum NotTaken {
     Silent(&'static str),
 }
 
-/// Why a button did nothing.
-pub type NotPossible = &'static str;
-
 impl Machine {
     /// The start button: in automatic the program runs, from where it was paused or from its first step.
-    pub(crate) fn press_start(&mut self) -> Result<(), NotPossible> {
+    pub(crate) fn press_start(&mut self) -> Result<(), Refused> {
         self.start(true)
     }
 
     /// Runs the program: from its first step if `anew`, unless it was paused.
-    fn start(&mut self, anew: bool) -> Result<(), NotPossible> {
+    fn start(&mut self, anew: bool) -> Result<(), Refused> {
         self.ready_to_run()?;
         if !self.mode.may_run() {
             if anew {
@@ -38,13 +36,15 @@ impl Machine {
             self.mode = OperationMode::Running;
             self.last_pass = false;
             self.note(format!("{}: started", self.mode));
+        } else if self.mode == OperationMode::SingleStep {
+            self.mode = OperationMode::Running;
         }
         self.go_on();
         Ok(())
     }
 
     /// Single cycle: the program runs to the end of its pass and stops there.
-    pub(crate) fn press_single_cycle(&mut self) -> Result<(), NotPossible> {
+    pub(crate) fn press_single_cycle(&mut self) -> Result<(), Refused> {
         self.ready_to_run()?;
         if !self.mode.may_run() {
             self.restart_program();
@@ -57,31 +57,46 @@ impl Machine {
         Ok(())
     }
 
-    fn ready_to_run(&self) -> Result<(), NotPossible> {
-        if self.alarm != 0 {
-            return Err("an alarm is present: clear it first");
+    /// Single step: the program runs one step, from where it stands, and rests there.
+    pub(crate) fn press_single_step(&mut self) -> Result<(), Refused> {
+        self.ready_to_run()?;
+        self.mode = OperationMode::SingleStep;
+        self.note("single step".to_owned());
+        self.go_on();
+        Ok(())
+    }
+
+    fn ready_to_run(&self) -> Result<(), Refused> {
+        if self.alarm != 0 && !self.emergency_stop {
+            return Err(Refused::Alarm { alarm: self.alarm });
         }
         self.may_start()
     }
 
     /// Whether a program could run but for an alarm.
-    fn may_start(&self) -> Result<(), NotPossible> {
+    fn may_start(&self) -> Result<(), Refused> {
+        if self.emergency_stop {
+            return Err(Refused::EmergencyStop);
+        }
         if !self.homed {
-            return Err("the machine is not homed");
+            return Err(Refused::NotHomed);
+        }
+        if self.hand.is_some() {
+            return Err(Refused::Moving);
         }
         match self.mode {
             OperationMode::Auto
             | OperationMode::Running
             | OperationMode::SingleStep
             | OperationMode::SingleCycle => Ok(()),
-            OperationMode::Manual => Err("the machine is in manual: turn the key to automatic"),
-            OperationMode::Stop | OperationMode::None | OperationMode::Unknown(_) => {
-                Err("the machine is in stop: turn the key to automatic")
+            OperationMode::Manual | OperationMode::Stop | OperationMode::None | OperationMode::Unknown(_) => {
+                Err(Refused::NotAuto { mode: self.mode })
             }
         }
     }
 
     fn go_on(&mut self) {
+        self.start_needed = false;
         self.resume();
         self.run_list();
     }
@@ -101,6 +116,7 @@ impl Machine {
 
     /// The stop button.
     pub(crate) fn press_stop(&mut self) {
+        self.halt_hand(self.profile.action_stop_time);
         if !self.mode.may_run() {
             return;
         }
@@ -126,15 +142,20 @@ impl Machine {
         self.stop_signal = None;
         if ran {
             self.last_pass = false;
-            self.mode = match self.profile.action_stop_mode {
-                StopMode::Auto => OperationMode::Auto,
-                StopMode::Stop => OperationMode::Stop,
-            };
+            self.mode = self.mode_after_stop();
             self.note(format!("{}: actionStop", self.mode));
             if self.profile.action_stop_alarm != 0 && self.alarm == 0 {
                 self.alarm = self.profile.action_stop_alarm;
                 self.note(format!("alarm {}: actionStop", self.alarm));
             }
+        }
+    }
+
+    /// The mode in which `actionStop` and the emergency stop leave a program that ran.
+    pub(super) fn mode_after_stop(&self) -> OperationMode {
+        match self.profile.action_stop_mode {
+            StopMode::Auto => OperationMode::Auto,
+            StopMode::Stop => OperationMode::Stop,
         }
     }
 
@@ -154,20 +175,24 @@ impl Machine {
         self.leave_running("alarm");
     }
 
-    /// `clearAlarm`: the alarm goes; nothing runs by itself.
-    pub(crate) fn clear_alarm(&mut self) {
+    /// `clearAlarm`: the alarm goes, unless the emergency stop is pressed; nothing runs by itself.
+    pub(crate) fn clear_alarm(&mut self) -> Result<(), Refused> {
+        if self.emergency_stop {
+            return Err(Refused::EmergencyStop);
+        }
         if self.alarm != 0 {
             self.note(format!("alarm {} cleared", self.alarm));
         }
         self.alarm = 0;
+        Ok(())
     }
 
     /// `clearAlarmContinue`, `clearAlarmRunNext`: the alarm goes and the program goes on, with the next step if `skip`.
-    pub(crate) fn clear_alarm_and_run(&mut self, skip: bool) -> Result<(), NotPossible> {
+    pub(crate) fn clear_alarm_and_run(&mut self, skip: bool) -> Result<(), Refused> {
         self.may_start()?;
-        let had_alarm = self.alarm != 0;
-        self.clear_alarm();
-        if skip && had_alarm {
+        let skip = skip && self.alarm_is_of_a_step();
+        self.clear_alarm()?;
+        if skip {
             match &mut self.activity {
                 // It counts as done once the arm rests.
                 Activity::Halting(_, after) if *after < AfterHalt::Rewind => *after = AfterHalt::NextStep,
@@ -245,8 +270,8 @@ impl Machine {
         match self.profile.add_rcc_unarmed {
             Unarmed::Refuse => Err(NotTaken::Refused(WHY)),
             Unarmed::Silent => Err(NotTaken::Silent(WHY)),
-            Unarmed::Arm if self.mode == OperationMode::Auto => {
-                self.press_start().map_err(NotTaken::Refused)?;
+            Unarmed::Arm if self.mode == OperationMode::Auto && !self.start_needed => {
+                self.press_start().map_err(|refused| NotTaken::Refused(refused.reason()))?;
                 if self.waits_for_remote() { Ok(()) } else { Err(NotTaken::Refused(WHY)) }
             }
             Unarmed::Arm => Err(NotTaken::Refused(WHY)),

@@ -87,12 +87,12 @@ impl Machine {
                 self.tools.insert(number, frame);
             }
             Command::SwitchCoordinate { workbench } => self.bench = frame_number(*workbench)?,
-            Command::ClearAlarm => self.clear_alarm(),
+            Command::ClearAlarm => self.clear_alarm()?,
         }
         Ok(())
     }
 
-    fn switch_mold(&mut self, mold: &str) -> Result<(), String> {
+    pub(super) fn switch_mold(&mut self, mold: &str) -> Result<(), String> {
         let Some(program) = self.library.named(mold).cloned() else {
             let nearest = r6_proto::nearest(mold, self.library.names());
             let hint = nearest.map(|near| format!("; nearest: `{near}`")).unwrap_or_default();

@@ -82,7 +82,7 @@ pub enum Awaited {
 /// A movement that began at a point in time.
 #[derive(Clone, Debug)]
 pub struct Run {
-    pub(super) movement: Box<Movement>,
+    pub(crate) movement: Box<Movement>,
     started: Instant,
     /// How the corner after its last move is rounded.
     pub(super) blend: Blend,
@@ -119,7 +119,7 @@ impl Run {
         [first_ends, corner].into_iter().flatten().map(|time| self.after(time)).fold(end, Instant::min)
     }
 
-    fn ends_at(&self) -> Instant {
+    pub(super) fn ends_at(&self) -> Instant {
         self.after(self.movement.duration())
     }
 
@@ -128,7 +128,8 @@ impl Run {
         self.after(time) <= now
     }
 
-    pub(super) fn seconds(&self, now: Instant) -> f64 {
+    /// Its own time at `now`.
+    pub(crate) fn seconds(&self, now: Instant) -> f64 {
         now.since(self.started).as_secs_f64()
     }
 }
@@ -145,12 +146,10 @@ impl Activity {
         }
     }
 
-    /// The movement under way and its own time, as a function of the present.
-    pub(crate) fn movement(&self) -> Option<(&Movement, impl Fn(Instant) -> f64 + use<'_>)> {
+    /// The movement under way.
+    pub(crate) fn run(&self) -> Option<&Run> {
         match self {
-            Self::Moving(run) | Self::Halting(run, _) => {
-                Some((&*run.movement, move |now: Instant| run.seconds(now)))
-            }
+            Self::Moving(run) | Self::Halting(run, _) => Some(run),
             Self::Idle
             | Self::Paused(_)
             | Self::Suspended(..)
@@ -210,6 +209,7 @@ impl Machine {
 
     pub(crate) fn finish_step(&mut self) {
         self.activity = Activity::Idle;
+        let stepped = self.mode == OperationMode::SingleStep;
         match self.finish_one() {
             After::Next => {}
             After::Empty if self.is_remote() => self.remote_is_over(),
@@ -222,6 +222,9 @@ impl Machine {
                     self.activity = Activity::Resting { until: self.pass_started + SHORTEST_PASS };
                 }
             }
+        }
+        if stepped {
+            self.leave_running("single step");
         }
     }
 

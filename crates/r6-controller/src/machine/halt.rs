@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use r6_proto::time::Instant;
+
 use super::Machine;
 use super::execution::{Activity, Run, fulfilled_at_once, plan_failed};
 
@@ -20,9 +22,19 @@ pub enum AfterHalt {
     NewList,
 }
 
+impl Run {
+    /// The same at rest within `time`, or when it is at rest anyhow if that is sooner.
+    pub(super) fn sooner(self, time: Duration, now: Instant) -> Self {
+        let movement = self.movement.halt(self.seconds(now), time.as_secs_f64());
+        let halted = self.clone().by(movement, now);
+        if halted.ends_at() < self.ends_at() { halted } else { self }
+    }
+}
+
 impl Machine {
     /// Brings what is under way to rest within `time`, then does what follows. No move to bring to rest: `false`.
     pub(crate) fn halt(&mut self, time: Duration, after: AfterHalt) -> bool {
+        self.halt_hand(time);
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
         match activity {
             Activity::Moving(run) => {
@@ -34,6 +46,7 @@ impl Machine {
             }
             Activity::Halting(mut run, before) => {
                 let after = before.max(after);
+                run = run.sooner(time, self.now);
                 if before == AfterHalt::Keep {
                     self.leave_joined(&mut run, after);
                 }
@@ -173,6 +186,7 @@ impl Machine {
 
     /// Lets the move under way take a new global speed; at 0 the arm rests where it is until there is one again.
     pub(crate) fn replan_for_global_speed(&mut self) {
+        self.replan_hand();
         match &self.activity {
             Activity::Moving(run) => {
                 match run.movement.with_global(run.seconds(self.now), self.global_speed) {

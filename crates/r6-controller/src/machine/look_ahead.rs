@@ -13,6 +13,7 @@ use super::Machine;
 use super::execution::{Activity, Run};
 use super::order::{Order, Told, path_speed};
 use r6_motion::Axes;
+use r6_proto::OperationMode;
 
 impl Machine {
     /// An instant within a run: its corner is reached, or the first of its two moves has ended.
@@ -39,7 +40,8 @@ impl Machine {
     /// Lets the next move begin while the present one is at its corner.
     pub(super) fn join_next(&mut self) {
         let Activity::Moving(run) = &self.activity else { return };
-        if !run.at_corner || run.joined > 0 || !self.runs() {
+        let single = self.mode == OperationMode::SingleStep;
+        if !run.at_corner || run.joined > 0 || single || !self.runs() {
             return;
         }
         let run = run.clone();

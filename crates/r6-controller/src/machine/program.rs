@@ -207,7 +207,18 @@ impl Machine {
         let Some(step) = place.program.steps().get(place.step) else {
             return self.end_of_program(&place);
         };
+        let own = self.program.own.len();
         match self.carry_out_step(step) {
+            // A single step is over with a step that is no instruction and takes no time.
+            Ok(())
+                if self.mode == OperationMode::SingleStep
+                    && self.program.own.len() == own
+                    && !self.program.remote
+                    && matches!(self.activity, Activity::Idle) =>
+            {
+                self.leave_running("single step");
+                false
+            }
             Ok(()) => true,
             Err((alarm, why)) => {
                 self.raise(alarm, format!("{}: {why}", said(&place)));
@@ -226,6 +237,8 @@ impl Machine {
         self.program.last_round = None;
         if self.last_pass {
             self.leave_running("single cycle: nothing to run");
+        } else if self.mode == OperationMode::SingleStep {
+            self.leave_running("single step: nothing to run");
         }
         false
     }
@@ -510,6 +523,9 @@ impl Machine {
         self.activity = Activity::Idle;
         if taken {
             self.program.next();
+            if self.mode == OperationMode::SingleStep {
+                self.leave_running("single step");
+            }
         } else {
             self.photo_failed(&photo, tries, "the camera could not take the photo");
         }

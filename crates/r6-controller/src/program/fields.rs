@@ -102,7 +102,7 @@ impl<'t> Fields<'t> {
 
     /// A point by its name, such as `X010`, of one of these kinds.
     pub(super) fn point(&self, name: &'static str, kinds: &[PointKind]) -> Result<Option<IoPoint>, String> {
-        let prefixes: Vec<_> = kinds.iter().map(|kind| kind.prefix()).collect();
+        let prefixes: Vec<_> = kinds.iter().map(|kind| kind.letters()).collect();
         let wanted =
             format!("a point as the pendant names it, {} and octal 010 to 047", prefixes.join(" or "));
         self.optional(name, &wanted, |value| {

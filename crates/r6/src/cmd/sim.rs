@@ -65,7 +65,7 @@ A line on stdin does what a person or a machine in the cell would do:
   photo CAM                   asks the camera for a photo
   key auto|manual|stop        turns the mode key; auto, then `r6 command startButton`, runs
 With several controllers it begins with the number of one: 2: input 0 3 on. The end of stdin ends \
-nothing.
+nothing. With --panel, `r6 panel` and any HTTP client do all that a person does at the machine.
 
 Examples:
   r6 sim
@@ -76,7 +76,8 @@ Examples:
   r6 sim --model GENERIC-SCARA
   r6 sim --model my-arm.toml
   r6 sim --program cell.toml                    a program of your own (docs/PROGRAMS.md)
-  echo input 0 3 on | r6 sim                    input 3 is on from the start")]
+  echo input 0 3 on | r6 sim                    input 3 is on from the start
+  r6 sim --panel 127.0.0.1:9770                 then: r6 panel status")]
 pub struct SimArgs {
     /// Where to listen, may be given several times; port 0 takes any free port
     #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_LISTEN)]
@@ -86,16 +87,30 @@ pub struct SimArgs {
     /// How many controllers for each --listen, on ports that follow one another
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
     count: u16,
+    /// Where to offer the panel over HTTP: what a person does at the machine; port 0 takes any free port
+    #[arg(long, value_name = "ADDR:PORT")]
+    panel: Option<SocketAddr>,
+    /// Let --panel be an address that other machines can reach: it has no login
+    #[arg(long, requires = "panel")]
+    panel_open: bool,
 }
 
 /// Runs the controllers until a signal ends them.
 pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
     let mut ending = Ending::watch()?;
-    let simulation = start(args.cell, args.listen, args.count).await?;
+    let settings = SimSettings {
+        listen: args.listen,
+        count: args.count,
+        panel: args.panel,
+        panel_open: args.panel_open,
+        ..args.cell.settings()?
+    };
+    let simulation = start(settings).await?;
     let controllers = simulation.controllers();
     let lines = output_queue()?;
-    let listening: Vec<_> =
-        controllers.iter().map(|controller| format!("listening on {}", controller.address())).collect();
+    let listening = controllers.iter().map(|controller| format!("listening on {}", controller.address()));
+    let panel = simulation.panel().map(panel_line);
+    let listening: Vec<_> = listening.chain(panel).collect();
     // The log is listened to before anybody can know the address.
     let named = controllers.len() > 1;
     let mut logs = JoinSet::new();
@@ -111,22 +126,40 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Starts the controllers that the arguments describe.
-pub async fn start(cell: CellArgs, listen: Vec<SocketAddr>, count: u16) -> Result<Simulation, Failure> {
-    let CellArgs { model, profile, start, program, seed } = cell;
-    let (library, mold) = programs::library(program).map_err(|error| Failure::usage(&error))?;
-    let start = match start {
-        Start::Waiting => StartState::Waiting,
-        Start::Stopped => StartState::Stopped,
-        Start::Manual => StartState::Manual,
-        Start::Auto => StartState::Auto,
-    };
-    let settings = SimSettings { listen, count, profile, model, start, library, mold, seed };
-    Simulation::start(settings).await.map_err(|error| match &error {
-        SimError::BadCount { .. } | SimError::NoSuchPort { .. } | SimError::Listen { .. } => {
-            Failure::usage(&error)
-        }
-    })
+impl CellArgs {
+    /// One controller of this kind.
+    pub fn settings(self) -> Result<SimSettings, Failure> {
+        let Self { model, profile, start, program, seed } = self;
+        let (library, mold) = programs::library(program).map_err(|error| Failure::usage(&error))?;
+        let start = match start {
+            Start::Waiting => StartState::Waiting,
+            Start::Stopped => StartState::Stopped,
+            Start::Manual => StartState::Manual,
+            Start::Auto => StartState::Auto,
+        };
+        Ok(SimSettings { profile, model, start, library, mold, seed, ..SimSettings::default() })
+    }
+}
+
+/// Starts the controllers.
+pub async fn start(settings: SimSettings) -> Result<Simulation, Failure> {
+    Simulation::start(settings).await.map_err(|error| failed(&error))
+}
+
+/// What a user is told when they could not be started.
+pub fn failed(error: &SimError) -> Failure {
+    match error {
+        SimError::BadCount { .. }
+        | SimError::NoSuchPort { .. }
+        | SimError::Listen { .. }
+        | SimError::ListenPanel { .. }
+        | SimError::PanelNotLocal { .. } => Failure::usage(error),
+    }
+}
+
+/// The line that tells where the panel is.
+pub fn panel_line(address: SocketAddr) -> String {
+    format!("panel on http://{address}")
 }
 
 /// The profile of this name, or of this file.

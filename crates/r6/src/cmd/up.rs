@@ -1,11 +1,12 @@
 //! `r6 up`: the whole cell on this machine, with its live state.
 
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use clap::Args;
 use crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
-use r6_sim::{ControllerHandle, Simulation};
+use r6_sim::panel::DEFAULT_PORT;
+use r6_sim::{ControllerHandle, SimError, SimSettings, Simulation};
 use tokio::sync::broadcast::error::TryRecvError;
 
 use crate::cmd::sim::{self, CellArgs};
@@ -17,6 +18,26 @@ use crate::signals::Ending;
 /// How often the screen is drawn: smooth to the eye, and little work.
 const DRAW_INTERVAL: Duration = Duration::from_millis(50);
 
+/// The port of the real controllers, and of `r6 up` unless told.
+const DEFAULT_LISTEN_PORT: u16 = 9760;
+
+/// Where the panel is to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum PanelPlace {
+    Off,
+    At(SocketAddr),
+}
+
+fn panel_place(text: &str) -> Result<PanelPlace, String> {
+    match text {
+        "off" => Ok(PanelPlace::Off),
+        _ => text
+            .parse()
+            .map(PanelPlace::At)
+            .map_err(|_| "write it as 127.0.0.1:9770, with port 0 for any free one, or `off`".to_owned()),
+    }
+}
+
 /// Start a whole virtual cell on this machine and show its live state
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -27,14 +48,23 @@ Examples:
   r6 up
   r6 up --listen 0.0.0.0:9760                   reachable from other machines: it has no login
   r6 up --profile r6-pendant --start stopped
+  r6 up --panel off
 
 Then, in a second shell:
   r6 status
-  r6 move axes 10 0 0 0 30 0 --speed 50 --wait")]
+  r6 move axes 10 0 0 0 30 0 --speed 50 --wait
+  r6 panel input X010 on                        what a person does at the machine")]
 pub struct UpArgs {
     /// Where to listen; port 0 takes any free port
     #[arg(long, value_name = "ADDR:PORT", default_value = sim::DEFAULT_LISTEN)]
     listen: SocketAddr,
+    /// Where to offer the panel over HTTP, or off [default: 127.0.0.1:9770 with --listen on port 9760 and if it is
+    /// free, else any free port]
+    #[arg(long, value_name = "ADDR:PORT|off", value_parser = panel_place)]
+    panel: Option<PanelPlace>,
+    /// Let --panel be an address that other machines can reach: it has no login
+    #[arg(long, requires = "panel")]
+    panel_open: bool,
     #[command(flatten)]
     cell: CellArgs,
 }
@@ -50,7 +80,7 @@ impl UpArgs {
 pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let has_screen = args.has_screen();
     let mut ending = Ending::watch()?;
-    let simulation = sim::start(args.cell, vec![args.listen], 1).await?;
+    let simulation = start(args).await?;
     let result = tokio::select! {
         shown = show(&simulation, has_screen) => shown,
         () = ending.signalled() => Ok(()),
@@ -61,38 +91,67 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
 
 async fn show(simulation: &Simulation, has_screen: bool) -> Result<(), Failure> {
     let Some(controller) = simulation.controllers().first() else { return Ok(()) };
-    if has_screen { show_screen(controller).await } else { show_lines(controller).await }
+    let panel = simulation.panel();
+    if has_screen { show_screen(controller, panel).await } else { show_lines(controller, panel).await }
+}
+
+/// Starts the cell; where nobody said where the panel has to be, it is where there is room for it.
+async fn start(args: UpArgs) -> Result<Simulation, Failure> {
+    let settings =
+        SimSettings { listen: vec![args.listen], panel_open: args.panel_open, ..args.cell.settings()? };
+    let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+    let panel = match args.panel {
+        Some(PanelPlace::Off) => None,
+        Some(PanelPlace::At(address)) => Some(address),
+        None if args.listen.port() == DEFAULT_LISTEN_PORT => {
+            let usual = SocketAddr::from((Ipv4Addr::LOCALHOST, DEFAULT_PORT));
+            match Simulation::start(SimSettings { panel: Some(usual), ..settings.clone() }).await {
+                Err(SimError::ListenPanel { .. }) => Some(any),
+                started => return started.map_err(|error| sim::failed(&error)),
+            }
+        }
+        None => Some(any),
+    };
+    sim::start(SimSettings { panel, ..settings }).await
 }
 
 /// Commands to try in a second shell.
-fn hints(controller: &ControllerHandle) -> [String; 3] {
+fn hints(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Vec<String> {
     let address = controller.address();
     let robot =
         if address.to_string() == "127.0.0.1:9760" { String::new() } else { format!(" -r {address}") };
-    [
+    let panel = panel.map(|address| match address.to_string().as_str() {
+        crate::cmd::panel::DEFAULT_PANEL => "r6 panel status".to_owned(),
+        _ => format!("r6 panel --panel {address} status"),
+    });
+    let commands = [
         format!("r6{robot} status"),
         format!("r6{robot} move axes 10 0 0 0 30 0 --speed 50 --wait"),
         format!("r6{robot} watch axis-0 axis-4 isMoving --every 100ms"),
-    ]
+    ];
+    commands.into_iter().chain(panel).collect()
 }
 
-async fn show_lines(controller: &ControllerHandle) -> Result<(), Failure> {
+async fn show_lines(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Result<(), Failure> {
     let log = controller.log();
     let state = controller.snapshot();
     let lines = sim::output_queue()?;
     lines.line(format_args!("listening on {}", controller.address()));
     lines.line(format_args!("{}, profile {}, mode {}", state.machine_name, state.profile, state.mode));
-    for hint in hints(controller) {
+    if let Some(panel) = panel {
+        lines.line(sim::panel_line(panel));
+    }
+    for hint in hints(controller, panel) {
         lines.line(format_args!("try: {hint}"));
     }
     sim::print_log(controller.clone(), log, false, lines).await;
     Ok(())
 }
 
-async fn show_screen(controller: &ControllerHandle) -> Result<(), Failure> {
+async fn show_screen(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Result<(), Failure> {
     let failed = |error: std::io::Error| Failure::usage(format!("the terminal cannot be drawn on: {error}"));
     let mut log = controller.log();
-    let mut view = View::new(controller.address(), hints(controller));
+    let mut view = View::new(controller.address(), hints(controller, panel));
     let mut screen = Screen::open().map_err(failed)?;
     let mut ticks = tokio::time::interval(DRAW_INTERVAL);
     loop {

@@ -20,13 +20,13 @@ const KEPT_LINES: usize = 200;
 #[derive(Debug)]
 pub struct View {
     address: SocketAddr,
-    hints: [String; 3],
+    hints: Vec<String>,
     lines: VecDeque<String>,
 }
 
 impl View {
     /// A view without log lines.
-    pub fn new(address: SocketAddr, hints: [String; 3]) -> Self {
+    pub fn new(address: SocketAddr, hints: Vec<String>) -> Self {
         Self { address, hints, lines: VecDeque::new() }
     }
 
@@ -68,7 +68,7 @@ fn draw(frame: &mut Frame<'_>, view: &View, state: &ControllerSnapshot) {
         Constraint::Length(5),
         Constraint::Length(axes + 2),
         Constraint::Min(3),
-        Constraint::Length(5),
+        Constraint::Length(u16::try_from(view.hints.len() + 2).unwrap_or(u16::MAX)),
     ])
     .areas(frame.area());
     let [bars, pose] = Layout::horizontal([Constraint::Min(40), Constraint::Length(24)]).areas(middle);
@@ -100,6 +100,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, view: &View, state: &ControllerS
             Span::styled(alarm::short(i64::from(state.alarm)), alarm_style),
             Span::raw(format!("   {homed}, ")),
             motion,
+            Span::styled(if state.emergency_stop { "   EMERGENCY STOP" } else { "" }, alarm_style),
         ]),
         Line::raw(format!(
             "list {}   global speed {:.1} %   cycle {:.1} s   connections {}",
@@ -195,8 +196,11 @@ mod tests {
             model: "BRTIRUS0707A".to_owned(),
             mode: r6_controller::OperationMode::Running,
             alarm: 135,
+            emergency_stop: true,
             homed: true,
             moving: true,
+            program: "remote".to_owned(),
+            programs: vec!["remote".to_owned()],
             list_length: 3,
             axes: [10.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0],
             axis_limits: vec![(-155.0, 155.0); 6],
@@ -204,6 +208,8 @@ mod tests {
             world: [400.0, -50.0, 500.0, 180.0, 0.0, 0.0],
             global_speed_percent: 100.0,
             cycle_seconds: 1.5,
+            last_cycle_seconds: 0.0,
+            io: r6_controller::io::Io::default(),
             connections: 2,
         }
     }
@@ -211,7 +217,7 @@ mod tests {
     fn drawn(width: u16, height: u16) -> String {
         let mut view = View::new(
             SocketAddr::from(([127, 0, 0, 1], 9760)),
-            ["r6 status".to_owned(), String::new(), String::new()],
+            vec!["r6 status".to_owned(), String::new(), "r6 panel status".to_owned()],
         );
         for number in 0..300 {
             view.add_line(format!("line {number}"));
@@ -231,11 +237,13 @@ mod tests {
             "(7)",
             "J6: positive soft limit",
             "moving",
+            "EMERGENCY STOP",
             "list 3",
             "10.000 deg",
             "-50.000 mm",
             "line 299",
             "r6 status",
+            "r6 panel status",
         ] {
             assert!(text.contains(part), "{part} in\n{text}");
         }

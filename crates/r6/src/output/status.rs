@@ -128,7 +128,8 @@ fn advice(unmet: Unmet) -> String {
         }
         Unmet::Mode { found: OperationMode::Manual | OperationMode::Stop } => {
             format!(
-                "{unmet} (a virtual controller: type `key auto` at `r6 sim`, then `r6 command startButton`)"
+                "{unmet} (a virtual controller: `r6 panel key auto`, or type `key auto` at `r6 sim`; then `r6 command \
+                 startButton`)"
             )
         }
         Unmet::Mode { .. } => format!("{unmet} (a virtual controller: `r6 command startButton`)"),

@@ -3,7 +3,7 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-const SUBCOMMANDS: [&str; 16] = [
+const SUBCOMMANDS: [&str; 19] = [
     "up",
     "sim",
     "status",
@@ -17,6 +17,9 @@ const SUBCOMMANDS: [&str; 16] = [
     "run",
     "plot",
     "stop",
+    "panel",
+    "panel input",
+    "panel jog",
     "alarm",
     "inspect",
     "completions",

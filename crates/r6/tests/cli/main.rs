@@ -4,6 +4,7 @@ mod help;
 mod inspect;
 mod motion;
 mod offline;
+mod panel;
 mod plot;
 mod robot;
 mod run;

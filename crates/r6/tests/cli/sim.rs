@@ -44,10 +44,13 @@ fn up_without_a_terminal_prints_lines() {
         let line = up.line();
         let address = line.strip_prefix("listening on ").unwrap().to_owned();
         assert!(up.line().contains("BRTIRUS0707A, profile hc1"));
+        let panel = up.line();
+        let panel = panel.strip_prefix("panel on http://").unwrap();
         for _ in 0..3 {
             let hint = up.line();
             assert!(hint.starts_with(&format!("try: r6 -r {address} ")), "{hint}");
         }
+        assert_eq!(up.line(), format!("try: r6 panel --panel {panel} status"));
         assert_eq!(r6(&["-r", &address, "stop"]).code, 0);
         assert_ne!(up.line(), "", "a change of state is a line");
         assert_eq!(up.end(signal), Some(0), "{signal}");

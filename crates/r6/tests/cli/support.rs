@@ -30,6 +30,7 @@ fn command(args: &[&str]) -> Command {
     command
         .args(args)
         .env_remove("R6_ROBOT")
+        .env_remove("R6_PANEL")
         .env_remove("RUST_LOG")
         .env("COLUMNS", "110")
         // As on a small machine: few threads, so that one that is stuck is missed.

@@ -3,7 +3,7 @@
 use std::io::{BufRead, IsTerminal, Read};
 use std::time::Duration;
 
-use r6_controller::Key;
+use r6_controller::{Key, PanelAction};
 use r6_sim::ControllerHandle;
 
 use crate::exit::Failure;
@@ -18,11 +18,10 @@ const FOREGROUND_CHECK: Duration = Duration::from_secs(1);
 const WORDS: &str = "there are: input BOARD POINT on|off, photo CAM, key auto|manual|stop";
 
 /// What a line asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 enum Wish {
-    Input { board: u8, point: u8, on: bool },
+    Act(PanelAction),
     Photo { cam_id: i64 },
-    Key(Key),
 }
 
 /// Begins to read lines, on a thread that lives as long as the program: a read from a terminal cannot be called off.
@@ -53,9 +52,12 @@ fn obey(controllers: &[ControllerHandle]) {
             Ok((index, wish)) => {
                 let Some(controller) = controllers.get(index) else { continue };
                 match wish {
-                    Wish::Input { board, point, on } => controller.set_input(board, point, on),
+                    Wish::Act(action) => {
+                        if let Err(refused) = controller.operate(&action) {
+                            output::note(format_args!("r6: {refused}"));
+                        }
+                    }
                     Wish::Photo { cam_id } => controller.request_photo(cam_id),
-                    Wish::Key(key) => controller.turn_key(key),
                 }
             }
         }
@@ -76,7 +78,7 @@ fn read(line: &str, count: usize) -> Result<(usize, Wish), String> {
     };
     let words: Vec<_> = rest.split_whitespace().collect();
     let wish = match words.as_slice() {
-        ["input", board, point, state] => Wish::Input {
+        ["input", board, point, state] => Wish::Act(PanelAction::SetInput {
             board: up_to("BOARD", board, 7)?,
             point: up_to("POINT", point, 31)?,
             on: match *state {
@@ -84,13 +86,13 @@ fn read(line: &str, count: usize) -> Result<(usize, Wish), String> {
                 "off" => false,
                 _ => return Err(format!("an input is on or off, not `{state}`")),
             },
-        },
+        }),
         ["photo", cam] => {
             Wish::Photo { cam_id: cam.parse().map_err(|_| format!("CAM is a whole number, not `{cam}`"))? }
         }
-        ["key", "auto"] => Wish::Key(Key::Auto),
-        ["key", "manual"] => Wish::Key(Key::Manual),
-        ["key", "stop"] => Wish::Key(Key::Stop),
+        ["key", "auto"] => Wish::Act(PanelAction::TurnKey(Key::Auto)),
+        ["key", "manual"] => Wish::Act(PanelAction::TurnKey(Key::Manual)),
+        ["key", "stop"] => Wish::Act(PanelAction::TurnKey(Key::Stop)),
         ["key", ..] => return Err("wanted: key auto|manual|stop".to_owned()),
         ["input", ..] => return Err("wanted: input BOARD POINT on|off".to_owned()),
         ["photo", ..] => return Err("wanted: photo CAM".to_owned()),
@@ -121,9 +123,10 @@ mod tests {
 
     #[test]
     fn lines_name_what_and_where() {
-        assert_eq!(read("input 0 31 on\n", 1), Ok((0, Wish::Input { board: 0, point: 31, on: true })));
-        assert_eq!(read(" 3: input 7 0 off", 3), Ok((2, Wish::Input { board: 7, point: 0, on: false })));
-        assert_eq!(read("key manual", 1), Ok((0, Wish::Key(Key::Manual))));
+        let input = |board, point, on| Wish::Act(PanelAction::SetInput { board, point, on });
+        assert_eq!(read("input 0 31 on\n", 1), Ok((0, input(0, 31, true))));
+        assert_eq!(read(" 3: input 7 0 off", 3), Ok((2, input(7, 0, false))));
+        assert_eq!(read("key manual", 1), Ok((0, Wish::Act(PanelAction::TurnKey(Key::Manual)))));
         assert_eq!(read("1:photo -2", 1), Ok((0, Wish::Photo { cam_id: -2 })));
     }
 

@@ -1,0 +1,149 @@
+//! Moves by hand: jogging one axis, and homing. They are no steps of a program, and need manual.
+
+use std::time::Duration;
+
+use r6_motion::{Axes, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Movement};
+use r6_proto::{AXES, AxisIndex, OperationMode};
+
+use super::Machine;
+use super::execution::Run;
+use super::halt::AfterHalt;
+use crate::panel::Refused;
+
+/// How fast a machine homes, percent of the axes' full speed. Chosen: slow enough to be stopped by hand.
+const HOMING_PERCENT: f64 = 20.0;
+
+/// A move by hand that is under way.
+#[derive(Clone, Debug)]
+pub(super) struct HandMove {
+    pub run: Run,
+    arrival: Arrival,
+}
+
+/// What follows a move by hand that reaches its end.
+#[derive(Clone, Copy, Debug)]
+enum Arrival {
+    /// Nothing.
+    Rest,
+    /// It has come to a soft limit, which has this alarm.
+    AtLimit(u32),
+    /// The machine is homed.
+    Homed,
+}
+
+impl Machine {
+    /// Moves one axis by so many degrees or mm, as far as its soft limits let it.
+    pub(super) fn jog(&mut self, axis: AxisIndex, by: f64, percent: f64) -> Result<(), Refused> {
+        let no_axis = Refused::NoSuchAxis { axis, axes: self.model.axis_count() };
+        let limits = self.model.drives().nth(axis.index()).map(|drive| drive.soft).ok_or(no_axis)?;
+        if !by.is_finite() || by == 0.0 {
+            return Err(Refused::NoDistance);
+        }
+        if !(percent > 0.0 && percent <= 100.0) {
+            return Err(Refused::BadSpeed);
+        }
+        self.ready_for_hand()?;
+        let mut degrees: [f64; AXES] = *self.axes.degrees();
+        let Some(slot) = degrees.get_mut(axis.index()) else { return Err(Refused::NoDistance) };
+        // An axis that stands outside its limits may come back, but not go farther out.
+        let told = *slot + by;
+        *slot = told.clamp(limits.min.min(*slot), limits.max.max(*slot));
+        let arrival = match told {
+            told if told > *slot => Arrival::AtLimit(130 + u32::from(axis.number())),
+            told if told < *slot => Arrival::AtLimit(140 + u32::from(axis.number())),
+            _ => Arrival::Rest,
+        };
+        let target = Axes::new(degrees).map_err(|_| Refused::NoDistance)?;
+        self.note(format!("by hand: {axis} by {by} at {percent} %"));
+        self.begin_hand(target, MoveMask(1 << axis.number()), percent, arrival)
+    }
+
+    /// Moves all axes to 0, where the machine is homed.
+    pub(super) fn home_by_hand(&mut self) -> Result<(), Refused> {
+        self.ready_for_hand()?;
+        self.note("homing".to_owned());
+        self.begin_hand(Axes::ZERO, MoveMask::SIX, HOMING_PERCENT, Arrival::Homed)
+    }
+
+    fn ready_for_hand(&self) -> Result<(), Refused> {
+        if self.emergency_stop {
+            return Err(Refused::EmergencyStop);
+        }
+        if self.mode != OperationMode::Manual {
+            return Err(Refused::NotManual { mode: self.mode });
+        }
+        if self.alarm != 0 {
+            return Err(Refused::Alarm { alarm: self.alarm });
+        }
+        if self.is_moving() {
+            return Err(Refused::Moving);
+        }
+        if self.global_speed <= 0.0 {
+            return Err(Refused::NoGlobalSpeed);
+        }
+        Ok(())
+    }
+
+    fn begin_hand(
+        &mut self,
+        target: Axes,
+        mask: MoveMask,
+        percent: f64,
+        arrival: Arrival,
+    ) -> Result<(), Refused> {
+        let order = Move {
+            target: MoveTarget::Axes(target),
+            mask,
+            speed: MoveSpeed::PercentOfMax(percent),
+            delay: 0.0,
+        };
+        let conditions = Conditions {
+            global: self.global_speed,
+            ramps: self.ramps,
+            frames: self.frames(),
+            turning: self.profile.turning,
+        };
+        let movement = Movement::plan(&self.model, &self.axes, &order, &conditions)
+            .map_err(|error| Refused::NoPath { reason: error.to_string() })?;
+        // Whatever a program left unfinished began where the arm no longer is.
+        self.halt(Duration::ZERO, AfterHalt::Drop);
+        let run = Run::new(movement, self.now, r6_motion::Blend::new(0));
+        self.hand = Some(HandMove { run, arrival });
+        self.finish_hand();
+        Ok(())
+    }
+
+    /// Brings a move by hand to rest within `time`; it does not go on.
+    pub(super) fn halt_hand(&mut self, time: Duration) {
+        if let Some(hand) = &mut self.hand {
+            hand.run = hand.run.clone().sooner(time, self.now);
+        }
+    }
+
+    /// Lets a move by hand take a new global speed; at 0 it ends.
+    pub(super) fn replan_hand(&mut self) {
+        let Some(hand) = &mut self.hand else { return };
+        let run = &hand.run;
+        match run.movement.with_global(run.seconds(self.now), self.global_speed) {
+            Ok(movement) => hand.run = run.clone().by(movement, self.now),
+            Err(_) => self.halt_hand(self.profile.action_pause_time),
+        }
+    }
+
+    /// Ends a move by hand once the arm rests.
+    pub(super) fn finish_hand(&mut self) {
+        let Some(hand) = self.hand.take_if(|hand| hand.run.ends_at() <= self.now) else { return };
+        let movement = &hand.run.movement;
+        self.axes = movement.state_at(movement.duration()).axes;
+        match hand.arrival {
+            Arrival::AtLimit(alarm) if movement.reaches_end() => {
+                self.raise(alarm, "moved by hand to the soft limit".to_owned());
+            }
+            Arrival::Homed if movement.reaches_end() => {
+                self.homed = true;
+                self.note("homed".to_owned());
+            }
+            Arrival::Rest | Arrival::AtLimit(_) | Arrival::Homed => {}
+        }
+    }
+}

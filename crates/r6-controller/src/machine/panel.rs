@@ -1,0 +1,80 @@
+//! What a person does at the machine, carried out.
+
+use super::Machine;
+use super::halt::AfterHalt;
+use crate::io::{BOARDS, POINTS};
+use crate::panel::{Button, LAST_ALARM, PanelAction, Refused};
+
+/// The alarm of the emergency stop (the pendant's table).
+const EMERGENCY_STOP: u32 = 7;
+
+impl Machine {
+    /// Does what a person does at the machine. The machine has to stand at the present time.
+    pub(crate) fn operate(&mut self, action: &PanelAction) -> Result<(), Refused> {
+        match action {
+            PanelAction::SetInput { board, point, on } => {
+                if usize::from(*board) >= BOARDS || *point >= POINTS {
+                    return Err(Refused::NoSuchInput { board: *board, point: *point });
+                }
+                self.io.set_input(*board, *point, *on);
+                self.io_changed();
+            }
+            PanelAction::SetEuInput { point, on } => {
+                if *point >= POINTS {
+                    return Err(Refused::NoSuchInput { board: 0, point: *point });
+                }
+                self.io.set_eu_input(*point, *on);
+                self.io_changed();
+            }
+            PanelAction::Press(Button::Start) => self.press_start()?,
+            PanelAction::Press(Button::Stop) => self.press_stop(),
+            PanelAction::Press(Button::Pause) => self.pause_action(),
+            PanelAction::Press(Button::SingleCycle) => self.press_single_cycle()?,
+            PanelAction::Press(Button::SingleStep) => self.press_single_step()?,
+            PanelAction::TurnKey(key) => self.turn_key(*key),
+            PanelAction::EmergencyStop => self.press_emergency_stop(),
+            PanelAction::ReleaseEmergencyStop => self.release_emergency_stop(),
+            PanelAction::ClearAlarm => self.clear_alarm()?,
+            PanelAction::RaiseAlarm(alarm) if !(1..=LAST_ALARM).contains(alarm) => {
+                return Err(Refused::NoSuchAlarm { alarm: *alarm });
+            }
+            PanelAction::RaiseAlarm(alarm) => self.raise(*alarm, "raised at the panel".to_owned()),
+            PanelAction::Home => self.home_by_hand()?,
+            PanelAction::Jog { axis, by, percent } => self.jog(*axis, *by, *percent)?,
+            PanelAction::SwitchProgram(name) => {
+                self.switch_mold(name).map_err(|reason| Refused::Program { reason })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Alarm 7 whatever alarm was there, the arm at rest as fast as `actionStop` brings it there, the mode as after
+    /// `actionStop`. What was to go on later never does: the next start begins with the first step.
+    fn press_emergency_stop(&mut self) {
+        if self.emergency_stop {
+            return;
+        }
+        self.emergency_stop = true;
+        self.start_needed = true;
+        self.halt(self.profile.action_stop_time, AfterHalt::Rewind);
+        self.cycle_started = None;
+        self.stop_signal = None;
+        self.last_pass = false;
+        if self.mode.may_run() {
+            self.mode = self.mode_after_stop();
+        }
+        self.alarm = EMERGENCY_STOP;
+        self.note(format!("alarm {EMERGENCY_STOP}: emergency stop, {}", self.mode));
+    }
+
+    fn release_emergency_stop(&mut self) {
+        if std::mem::replace(&mut self.emergency_stop, false) {
+            self.note("emergency stop released".to_owned());
+        }
+    }
+
+    /// Whether a program that a fault interrupted was interrupted at a step: that of an emergency stop begins anew.
+    pub(super) fn alarm_is_of_a_step(&self) -> bool {
+        !matches!(self.alarm, 0 | EMERGENCY_STOP)
+    }
+}

@@ -1,0 +1,219 @@
+//! What a person does at the machine: inputs, buttons, the mode key, the emergency stop, moving by hand.
+
+use std::fmt;
+
+use r6_proto::{AxisIndex, OperationMode};
+
+use crate::mode::Key;
+
+/// The last alarm of the pendant's table; 5000 to 10000 are those of the user's programs (`docs/PROTOCOL.md`, 9).
+pub const LAST_ALARM: u32 = 10_000;
+
+/// What a person does at the machine, or a machine in the cell where inputs are concerned.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PanelAction {
+    /// Sets an input X.
+    SetInput {
+        /// Board, 0 to 7.
+        board: u8,
+        /// Point on the board, 0 to 31.
+        point: u8,
+        /// Its level from now on.
+        on: bool,
+    },
+    /// Sets an input of the EU board.
+    SetEuInput {
+        /// Point, 0 to 31.
+        point: u8,
+        /// Its level from now on.
+        on: bool,
+    },
+    /// Presses a button.
+    Press(Button),
+    /// Turns the mode key.
+    TurnKey(Key),
+    /// Presses the emergency stop, which stays pressed.
+    EmergencyStop,
+    /// Releases the emergency stop; alarm 7 stays until it is cleared.
+    ReleaseEmergencyStop,
+    /// Clears the alarm; nothing runs by itself.
+    ClearAlarm,
+    /// Raises an alarm, 1 to [`LAST_ALARM`]: the fault of a part that is not simulated.
+    RaiseAlarm(u32),
+    /// Homes the machine: in manual, all axes move to 0, and the machine is homed (`origin`) once they are there.
+    Home,
+    /// Moves one axis by hand, in manual. It ends at a soft limit, with the alarm of that limit.
+    Jog {
+        /// Which axis.
+        axis: AxisIndex,
+        /// How far, degrees, or mm where the axis slides; below 0 the other way.
+        by: f64,
+        /// How fast, percent of the axis's full speed, times the global speed: above 0, at most 100.
+        percent: f64,
+    },
+    /// Loads another program (mold).
+    SwitchProgram(String),
+}
+
+/// A button of the pendant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Button {
+    /// The program runs.
+    Start,
+    /// The program ends with its cycle; a second press ends it at once (`Profile::stop_button`). Ends a move by hand.
+    Stop,
+    /// The motion rests; start goes on from there. Ends a move by hand.
+    Pause,
+    /// The program runs to the end of its pass (`curMode` 9).
+    SingleCycle,
+    /// The program runs one step (`curMode` 8 until that step has ended).
+    SingleStep,
+}
+
+/// Why the machine did not do what a person wanted of it. As text it says why, and what to do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Refused {
+    /// There is no such input.
+    NoSuchInput {
+        /// The board that was named.
+        board: u8,
+        /// The point that was named.
+        point: u8,
+    },
+    /// The emergency stop is pressed.
+    EmergencyStop,
+    /// An alarm is present.
+    Alarm {
+        /// Which.
+        alarm: u32,
+    },
+    /// The machine is not homed, and runs no program.
+    NotHomed,
+    /// A program runs in automatic only.
+    NotAuto {
+        /// The mode it is in.
+        mode: OperationMode,
+    },
+    /// Axes are moved by hand in manual only.
+    NotManual {
+        /// The mode it is in.
+        mode: OperationMode,
+    },
+    /// The arm is still moving.
+    Moving,
+    /// The arm has no such axis.
+    NoSuchAxis {
+        /// The axis that was named.
+        axis: AxisIndex,
+        /// How many it has.
+        axes: usize,
+    },
+    /// The distance of a move by hand is no number, or 0.
+    NoDistance,
+    /// The speed of a move by hand is not above 0 and at most 100 percent.
+    BadSpeed,
+    /// The global speed is 0.
+    NoGlobalSpeed,
+    /// There is no such alarm.
+    NoSuchAlarm {
+        /// The number that was named.
+        alarm: u32,
+    },
+    /// The program could not be loaded.
+    Program {
+        /// Why.
+        reason: String,
+    },
+    /// The move could not be planned.
+    NoPath {
+        /// Why.
+        reason: String,
+    },
+}
+
+impl Refused {
+    /// A word for programs that does not change: `emergency_stop`, `alarm`, …
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NoSuchInput { .. } => "no_such_input",
+            Self::EmergencyStop => "emergency_stop",
+            Self::Alarm { .. } => "alarm",
+            Self::NotHomed => "not_homed",
+            Self::NotAuto { .. } => "not_auto",
+            Self::NotManual { .. } => "not_manual",
+            Self::Moving => "moving",
+            Self::NoSuchAxis { .. } => "no_such_axis",
+            Self::NoDistance => "no_distance",
+            Self::BadSpeed => "bad_speed",
+            Self::NoGlobalSpeed => "no_global_speed",
+            Self::NoSuchAlarm { .. } => "no_such_alarm",
+            Self::Program { .. } => "program",
+            Self::NoPath { .. } => "no_path",
+        }
+    }
+
+    /// Why, and what to do, without the numbers: for places that know them.
+    #[must_use]
+    pub fn reason(&self) -> &'static str {
+        match self {
+            Self::NoSuchInput { .. } => "there is no such input: boards 0 to 7 have points 0 to 31",
+            Self::EmergencyStop => {
+                "the emergency stop is pressed: make the cell safe, release it, then clear the alarm"
+            }
+            Self::Alarm { .. } => "an alarm is present: clear it first",
+            Self::NotHomed => "the machine is not homed",
+            Self::NotAuto { mode: OperationMode::Manual } => {
+                "the machine is in manual: turn the key to automatic"
+            }
+            Self::NotAuto { .. } => "the machine is in stop: turn the key to automatic",
+            Self::NotManual { .. } => "axes are moved by hand in manual only: turn the key to manual",
+            Self::Moving => "the arm is moving: stop it, or wait until it rests",
+            Self::NoSuchAxis { .. } => "the arm has no such axis",
+            Self::NoDistance => "the distance is a number of degrees or mm other than 0",
+            Self::BadSpeed => "the speed is above 0 and at most 100 percent",
+            Self::NoGlobalSpeed => "the global speed is 0: raise it first (modifyGSPD)",
+            Self::NoSuchAlarm { .. } => "there are alarms 1 to 10000",
+            Self::Program { .. } => "the program could not be loaded",
+            Self::NoPath { .. } => "the move could not be planned",
+        }
+    }
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoSuchInput { board, point } => {
+                write!(f, "there is no point {point} on board {board}: boards 0 to 7 have points 0 to 31")
+            }
+            Self::NotManual { mode } => {
+                write!(
+                    f,
+                    "the mode is {mode}, and axes are moved by hand in manual only: turn the key to manual"
+                )
+            }
+            Self::NoSuchAxis { axis, axes } => write!(f, "the arm has no {axis}: it has J1 to J{axes}"),
+            Self::NoSuchAlarm { alarm } => {
+                write!(f, "there is no alarm {alarm}: there are 1 to {LAST_ALARM}")
+            }
+            Self::Program { reason } | Self::NoPath { reason } => f.write_str(reason),
+            Self::EmergencyStop
+            | Self::Alarm { .. }
+            | Self::NotHomed
+            | Self::NotAuto { .. }
+            | Self::Moving
+            | Self::NoDistance
+            | Self::BadSpeed
+            | Self::NoGlobalSpeed => f.write_str(self.reason()),
+        }
+    }
+}
+
+impl std::error::Error for Refused {}
+
+impl From<Refused> for String {
+    /// The text that goes into a reply and the log.
+    fn from(refused: Refused) -> Self {
+        refused.to_string()
+    }
+}

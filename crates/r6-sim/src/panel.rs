@@ -1,0 +1,34 @@
+//! The panel: what a person does at the machine, as a local HTTP API.
+//!
+//! | request | what it does |
+//! |---|---|
+//! | `GET /v1/controllers` | the controllers of this process, numbered from 1 |
+//! | `GET /v1/controllers/{n}` | what a person would see at the machine |
+//! | `POST /v1/controllers/{n}/actions` | does what an [`ActionDto`] says |
+//! | `GET /v1/openapi.json` | all this for programs; committed as `openapi/panel.json` |
+//!
+//! There is no login, so it listens on this machine alone unless told otherwise, and pages of a browser cannot use it.
+
+mod convert;
+mod dto;
+mod guard;
+mod problem;
+mod routes;
+mod server;
+
+pub use dto::{ActionDto, AxisDto, ButtonDto, ControllerDto, ControllersDto, KeyDto, PoseDto, SnapshotDto};
+pub use problem::ProblemDto;
+pub(crate) use server::serve;
+
+/// Where `r6 up` offers the panel and `r6 panel` looks for it, unless told otherwise.
+pub const DEFAULT_PORT: u16 = 9770;
+
+/// The OpenAPI description of the panel, as `GET /v1/openapi.json` gives it.
+#[must_use]
+pub fn openapi() -> String {
+    let (_, api) = routes::routes().split_for_parts();
+    // A description that serde cannot write would be a fault of its derive; the test of the committed file sees it.
+    let mut text = api.to_pretty_json().unwrap_or_default();
+    text.push('\n');
+    text
+}

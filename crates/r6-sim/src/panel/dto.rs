@@ -1,0 +1,210 @@
+//! What goes over HTTP. Units stand in the names; points and axes are called as on the pendant.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// What a person does at the machine; `do` says what.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
+#[schema(as = Action)]
+pub enum ActionDto {
+    /// Sets an input.
+    SetInput {
+        /// `X010`, on board 1 `X1.010`, on the EU board `EUX010`: octal, from 010 to 047.
+        #[schema(example = "X010")]
+        point: String,
+        /// Its level from now on.
+        on: bool,
+    },
+    /// Presses a button.
+    Press {
+        /// Which.
+        button: ButtonDto,
+    },
+    /// Turns the mode key.
+    TurnKey {
+        /// To where.
+        key: KeyDto,
+    },
+    /// Presses the emergency stop, which stays pressed: alarm 7.
+    EmergencyStop {},
+    /// Releases the emergency stop; alarm 7 stays until it is cleared.
+    ReleaseEmergencyStop {},
+    /// Clears the alarm; nothing runs by itself.
+    ClearAlarm {},
+    /// Raises an alarm.
+    RaiseAlarm {
+        /// Its number, 1 to 10000.
+        #[schema(minimum = 1, maximum = 10_000, example = 130)]
+        alarm: u32,
+    },
+    /// In manual: moves all axes to 0, where the machine is homed.
+    Home {},
+    /// In manual: moves one axis by hand. It ends at a soft limit, with the alarm of that limit.
+    Jog {
+        /// `J1` to `J8`.
+        #[schema(example = "J1")]
+        axis: String,
+        /// How far, degrees, or mm where the axis slides; below 0 the other way.
+        #[schema(example = 10.0)]
+        by: f64,
+        /// How fast, percent of the axis's full speed, times the global speed: above 0, at most 100; 10 if left out.
+        #[serde(default = "usual_speed")]
+        #[schema(default = 10.0, maximum = 100.0)]
+        speed_percent: f64,
+    },
+    /// Loads another program.
+    SwitchProgram {
+        /// Its name.
+        #[schema(example = "remote")]
+        program: String,
+    },
+}
+
+/// How fast a move by hand is unless told, percent.
+fn usual_speed() -> f64 {
+    10.0
+}
+
+/// A button of the pendant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(as = Button)]
+pub enum ButtonDto {
+    /// The program runs.
+    Start,
+    /// The program ends with its cycle; a second press ends it at once. Ends a move by hand.
+    Stop,
+    /// The motion rests; start goes on from there. Ends a move by hand.
+    Pause,
+    /// The program runs to the end of its pass.
+    SingleCycle,
+    /// The program runs one step.
+    SingleStep,
+}
+
+/// A position of the mode key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(as = Key)]
+pub enum KeyDto {
+    /// Moves by hand.
+    Manual,
+    /// Programs, once start is pressed.
+    Auto,
+    /// Neither.
+    Stop,
+}
+
+/// The controllers of this process.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[schema(as = Controllers)]
+pub struct ControllersDto {
+    /// In the order of their numbers.
+    pub controllers: Vec<ControllerDto>,
+}
+
+/// One of the controllers.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[schema(as = Controller)]
+pub struct ControllerDto {
+    /// Its number in paths, from 1.
+    pub number: usize,
+    /// Where it speaks the remote protocol.
+    #[schema(example = "127.0.0.1:9760")]
+    pub address: String,
+    /// What `machineName` answers.
+    pub machine_name: String,
+}
+
+/// What a person would see at the machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[schema(as = Snapshot)]
+pub struct SnapshotDto {
+    /// Its number in paths, from 1.
+    pub number: usize,
+    /// Where it speaks the remote protocol.
+    pub address: String,
+    /// Always true: no real machine has this panel.
+    pub r#virtual: bool,
+    /// What `machineName` answers.
+    pub machine_name: String,
+    /// What `version` answers.
+    pub firmware: String,
+    /// The profile's name.
+    pub profile: String,
+    /// The robot model's name.
+    pub model: String,
+    /// The operation mode (`curMode`).
+    pub mode: i64,
+    /// The operation mode in words.
+    #[schema(example = "running (7)")]
+    pub mode_name: String,
+    /// The alarm, 0 for none (`curAlarm`).
+    pub alarm: u32,
+    /// What the alarm means; absent while there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alarm_text: Option<String>,
+    /// Whether the emergency stop is pressed.
+    pub emergency_stop: bool,
+    /// Whether it is homed (`origin`).
+    pub homed: bool,
+    /// Whether a move is under way (`isMoving`).
+    pub moving: bool,
+    /// The program in use.
+    pub program: String,
+    /// The programs there are.
+    pub programs: Vec<String>,
+    /// How many instructions are left in the list.
+    pub list_length: usize,
+    /// The arm's axes, J1 first.
+    pub axes: Vec<AxisDto>,
+    /// The pose of the tool in use, in the work frame in use.
+    pub pose: PoseDto,
+    /// Global speed, percent.
+    pub global_speed_percent: f64,
+    /// Time of the present cycle.
+    pub cycle_seconds: f64,
+    /// Time of the last cycle that ended.
+    pub last_cycle_seconds: f64,
+    /// The inputs that are on, by name.
+    #[schema(example = json!(["X010", "EUX012"]))]
+    pub inputs_on: Vec<String>,
+    /// The outputs that are on, by name.
+    #[schema(example = json!(["Y010", "EUY012"]))]
+    pub outputs_on: Vec<String>,
+    /// The M points that are on, by name.
+    #[schema(example = json!(["M011"]))]
+    pub m_on: Vec<String>,
+    /// How many connections of the remote protocol are served.
+    pub connections: usize,
+}
+
+/// One axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[schema(as = Axis)]
+pub struct AxisDto {
+    /// `J1` to `J8`.
+    pub name: String,
+    /// Where it stands, in its unit.
+    pub position: f64,
+    /// `deg`, or `mm` where it slides.
+    pub unit: String,
+    /// Its lower soft limit, in its unit.
+    pub lowest: f64,
+    /// Its upper soft limit, in its unit.
+    pub highest: f64,
+}
+
+/// A pose.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[schema(as = Pose)]
+#[expect(missing_docs, reason = "the names say it")]
+pub struct PoseDto {
+    pub x_mm: f64,
+    pub y_mm: f64,
+    pub z_mm: f64,
+    pub u_deg: f64,
+    pub v_deg: f64,
+    pub w_deg: f64,
+}

@@ -1,0 +1,265 @@
+//! The panel over real sockets, as a script and as a hostile page would use it.
+
+use std::path::Path;
+use std::time::Duration;
+
+use r6_sim::{SimError, SimSettings, Simulation};
+use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+
+const ACTIONS: &str = "/v1/controllers/1/actions";
+
+async fn start() -> Simulation {
+    let settings =
+        SimSettings { panel: Some("127.0.0.1:0".parse().unwrap()), count: 2, ..SimSettings::default() };
+    Simulation::start(settings).await.unwrap()
+}
+
+/// Sends bytes and reads what comes until the panel closes: status and body.
+async fn raw(simulation: &Simulation, request: &str) -> (u16, Value) {
+    let mut stream = TcpStream::connect(simulation.panel().unwrap()).await.unwrap();
+    stream.write_all(request.as_bytes()).await.unwrap();
+    let mut reply = String::new();
+    stream.read_to_string(&mut reply).await.unwrap();
+    let status = reply.split(' ').nth(1).unwrap_or_else(|| panic!("{reply:?}")).parse().unwrap();
+    let body = reply.split_once("\r\n\r\n").unwrap().1;
+    (status, serde_json::from_str(body).unwrap_or_else(|_| json!(body)))
+}
+
+async fn request(
+    simulation: &Simulation,
+    method: &str,
+    path: &str,
+    headers: &str,
+    body: &str,
+) -> (u16, Value) {
+    let length = body.len();
+    let host = simulation.panel().unwrap();
+    let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n");
+    raw(simulation, &format!("{head}Content-Length: {length}\r\n{headers}\r\n{body}")).await
+}
+
+async fn get(simulation: &Simulation, path: &str) -> (u16, Value) {
+    request(simulation, "GET", path, "", "").await
+}
+
+async fn act(simulation: &Simulation, action: &Value) -> (u16, Value) {
+    request(simulation, "POST", ACTIONS, "Content-Type: application/json\r\n", &action.to_string()).await
+}
+
+#[tokio::test]
+async fn controllers_are_numbered_and_shown() {
+    let simulation = start().await;
+    let (status, list) = get(&simulation, "/v1/controllers").await;
+    assert_eq!(status, 200);
+    let second = &list["controllers"][1];
+    assert_eq!((second["number"].as_u64(), list["controllers"].as_array().unwrap().len()), (Some(2), 2));
+    assert_eq!(second["address"], simulation.controllers()[1].address().to_string());
+
+    let (status, state) = get(&simulation, "/v1/controllers/2").await;
+    assert_eq!(status, 200);
+    assert_eq!((&state["virtual"], &state["mode_name"]), (&json!(true), &json!("running (7)")));
+    assert_eq!(state["address"], second["address"]);
+    assert_eq!(
+        state["axes"][5],
+        json!({"name": "J6", "position": 0.0, "unit": "deg", "lowest": -340.0, "highest": 340.0})
+    );
+    assert_eq!(state["machine_name"], "r6 virtual BRTIRUS0707A");
+    assert_eq!(state.get("alarm_text"), None);
+}
+
+#[tokio::test]
+async fn every_action_does_something() {
+    let simulation = start().await;
+    // What is done, and what the machine shows right after it.
+    let steps = [
+        (json!({"do": "set_input", "point": "X1.011", "on": true}), "inputs_on", json!(["X1.011"])),
+        (json!({"do": "set_input", "point": "eux010", "on": true}), "inputs_on", json!(["X1.011", "EUX010"])),
+        (json!({"do": "set_input", "point": "X1.011", "on": false}), "inputs_on", json!(["EUX010"])),
+        (json!({"do": "switch_program", "program": "register-move"}), "program", json!("register-move")),
+        (json!({"do": "switch_program", "program": "remote"}), "program", json!("remote")),
+        (json!({"do": "turn_key", "key": "auto"}), "mode", json!(2)),
+        (json!({"do": "press", "button": "start"}), "mode", json!(7)),
+        (json!({"do": "press", "button": "pause"}), "mode", json!(2)),
+        (json!({"do": "press", "button": "single_cycle"}), "mode", json!(2)),
+        (json!({"do": "press", "button": "single_step"}), "mode", json!(2)),
+        (json!({"do": "turn_key", "key": "stop"}), "mode", json!(3)),
+        (json!({"do": "turn_key", "key": "manual"}), "mode", json!(1)),
+        (json!({"do": "raise_alarm", "alarm": 135}), "alarm_text", json!("J6: positive soft limit")),
+        (json!({"do": "clear_alarm"}), "alarm", json!(0)),
+        (json!({"do": "emergency_stop"}), "emergency_stop", json!(true)),
+        (json!({"do": "release_emergency_stop"}), "emergency_stop", json!(false)),
+        (json!({"do": "clear_alarm"}), "alarm", json!(0)),
+        (json!({"do": "jog", "axis": "J1", "by": 150.0, "speed_percent": 1.0}), "moving", json!(true)),
+    ];
+    for (action, field, wanted) in steps {
+        let (status, state) = act(&simulation, &action).await;
+        assert_eq!((status, &state[field]), (200, &wanted), "{action}: {state}");
+    }
+    let (status, problem) = act(&simulation, &json!({"do": "home"})).await;
+    assert_eq!((status, &problem["code"]), (409, &json!("moving")));
+    assert_eq!(act(&simulation, &json!({"do": "press", "button": "stop"})).await.0, 200);
+    // The other controller saw nothing of it.
+    let (_, other) = get(&simulation, "/v1/controllers/2").await;
+    assert_eq!((&other["mode"], &other["inputs_on"]), (&json!(7), &json!([])));
+}
+
+#[tokio::test]
+async fn what_is_refused_has_a_code_and_a_reason() {
+    let simulation = start().await;
+    for (action, status, code, part) in [
+        (json!({"do": "jog", "axis": "J1", "by": 1.0}), 409, "not_manual", "turn the key to manual"),
+        (json!({"do": "jog", "axis": "J7", "by": 1.0}), 422, "no_such_axis", "J1 to J6"),
+        (json!({"do": "jog", "axis": "X", "by": 1.0}), 422, "bad_action", "J1 to J8"),
+        (json!({"do": "jog", "axis": "J1", "by": 0.0}), 422, "no_distance", "degrees or mm"),
+        (json!({"do": "jog", "axis": "J1", "by": 1.0, "speed_percent": 101}), 422, "bad_speed", "100"),
+        (json!({"do": "switch_program", "program": "remot"}), 409, "program", "nearest: `remote`"),
+        (json!({"do": "raise_alarm", "alarm": 0}), 422, "no_such_alarm", "1 to 10000"),
+        (json!({"do": "raise_alarm", "alarm": -1}), 422, "bad_action", "-1"),
+        (json!({"do": "set_input", "point": "Y010", "on": true}), 422, "bad_action", "no input"),
+        (json!({"do": "set_input", "point": "X", "on": true}), 422, "bad_action", "X010"),
+        (json!({"do": "set_input", "point": "X010", "on": 1}), 422, "bad_action", "boolean"),
+        (json!({"do": "pres", "button": "start"}), 422, "bad_action", "nearest: `press`"),
+        (json!({"do": "press", "button": "strat"}), 422, "bad_action", "nearest: `start`"),
+        (json!({"do": "home", "now": true}), 422, "bad_action", "now"),
+        (json!([]), 422, "bad_action", ""),
+    ] {
+        let (found, problem) = act(&simulation, &action).await;
+        assert_eq!((found, &problem["code"]), (status, &json!(code)), "{action}: {problem}");
+        let message = problem["message"].as_str().unwrap();
+        assert!(message.contains(part) && !message.is_empty(), "{action}: {message}");
+    }
+    let json = "Content-Type: application/json; charset=utf-8\r\n";
+    let long = format!("{{\"do\":\"switch_program\",\"program\":\"{}\"}}", "x".repeat(5_000));
+    for (method, path, headers, body, status, code) in [
+        ("POST", ACTIONS, json, "{\"do\":", 400, "bad_json"),
+        ("POST", ACTIONS, json, "\u{0}", 400, "bad_json"),
+        ("POST", ACTIONS, json, long.as_str(), 413, "too_long"),
+        ("POST", ACTIONS, "", "{\"do\":\"home\"}", 415, "not_json"),
+        ("POST", ACTIONS, "Content-Type: text/plain\r\n", "{\"do\":\"emergency_stop\"}", 415, "not_json"),
+        ("POST", "/v1/controllers/3/actions", json, "{\"do\":\"home\"}", 404, "no_such_controller"),
+        ("GET", "/v1/controllers/0", "", "", 404, "no_such_controller"),
+        ("GET", "/v1/controllers/99999999999999999999", "", "", 404, "no_such_controller"),
+        ("GET", "/v1/controller", "", "", 404, "no_such_path"),
+        ("GET", "/", "", "", 404, "no_such_path"),
+        ("GET", ACTIONS, "", "", 405, "no_such_method"),
+        ("DELETE", "/v1/controllers/1", "", "", 405, "no_such_method"),
+    ] {
+        let (found, problem) = request(&simulation, method, path, headers, body).await;
+        assert_eq!(
+            (found, &problem["code"]),
+            (status, &json!(code)),
+            "{method} {path} {body:.40}: {problem}"
+        );
+    }
+    assert!(!simulation.controllers()[0].snapshot().emergency_stop);
+}
+
+#[tokio::test]
+async fn pages_of_a_browser_stop_nothing() {
+    let simulation = start().await;
+    let port = simulation.panel().unwrap().port();
+    let body = r#"{"do":"emergency_stop"}"#;
+    let length = body.len();
+    let post = |host: &str, more: &str| {
+        format!(
+            "POST {ACTIONS} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\nContent-Type: application/json\r\n\
+             Content-Length: {length}\r\n{more}\r\n{body}"
+        )
+    };
+    for (request, code) in [
+        (post("panel.evil.example", ""), "foreign_host"),
+        (post(&format!("panel.evil.example:{port}"), ""), "foreign_host"),
+        (post(&format!("127.0.0.1:{port}"), "Origin: http://evil.example\r\n"), "foreign_origin"),
+        (post(&format!("localhost:{port}"), "Origin: null\r\n"), "foreign_origin"),
+        (post(&format!("localhost:{port}"), "Sec-Fetch-Site: cross-site\r\n"), "foreign_origin"),
+    ] {
+        let (status, problem) = raw(&simulation, &request).await;
+        assert_eq!((status, &problem["code"]), (403, &json!(code)), "{request}");
+    }
+    // A question before a foreign request gets no permission either.
+    let preflight = format!(
+        "OPTIONS {ACTIONS} HTTP/1.1\r\nHost: localhost:{port}\r\nConnection: close\r\nOrigin: http://evil.example\r\n\
+         Access-Control-Request-Method: POST\r\n\r\n"
+    );
+    assert_eq!(raw(&simulation, &preflight).await.0, 403);
+    assert!(!simulation.controllers()[0].snapshot().emergency_stop);
+    let own = format!("Origin: http://localhost:{port}\r\n");
+    assert_eq!(raw(&simulation, &post(&format!("localhost:{port}"), &own)).await.0, 200);
+    assert!(simulation.controllers()[0].snapshot().emergency_stop);
+}
+
+#[tokio::test]
+async fn other_machines_reach_it_only_where_somebody_said_so() {
+    let everywhere = Some("0.0.0.0:0".parse().unwrap());
+    let settings = SimSettings { panel: everywhere, ..SimSettings::default() };
+    let error = Simulation::start(settings.clone()).await.unwrap_err();
+    assert!(matches!(error, SimError::PanelNotLocal { .. }), "{error}");
+    assert!(error.to_string().contains("--panel-open"), "{error}");
+    let simulation = Simulation::start(SimSettings { panel_open: true, ..settings }).await.unwrap();
+    let port = simulation.panel().unwrap().port();
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).await.unwrap();
+    stream
+        .write_all(b"GET /v1/controllers HTTP/1.1\r\nHost: 192.0.2.1\r\nConnection: close\r\n\r\n")
+        .await
+        .unwrap();
+    let mut reply = String::new();
+    stream.read_to_string(&mut reply).await.unwrap();
+    assert!(reply.starts_with("HTTP/1.1 200 "), "{reply}");
+}
+
+#[tokio::test]
+async fn a_panel_that_cannot_be_offered_starts_nothing() {
+    let taken = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let settings = SimSettings { panel: Some(taken.local_addr().unwrap()), ..SimSettings::default() };
+    let error = Simulation::start(settings).await.unwrap_err();
+    assert!(matches!(error, SimError::ListenPanel { .. }), "{error}");
+    assert!(error.to_string().contains("--panel"), "{error}");
+    assert_eq!(Simulation::start(SimSettings::default()).await.unwrap().panel(), None);
+}
+
+/// Time passes at once where nobody has anything to do.
+#[tokio::test(start_paused = true)]
+async fn a_connection_that_says_nothing_is_not_kept() {
+    let simulation = start().await;
+    let host = simulation.panel().unwrap();
+    let begun = tokio::time::Instant::now();
+    let half = format!("POST {ACTIONS} HTTP/1.1\r\nHost: {host}\r\n");
+    let body = format!("{half}Content-Type: application/json\r\nContent-Length: 100\r\n\r\n{{");
+    for said in ["", half.as_str(), body.as_str()] {
+        let mut stream = TcpStream::connect(host).await.unwrap();
+        stream.write_all(said.as_bytes()).await.unwrap();
+        let mut reply = Vec::new();
+        let _ = stream.read_to_end(&mut reply).await;
+    }
+    assert!(begun.elapsed() < Duration::from_secs(60), "{:?}", begun.elapsed());
+}
+
+/// `UPDATE_OPENAPI=1 cargo test -p r6-sim --test panel` writes it anew.
+#[test]
+fn the_committed_description_is_up_to_date() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../openapi/panel.json");
+    let described = r6_sim::panel::openapi();
+    if std::env::var_os("UPDATE_OPENAPI").is_some() {
+        std::fs::write(&path, &described).unwrap();
+    }
+    let committed = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(
+        committed == described,
+        "openapi/panel.json is not what the panel is: UPDATE_OPENAPI=1 writes it anew"
+    );
+    let api: Value = serde_json::from_str(&described).unwrap();
+    let paths: Vec<_> = api["paths"].as_object().unwrap().keys().cloned().collect();
+    assert_eq!(
+        paths,
+        ["/v1/controllers", "/v1/controllers/{n}", "/v1/controllers/{n}/actions", "/v1/openapi.json"]
+    );
+}
+
+#[tokio::test]
+async fn the_description_is_served() {
+    let simulation = start().await;
+    let (status, api) = get(&simulation, "/v1/openapi.json").await;
+    assert_eq!((status, &api["info"]["title"]), (200, &json!("r6 panel")));
+}

@@ -1,0 +1,238 @@
+//! `r6 panel`: what a person does at a virtual machine.
+
+mod http;
+
+use clap::{Args, Subcommand, ValueEnum};
+use r6_proto::AxisIndex;
+use r6_proto::io_point::{IoPoint, PointKind};
+use r6_sim::panel::{ActionDto, ButtonDto, KeyDto};
+
+use crate::exit::{Exit, Failure};
+use crate::output::{self, panel};
+use crate::units;
+use http::Panel;
+
+/// Where the panel is looked for unless told otherwise: where `r6 up` offers it.
+pub const DEFAULT_PANEL: &str = "127.0.0.1:9770";
+
+/// Do what a person does at a virtual machine: inputs, buttons, emergency stop, moves by hand
+#[derive(Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+It talks to the panel of `r6 up`, or of `r6 sim --panel ADDR:PORT`. A real machine has no such panel.
+
+Examples:
+  r6 panel status
+  r6 panel input X010 on                        as the pendant calls it; X1.010 is on board 1
+  r6 panel button start
+  r6 panel key manual
+  r6 panel jog J1 +10 --speed 20                in manual
+  r6 panel home                                 in manual
+  r6 panel estop                                then: release, clear, button start
+  r6 panel release
+  r6 panel alarm 850
+  r6 panel clear
+  r6 panel program register-move
+  r6 panel --panel 127.0.0.1:9771 --controller 2 status --json"
+)]
+pub struct PanelArgs {
+    #[command(subcommand)]
+    what: What,
+    /// Where the panel is
+    #[arg(
+        long,
+        global = true,
+        value_name = "URL",
+        env = "R6_PANEL",
+        hide_env_values = true,
+        default_value = DEFAULT_PANEL
+    )]
+    panel: String,
+    /// Which of its controllers, from 1
+    #[arg(long, global = true, value_name = "N", default_value = "1")]
+    controller: usize,
+    /// Print the state as one JSON object, units in the names
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Show what a person would see at the machine
+    Status,
+    /// Set an input
+    #[command(after_help = "\
+Examples:
+  r6 panel input X010 on                        the first one
+  r6 panel input X1.047 off                     the last one of board 1
+  r6 panel input EUX010 on                      the first one of the EU board")]
+    Input {
+        /// Its name on the pendant: X010 to X047 (octal), X1.010 on board 1, EUX010
+        #[arg(value_parser = input_name)]
+        point: String,
+        /// Its level from now on
+        level: Level,
+    },
+    /// Press a button
+    Button {
+        /// Which
+        button: ButtonWord,
+    },
+    /// Turn the mode key
+    Key {
+        /// To where
+        position: KeyWord,
+    },
+    /// Press the emergency stop, which stays pressed
+    Estop,
+    /// Release the emergency stop; its alarm stays until it is cleared
+    Release,
+    /// Raise an alarm
+    Alarm {
+        /// Its number, 1 to 10000
+        #[arg(value_parser = clap::value_parser!(u32).range(1..=10_000))]
+        number: u32,
+    },
+    /// Clear the alarm; nothing runs by itself
+    Clear,
+    /// Move one axis by hand, in manual
+    #[command(after_help = "\
+It returns once the move has begun: `r6 panel status` shows it, `r6 panel button stop` ends it. At a soft \
+limit it ends with the alarm of that limit.
+
+Examples:
+  r6 panel jog J1 +10
+  r6 panel jog J6 -90 --speed 50")]
+    Jog {
+        /// J1 to J8
+        #[arg(value_parser = axis_name)]
+        axis: String,
+        /// How far, degrees, or mm where the axis slides
+        #[arg(allow_hyphen_values = true, value_parser = units::coordinate)]
+        by: f64,
+        /// Percent of the axis's full speed, times the global speed
+        #[arg(long, value_name = "PERCENT", default_value = "10", value_parser = units::speed_percent)]
+        speed: f64,
+    },
+    /// Move all axes to 0, where the machine is homed; in manual
+    Home,
+    /// Load another program
+    Program {
+        /// Its name
+        name: String,
+    },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Level {
+    On,
+    Off,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ButtonWord {
+    /// The program runs
+    Start,
+    /// The program ends with its cycle, at a second press at once; a move by hand ends
+    Stop,
+    /// The motion rests; start goes on from there
+    Pause,
+    /// The program runs to the end of its pass
+    SingleCycle,
+    /// The program runs one step
+    SingleStep,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum KeyWord {
+    /// Moves by hand
+    Manual,
+    /// Programs, once start is pressed
+    Auto,
+    /// Neither
+    Stop,
+}
+
+/// Asks the panel, and prints what a person then sees.
+pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
+    let panel = Panel::at(&args.panel)?;
+    let action = args.what.action();
+    let state = match &action {
+        None => panel.state(args.controller).await?,
+        Some(action) => panel.act(args.controller, action).await?,
+    };
+    if args.json {
+        output::json_pretty(&state);
+    } else if action.is_some() {
+        output::line(panel::summary(&state));
+    } else {
+        output::line(panel::text(&state));
+    }
+    Ok(Exit::Done)
+}
+
+impl What {
+    /// What is done; `None`: it is only looked.
+    fn action(self) -> Option<ActionDto> {
+        Some(match self {
+            Self::Status => return None,
+            Self::Input { point, level } => ActionDto::SetInput { point, on: level == Level::On },
+            Self::Button { button } => ActionDto::Press {
+                button: match button {
+                    ButtonWord::Start => ButtonDto::Start,
+                    ButtonWord::Stop => ButtonDto::Stop,
+                    ButtonWord::Pause => ButtonDto::Pause,
+                    ButtonWord::SingleCycle => ButtonDto::SingleCycle,
+                    ButtonWord::SingleStep => ButtonDto::SingleStep,
+                },
+            },
+            Self::Key { position } => ActionDto::TurnKey {
+                key: match position {
+                    KeyWord::Manual => KeyDto::Manual,
+                    KeyWord::Auto => KeyDto::Auto,
+                    KeyWord::Stop => KeyDto::Stop,
+                },
+            },
+            Self::Estop => ActionDto::EmergencyStop {},
+            Self::Release => ActionDto::ReleaseEmergencyStop {},
+            Self::Alarm { number } => ActionDto::RaiseAlarm { alarm: number },
+            Self::Clear => ActionDto::ClearAlarm {},
+            Self::Jog { axis, by, speed } => ActionDto::Jog { axis, by, speed_percent: speed },
+            Self::Home => ActionDto::Home {},
+            Self::Program { name } => ActionDto::SwitchProgram { program: name },
+        })
+    }
+}
+
+/// The name of an input, as it is sent.
+fn input_name(text: &str) -> Result<String, String> {
+    let point = text.parse::<IoPoint>().map_err(|error| error.to_string())?;
+    match point.kind {
+        PointKind::X | PointKind::Eux => Ok(point.to_string()),
+        PointKind::Y | PointKind::M | PointKind::Euy => {
+            Err("this is no input: inputs are X and EUX; `r6 command modifyOutput` sets Y and M".to_owned())
+        }
+    }
+}
+
+/// The name of an axis, as it is sent.
+fn axis_name(text: &str) -> Result<String, String> {
+    let mut names = AxisIndex::ALL.iter().map(ToString::to_string);
+    names.find(|name| name.eq_ignore_ascii_case(text)).ok_or_else(|| "there are J1 to J8".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_sent_as_the_pendant_writes_them() {
+        assert_eq!(input_name("x010"), Ok("X010".to_owned()));
+        assert_eq!(input_name("eux047"), Ok("EUX047".to_owned()));
+        assert!(input_name("Y010").unwrap_err().contains("modifyOutput"));
+        assert!(input_name("X10").unwrap_err().contains("X010"));
+        assert_eq!(axis_name("j6"), Ok("J6".to_owned()));
+        assert!(axis_name("J9").is_err());
+    }
+}

@@ -1,0 +1,152 @@
+//! The other end of the panel's HTTP API.
+
+use std::time::Duration;
+
+use http_body_util::{BodyExt, Full, Limited};
+use hyper::body::Bytes;
+use hyper::client::conn::http1;
+use hyper::header::{CONTENT_TYPE, HOST};
+use hyper::http::uri::Authority;
+use hyper::{Method, Request, StatusCode};
+use hyper_util::rt::TokioIo;
+use r6_sim::panel::{ActionDto, DEFAULT_PORT, ProblemDto, SnapshotDto};
+use tokio::net::TcpStream;
+
+use crate::exit::{Exit, Failure};
+
+/// How long a connection, or a reply, may take: the panel is on this machine, or near it.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// The longest reply that is read: a state has some two thousand bytes.
+const MAX_REPLY_BYTES: usize = 64 * 1024;
+
+/// A panel to talk to.
+#[derive(Debug)]
+pub struct Panel {
+    /// Host and port.
+    address: String,
+}
+
+impl Panel {
+    /// The panel at `http://HOST:PORT`, or `HOST:PORT`.
+    pub fn at(url: &str) -> Result<Self, Failure> {
+        let rest = url.strip_prefix("http://").unwrap_or(url);
+        let rest = rest.strip_suffix('/').unwrap_or(rest);
+        let told =
+            rest.parse::<Authority>().ok().filter(|told| !told.host().is_empty() && !rest.contains('@'));
+        let address = told.and_then(|told| match told.port_u16() {
+            Some(port) => Some(format!("{}:{port}", told.host())),
+            // A port that is none is no address without a port.
+            None => (told.as_str() == told.host()).then(|| format!("{}:{DEFAULT_PORT}", told.host())),
+        });
+        address.map(|address| Self { address }).ok_or_else(|| {
+            Failure::usage(format!("--panel: `{url}` is no panel's address"))
+                .advise("write it as http://127.0.0.1:9770 or 127.0.0.1:9770")
+        })
+    }
+
+    /// What a person would see at the machine.
+    pub async fn state(&self, controller: usize) -> Result<SnapshotDto, Failure> {
+        self.ask(Method::GET, &format!("/v1/controllers/{controller}"), Bytes::new(), Exit::NoReply).await
+    }
+
+    /// Does what a person does at the machine, and tells what he would then see.
+    pub async fn act(&self, controller: usize, action: &ActionDto) -> Result<SnapshotDto, Failure> {
+        let body = serde_json::to_vec(action)
+            .map_err(|error| Failure::usage(format!("this cannot be written as JSON: {error}")))?;
+        let path = format!("/v1/controllers/{controller}/actions");
+        self.ask(Method::POST, &path, body.into(), Exit::Unknown).await
+    }
+
+    /// Sends a request; `lost` is how the run ends where no reply comes.
+    async fn ask(&self, method: Method, path: &str, body: Bytes, lost: Exit) -> Result<SnapshotDto, Failure> {
+        let stream = self.connect().await?;
+        let request = Request::builder()
+            .method(method)
+            .uri(path)
+            .header(HOST, &self.address)
+            .header(CONTENT_TYPE, "application/json")
+            .body(Full::new(body))
+            .map_err(|error| Failure::usage(format!("no such request: {error}")))?;
+        let exchange = exchange(stream, request);
+        let no_reply = |why: &str| {
+            Failure::no_reply(format!("{} gave no reply to {path}: {why}", self.address)).with_exit(lost)
+        };
+        let (status, body) = match tokio::time::timeout(PATIENCE, exchange).await {
+            Ok(Ok(reply)) => reply,
+            Ok(Err(why)) => return Err(no_reply(&why)),
+            Err(_) => return Err(no_reply(&format!("none came within {PATIENCE:?}"))),
+        };
+        if status.is_success() {
+            return serde_json::from_slice(&body)
+                .map_err(|error| no_reply(&format!("not a panel's: {error}")));
+        }
+        match serde_json::from_slice::<ProblemDto>(&body) {
+            // What only the machine could tell is a refusal; what was wrong from the start is ours.
+            Ok(problem) if matches!(status, StatusCode::CONFLICT | StatusCode::FORBIDDEN) => {
+                Err(Failure::refused(problem.message))
+            }
+            Ok(problem) => Err(Failure::usage(problem.message)),
+            Err(_) => Err(no_reply(&format!("status {status}, which is not a panel's"))),
+        }
+    }
+
+    async fn connect(&self) -> Result<TcpStream, Failure> {
+        let unreachable = |why: String| {
+            Failure::no_reply(format!("no panel at {}: {why}", self.address)).advise(
+                "start `r6 up`, or `r6 sim --panel 127.0.0.1:9770`; --panel says where it is (real machines have none)",
+            )
+        };
+        match tokio::time::timeout(PATIENCE, TcpStream::connect(&self.address)).await {
+            Ok(Ok(stream)) => Ok(stream),
+            Ok(Err(error)) => Err(unreachable(error.to_string())),
+            Err(_) => Err(unreachable(format!("no connection within {PATIENCE:?}"))),
+        }
+    }
+}
+
+/// One request and its reply on a connection of its own.
+async fn exchange(stream: TcpStream, request: Request<Full<Bytes>>) -> Result<(StatusCode, Bytes), String> {
+    let (mut sender, connection) =
+        http1::handshake(TokioIo::new(stream)).await.map_err(|error| error.to_string())?;
+    let reply = async {
+        let reply = sender.send_request(request).await.map_err(|error| error.to_string())?;
+        let status = reply.status();
+        let body = Limited::new(reply.into_body(), MAX_REPLY_BYTES).collect().await;
+        Ok((status, body.map_err(|error| error.to_string())?.to_bytes()))
+    };
+    // The connection has to be polled for the reply to come; what ends it early ends the reply too.
+    let mut reply = std::pin::pin!(reply);
+    tokio::select! {
+        reply = &mut reply => reply,
+        _ = connection => reply.await,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panel_goes_by_its_url_or_its_address() {
+        for (url, address) in [
+            ("http://127.0.0.1:9771", "127.0.0.1:9771"),
+            ("http://localhost:9771/", "localhost:9771"),
+            ("localhost", "localhost:9770"),
+            ("[::1]:1", "[::1]:1"),
+        ] {
+            assert_eq!(Panel::at(url).unwrap().address, address);
+        }
+        for wrong in [
+            "",
+            "https://localhost:9770",
+            "http://",
+            "localhost:99999",
+            "a b",
+            "me@localhost",
+            "localhost/v1",
+        ] {
+            assert_eq!(Panel::at(wrong).unwrap_err().exit(), Exit::Usage, "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! What a person sees at a virtual machine, as text.
+
+use r6_sim::panel::{AxisDto, SnapshotDto};
+
+use crate::output::table::Table;
+
+/// Everything.
+pub fn text(state: &SnapshotDto) -> String {
+    let yes_no = |flag| if flag { "yes" } else { "no" };
+    let mut table = Table::new();
+    table.row([&"mode", &state.mode_name]);
+    table.row([&"alarm", &alarm(state)]);
+    table.row([&"emergency stop", &if state.emergency_stop { "PRESSED" } else { "released" }]);
+    table.row([&"homed", &yes_no(state.homed)]);
+    table.row([&"moving", &yes_no(state.moving)]);
+    table.row([&"program", &format!("{} (of {})", state.program, state.programs.join(", "))]);
+    table.row([&"list", &state.list_length]);
+    table.row([&"global speed", &format!("{:.1} %", state.global_speed_percent)]);
+    table.row([&"cycle", &format!("{:.1} s, last {:.1} s", state.cycle_seconds, state.last_cycle_seconds)]);
+    table.row([&"inputs on", &points(&state.inputs_on)]);
+    table.row([&"outputs on", &points(&state.outputs_on)]);
+    table.row([&"M on", &points(&state.m_on)]);
+    table.row([&"connections", &state.connections]);
+    format!(
+        "{}, firmware {}, controller {} at {}, a virtual controller\n\n{table}\n\n{}",
+        state.machine_name,
+        state.firmware,
+        state.number,
+        state.address,
+        axes(&state.axes)
+    )
+}
+
+/// What matters after something was done, in one line.
+pub fn summary(state: &SnapshotDto) -> String {
+    let motion = if state.moving { "moving" } else { "at rest" };
+    let pressed = if state.emergency_stop { ", EMERGENCY STOP pressed" } else { "" };
+    let alarm = if state.alarm == 0 { "no alarm".to_owned() } else { format!("alarm {}", alarm(state)) };
+    format!("mode {}, {alarm}, {motion}{pressed}", state.mode_name)
+}
+
+fn alarm(state: &SnapshotDto) -> String {
+    match &state.alarm_text {
+        Some(text) => format!("{} ({text})", state.alarm),
+        None => "none".to_owned(),
+    }
+}
+
+fn points(names: &[String]) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(" ") }
+}
+
+fn axes(axes: &[AxisDto]) -> Table {
+    let mut table = Table::with_right_columns(&[1, 3, 4]);
+    table.row([&"axis", &"position", &"", &"lowest", &"highest"]);
+    for axis in axes {
+        // What rounds to zero has no sign.
+        let position = if axis.position.abs() < 0.0005 { 0.0 } else { axis.position };
+        table.row([
+            &axis.name,
+            &format!("{position:.3}"),
+            &axis.unit,
+            &format!("{:.0}", axis.lowest),
+            &format!("{:.0}", axis.highest),
+        ]);
+    }
+    table
+}

@@ -1,0 +1,186 @@
+//! `r6 panel` against the panel of `r6 sim` and `r6 up`.
+
+use std::net::TcpListener;
+
+use crate::support::{Outcome, Running, r6};
+
+/// Virtual controllers with a panel.
+struct Cell {
+    _running: Running,
+    robot: String,
+    panel: String,
+}
+
+impl Cell {
+    fn start(args: &[&str]) -> Self {
+        let panel = ["sim", "--listen", "127.0.0.1:0", "--panel", "127.0.0.1:0"];
+        let mut running = Running::start(&[&panel, args].concat());
+        let mut robot = String::new();
+        loop {
+            let line = running.line();
+            if let Some(address) = line.strip_prefix("listening on ") {
+                robot = address.to_owned();
+            } else {
+                let panel = line.strip_prefix("panel on ").unwrap_or_else(|| panic!("{line}")).to_owned();
+                return Self { _running: running, robot, panel };
+            }
+        }
+    }
+
+    fn panel(&self, args: &[&str]) -> Outcome {
+        r6(&[&["panel", "--panel", &self.panel], args].concat())
+    }
+
+    #[track_caller]
+    fn done(&self, args: &[&str]) -> Outcome {
+        let outcome = self.panel(args);
+        assert_eq!(outcome.code, 0, "{args:?}: {outcome:?}");
+        outcome
+    }
+}
+
+#[test]
+fn an_emergency_stop_ends_what_runs_until_everything_is_undone() {
+    let cell = Cell::start(&[]);
+    let pressed = cell.done(&["estop"]);
+    assert_eq!(pressed.out, "mode auto (2), alarm 7 (emergency stop), at rest, EMERGENCY STOP pressed\n");
+    let status = r6(&["-r", &cell.robot, "status"]);
+    let head = status.out.lines().next().unwrap_or_default();
+    assert!(head.ends_with(&format!("at {}, a virtual controller", cell.robot)), "{head}");
+    assert!(status.code == 1 && status.out.contains("alarm 7"), "{status:?}");
+    for (args, part) in [
+        (["button", "start"].as_slice(), "the emergency stop is pressed"),
+        (&["button", "single-cycle"], "the emergency stop is pressed"),
+        (&["clear"], "the emergency stop is pressed"),
+    ] {
+        let refused = cell.panel(args);
+        assert!(refused.code == 1 && refused.err.contains(part), "{args:?}: {refused:?}");
+    }
+    let refused = r6(&["-r", &cell.robot, "command", "clearAlarm"]);
+    assert!(refused.code == 1 && refused.err.contains("emergency stop"), "{refused:?}");
+    cell.done(&["release"]);
+    let refused = cell.panel(&["button", "start"]);
+    assert!(refused.code == 1 && refused.err.contains("clear it first"), "{refused:?}");
+    cell.done(&["clear"]);
+    assert_eq!(cell.done(&["button", "start"]).out, "mode running (7), no alarm, at rest\n");
+    assert_eq!(r6(&["-r", &cell.robot, "status"]).code, 0);
+}
+
+#[test]
+fn inputs_alarms_and_programs_show_in_the_status() {
+    let cell = Cell::start(&["--profile", "r6-pendant"]);
+    cell.done(&["input", "x1.011", "on"]);
+    cell.done(&["input", "EUX010", "on"]);
+    cell.done(&["alarm", "135"]);
+    cell.done(&["program", "register-move"]);
+    let state = cell.done(&["status", "--json"]).json();
+    assert_eq!(state["inputs_on"], serde_json::json!(["X1.011", "EUX010"]));
+    assert_eq!((&state["alarm"], &state["program"]), (&135.into(), &"register-move".into()));
+    assert_eq!(r6(&["-r", &cell.robot, "query", "input-1", "--json"]).json()["values"]["input-1"], 2);
+    cell.done(&["input", "X1.011", "off"]);
+    let text = cell.done(&["status"]).out;
+    for part in
+        ["a virtual controller", "alarm           135 (J6: positive soft limit)", "EUX010", "J6", "340"]
+    {
+        assert!(text.contains(part), "{part} in\n{text}");
+    }
+    assert!(!text.contains("X1.011"), "{text}");
+}
+
+#[test]
+fn an_axis_is_moved_by_hand() {
+    let cell = Cell::start(&["--start", "manual"]);
+    assert_eq!(cell.done(&["jog", "j1", "-10", "--speed", "100"]).out, "mode manual (1), no alarm, moving\n");
+    let wait = || {
+        // A move of a tenth of a second is over long before so many programs have run.
+        let states = (0..10_000).map(|_| cell.done(&["status", "--json"]).json());
+        let mut states = states.skip_while(|state| state["moving"] == true);
+        states.next().expect("the arm came to rest")
+    };
+    assert_eq!(wait()["axes"][0]["position"], -10.0);
+    cell.done(&["home"]);
+    let home = wait();
+    assert_eq!((&home["axes"][0]["position"], &home["homed"]), (&0.0.into(), &true.into()));
+    cell.done(&["key", "auto"]);
+    let refused = cell.panel(&["jog", "J1", "+10"]);
+    assert!(refused.code == 1 && refused.err.contains("turn the key to manual"), "{refused:?}");
+}
+
+#[test]
+fn each_of_several_controllers_has_its_number() {
+    let cell = Cell::start(&["--count", "2"]);
+    cell.done(&["--controller", "2", "key", "stop"]);
+    assert_eq!(cell.done(&["status", "--json"]).json()["mode"], 7);
+    assert_eq!(cell.done(&["status", "--json", "--controller", "2"]).json()["mode"], 3);
+    let outcome = cell.panel(&["status", "--controller", "3"]);
+    assert!(outcome.code == 2 && outcome.err.contains("there are 1 to 2"), "{outcome:?}");
+}
+
+#[test]
+fn what_is_wrong_is_told_with_its_exit_code() {
+    let cell = Cell::start(&[]);
+    for (args, code, part) in [
+        (["input", "Y010", "on"].as_slice(), 2, "no input"),
+        (&["input", "X10", "on"], 2, "X010"),
+        (&["button", "strat"], 2, "start"),
+        (&["jog", "J9", "1"], 2, "J1 to J8"),
+        (&["jog", "J7", "1"], 2, "J1 to J6"),
+        (&["jog", "J1", "0"], 2, "other than 0"),
+        (&["alarm", "0"], 2, "10000"),
+        (&["program", "remot"], 1, "nearest: `remote`"),
+    ] {
+        let outcome = cell.panel(args);
+        assert_eq!(outcome.code, code, "{args:?}: {outcome:?}");
+        assert!(outcome.err.contains(part), "{args:?}: {}", outcome.err);
+    }
+    assert_eq!(r6(&["panel", "--panel", "https://localhost", "status"]).code, 2);
+}
+
+#[test]
+fn a_panel_that_is_not_there_or_says_nothing_is_no_reply() {
+    let closed = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let outcome = r6(&["panel", "--panel", &closed, "estop"]);
+    assert!(outcome.code == 3 && outcome.err.contains("r6 up"), "{outcome:?}");
+
+    let mute = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = mute.local_addr().unwrap().to_string();
+    let hang_up = std::thread::spawn(move || {
+        for stream in mute.incoming().take(2) {
+            drop(stream);
+        }
+    });
+    assert_eq!(r6(&["panel", "--panel", &address, "status"]).code, 3);
+    // It may have been carried out.
+    assert_eq!(r6(&["panel", "--panel", &address, "estop"]).code, 4);
+    hang_up.join().unwrap();
+}
+
+#[test]
+fn a_panel_for_other_machines_has_to_be_wanted() {
+    for command in ["sim", "up"] {
+        let outcome = r6(&[command, "--listen", "127.0.0.1:0", "--panel", "0.0.0.0:0"]);
+        assert!(outcome.code == 2 && outcome.err.contains("--panel-open"), "{outcome:?}");
+    }
+    let mut open =
+        Running::start(&["sim", "--listen", "127.0.0.1:0", "--panel", "0.0.0.0:0", "--panel-open"]);
+    assert!(open.line().starts_with("listening on "));
+    assert!(open.line().starts_with("panel on http://0.0.0.0:"));
+}
+
+#[test]
+fn up_has_a_panel_unless_told() {
+    let mut up = Running::start(&["up", "--listen", "127.0.0.1:0"]);
+    let lines = [up.line(), up.line(), up.line()];
+    let panel = lines[2].strip_prefix("panel on http://").unwrap_or_else(|| panic!("{lines:?}"));
+    assert_eq!(r6(&["panel", "--panel", panel, "key", "stop"]).code, 0);
+    let mut without = Running::start(&["up", "--listen", "127.0.0.1:0", "--panel", "off"]);
+    for _ in 0..2 {
+        without.line();
+    }
+    assert!(without.line().starts_with("try: "));
+
+    let holder = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = holder.local_addr().unwrap().to_string();
+    let outcome = r6(&["up", "--listen", "127.0.0.1:0", "--panel", &address]);
+    assert!(outcome.code == 2 && outcome.err.contains(&address), "{outcome:?}");
+}
