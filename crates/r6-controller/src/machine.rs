@@ -350,3 +350,6 @@ impl Machine {
         &self.io
     }
 }
+
+#[cfg(test)]
+mod tests;
