@@ -361,3 +361,6 @@ impl Machine {
         &self.io
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -15,8 +15,12 @@ const POLL: f64 = 1.0 / 15.0;
 /// It stopped its clock when the arm had stood still for this long, seconds; the wait is part of its figures.
 const STILLNESS: f64 = 1.5;
 
-/// How much the axis has to move between two polls not to count as standing still, degrees.
+/// How much the axis has to move between two polls not to count as standing still, degrees. The observer's own rule is
+/// not reported: chosen.
 const STILL: f64 = 0.01;
+
+/// What the tables are printed in.
+const PAGE: &str = include_str!("../../../docs/FIDELITY.md");
 
 fn j1(degrees: f64, speed: f64, blend: u8) -> Value {
     let mut step = axis_move([degrees, 0.0, 0.0, 0.0, 0.0, 0.0], speed);
@@ -30,6 +34,13 @@ fn row(what: &str, measured: f64, simulated: f64, within: f64) {
     let deviation = simulated / measured - 1.0;
     println!("| {what} | {measured} | {simulated:.3} | {:+.1} % |", 100.0 * deviation);
     assert!(deviation.abs() <= within, "{what}: measured {measured}, simulated {simulated}");
+}
+
+/// The page says this; else it has to be brought in line with what was simulated.
+#[track_caller]
+fn page_says(words: &str) {
+    println!("{words}");
+    assert!(PAGE.contains(words), "docs/FIDELITY.md does not say: {words}");
 }
 
 /// What an observer sees that asks for J1 and `isMoving` at 15 Hz: the time at which it stops its clock.
@@ -77,49 +88,58 @@ fn blend_levels_take_the_measured_times() {
     }
 }
 
-/// How long J1 stood below a speed at a time, each time, seconds; the start and the end do not count.
-fn stops(cell: &mut Cell, below: f64, seconds: f64) -> Vec<f64> {
-    let step = 0.005;
-    let (mut found, mut stood) = (Vec::new(), None);
+/// How long J1 stood, each time, seconds, for an observer who polls at 15 Hz, first so many seconds from now: the polls
+/// that saw it within `still` degrees of where the poll before saw it. The start and the end do not count.
+fn stops(cell: &mut Cell, first: f64, still: f64) -> Vec<f64> {
+    cell.pass(first);
+    let (mut found, mut polls, mut has_set_out) = (Vec::new(), 0, false);
     let mut before = cell.number("axis-0");
-    let mut clock = 0.0;
-    while clock < seconds {
-        cell.pass(step);
-        clock += step;
+    // 32 s: the whole path.
+    for _ in 0..480 {
+        cell.pass(POLL);
         let here = cell.number("axis-0");
-        let stands = (here - before).abs() / step < below;
+        let stands = (here - before).abs() <= still;
         before = here;
-        stood = match (stands, stood) {
-            (true, Some(stood)) => Some(stood + step),
-            (false, Some(stood)) if stood > 0.0 => {
-                found.push(stood);
-                Some(0.0)
-            }
-            (true, None) => None,
-            (false, _) => Some(0.0),
-        };
+        if stands {
+            polls += 1;
+            continue;
+        }
+        if has_set_out && polls > 0 {
+            found.push(f64::from(polls) * POLL);
+        }
+        (polls, has_set_out) = (0, true);
     }
     found
 }
 
-#[test]
-fn only_level_0_stops_at_each_point() {
-    // Reported, unit A: 0.25 to 0.33 s at each of the four points, as seen at 15 Hz. Which speed counted as standing
-    // is not; here a sixth of that of the move.
-    let below = 2.208 / 6.0;
-    let mut cell = cell_at_global("100");
-    cell.run_ok(&path(0));
-    let found = stops(&mut cell, below, 31.0);
-    println!("stops at level 0: {found:.3?} s (reported 0.25 to 0.33)");
-    assert_eq!(found.len(), 4);
-    assert!(found.iter().all(|stop| (0.2..=0.33).contains(stop)), "{found:?}");
-    for blend in [1, 3, 6, 9] {
+/// The shortest and the longest stop of a level, however the polls fall; at level 0 there are four of them each time.
+fn shortest_and_longest_stop(blend: u8, still: f64) -> (f64, f64) {
+    let mut all = Vec::new();
+    for tenth in 0..10 {
         let mut cell = cell_at_global("100");
         cell.run_ok(&path(blend));
-        let found = stops(&mut cell, below, 31.0);
-        println!("slower than that at level {blend}: {found:.3?} s");
-        assert!(found.iter().all(|stop| *stop < 0.2), "level {blend}: {found:?}");
+        let found = stops(&mut cell, POLL * f64::from(tenth) / 10.0, still);
+        assert!(blend > 0 || found.len() == 4, "{found:?}");
+        all.extend(found);
     }
+    (all.iter().copied().fold(f64::INFINITY, f64::min), all.into_iter().fold(0.0, f64::max))
+}
+
+/// Reported, unit A: 0.25 to 0.33 s at each of the four points at level 0, none above. The page says how far off that
+/// the simulated ones are.
+#[test]
+fn only_level_0_stops_at_each_point() {
+    let (shortest, longest) = shortest_and_longest_stop(0, STILL);
+    page_says(&format!("| stop at each point, level 0 | 0.25–0.33 s | {shortest:.2}–{longest:.2} s |"));
+    let most = (1..=9).map(|blend| shortest_and_longest_stop(blend, STILL).1).fold(0.0, f64::max);
+    page_says(&format!("| stop at each point, levels 1–9 | none | at most {most:.2} s"));
+    assert!(most < shortest);
+    // How much hangs on the rule.
+    let lax = 4.0 * STILL;
+    let (shortest, longest) = shortest_and_longest_stop(0, lax);
+    let most = (1..=9).map(|blend| shortest_and_longest_stop(blend, lax).1).fold(0.0, f64::max);
+    page_says(&format!("With {lax}° they would be {shortest:.2}–{longest:.2} s and at most {most:.2} s"));
+    assert!(most < shortest);
 }
 
 /// Unit B's full axis speeds, degrees per second: fitted to its figures at speed 5, 10 and 20 %.
@@ -219,6 +239,9 @@ fn line_speeds_follow_the_measured_law() {
     }
 }
 
+/// How much some axis has to move in 0.01 s not to count as a pause, degrees. The original rule is not reported: chosen.
+const PAUSED: f64 = 1e-4;
+
 /// The longest that no axis moved, seconds, from now until nothing is left to run; looked at at 100 Hz.
 fn longest_pause(cell: &mut Cell, mut chunks: Vec<Value>) -> f64 {
     let (mut pause, mut longest) = (0.0, 0.0_f64);
@@ -233,7 +256,7 @@ fn longest_pause(cell: &mut Cell, mut chunks: Vec<Value>) -> f64 {
         }
         cell.pass(0.01);
         let here = cell.axes();
-        let moved = here.iter().zip(before).any(|(a, b)| (a - b).abs() > 1e-4);
+        let moved = here.iter().zip(before).any(|(a, b)| (a - b).abs() > PAUSED);
         pause = if moved { 0.0 } else { pause + 0.01 };
         before = here;
         if chunks.is_empty() && cell.number("RemoteCmdLen") == 0.0 {
@@ -243,34 +266,35 @@ fn longest_pause(cell: &mut Cell, mut chunks: Vec<Value>) -> f64 {
     }
 }
 
+/// One of the 17 points, degrees.
+fn place(n: i32) -> [f64; 6] {
+    let angle = f64::from(n) * 0.7;
+    [angle.sin() * 20.0, angle.cos() * 10.0, angle.sin() * 5.0, 0.0, 0.0, 0.0]
+}
+
+/// The longest pause on a path of 17 points, streamed in three chunks at one level, seconds.
+fn pause_while_streaming(blend: u8) -> f64 {
+    let mut points: Vec<Value> = (1..=17).map(|n| axis_move(place(n), 20.0)).collect();
+    points.iter_mut().for_each(|step| step["smooth"] = json!(blend.to_string()));
+    let mut cell = cell_at_global("200");
+    let chunks: Vec<Value> = points.chunks(6).map(|chunk| chunk.to_vec().into()).collect();
+    assert_eq!(chunks.len(), 3);
+    cell.append_ok(&chunks[0]);
+    // The start counts for nothing.
+    cell.pass(0.2);
+    let longest = longest_pause(&mut cell, chunks[1..].to_vec());
+    assert_near(cell.axes(), place(17), 1e-6);
+    assert_eq!(cell.text("curAlarm"), "0");
+    longest
+}
+
+/// Reported, unit A: no pause of 0.25 s. Level 0 would pass that too, so what is held is far shorter.
 #[test]
 fn a_path_of_17_points_streamed_in_three_chunks_has_no_pause() {
-    let points: Vec<Value> = (1..=17_i32)
-        .map(|n| {
-            let angle = f64::from(n) * 0.7;
-            axis_move([angle.sin() * 20.0, angle.cos() * 10.0, angle.sin() * 5.0, 0.0, 0.0, 0.0], 20.0)
-        })
-        .collect();
-    for blend in ["3", "1", "9"] {
-        let mut points = points.clone();
-        points.iter_mut().for_each(|step| step["smooth"] = json!(blend));
-        let mut cell = cell_at_global("200");
-        let chunks: Vec<Value> = points.chunks(6).map(|chunk| chunk.to_vec().into()).collect();
-        assert_eq!(chunks.len(), 3);
-        cell.append_ok(&chunks[0]);
-        // The start counts for nothing.
-        cell.pass(0.2);
-        let longest = longest_pause(&mut cell, chunks[1..].to_vec());
-        println!(
-            "17 points in 3 chunks at level {blend}: the longest pause is {longest:.2} s (reported: none of 0.25)"
-        );
-        assert!(longest < 0.25, "level {blend}: {longest}");
-        let angle = 17.0_f64 * 0.7;
-        assert_near(
-            cell.axes(),
-            [angle.sin() * 20.0, angle.cos() * 10.0, angle.sin() * 5.0, 0.0, 0.0, 0.0],
-            1e-6,
-        );
-        assert_eq!(cell.text("curAlarm"), "0");
-    }
+    let longest = (1..=9).map(pause_while_streaming).fold(0.0, f64::max);
+    let control = pause_while_streaming(0);
+    page_says(&format!(
+        "| 17 points in three chunks, appended | no pause of 0.25 s | at most {longest:.2} s (levels 1–9; level 0: {control:.2} s) |"
+    ));
+    assert!(longest <= 0.03 && control > 0.03, "{longest} {control}");
 }

@@ -60,7 +60,8 @@ pub(super) fn nearby(
             *slot += correction;
             largest = largest.max(correction.abs());
             // Not `>`: what is no number is not close either.
-            if !((*slot - near).abs() <= CLOSE_BY) {
+            let is_close = (*slot - near).abs() <= CLOSE_BY;
+            if !is_close {
                 return None;
             }
         }

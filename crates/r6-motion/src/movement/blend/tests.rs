@@ -123,6 +123,26 @@ fn a_third_move_does_not_join() {
     assert!((alone.duration() - movement.duration()).abs() < 1e-12, "time goes on");
 }
 
+/// A short move would be at its corner before what it took over from rests: a third would come in.
+#[test]
+fn a_corner_waits_until_what_was_left_rests() {
+    let j1 = |degrees| percent(to_axes([degrees, 0.0, 0.0, 0.0, 0.0, 0.0]), 50.0);
+    let left = plan(&Axes::ZERO, &j1(90.0), 1.0);
+    let rests_at =
+        left.take_over(0.5, &j1(80.0), &conditions(1.0)).unwrap().unwrap().tail.unwrap().rest.arm()[0];
+    let short = left.take_over(0.5, &j1(rests_at + 1.0), &conditions(1.0)).unwrap().unwrap();
+    assert!(short.duration() < 1.2 * CHANGE, "{}", short.duration());
+    let corner = short.corner(Blend::MOST).unwrap();
+    assert!((corner - CHANGE).abs() < 1e-9, "{corner}");
+    // Also for what comes before that.
+    for at in [0.0, corner] {
+        let both = short.join(at, &j1(rests_at + 50.0), &conditions(1.0), Blend::MOST).unwrap();
+        let begins = both.second.as_ref().unwrap().starts;
+        assert!((begins - CHANGE).abs() < 1e-9, "{at}: {begins}");
+        takes_over(&short, &both.with_global(at, 1.0).unwrap(), at).unwrap();
+    }
+}
+
 /// Two lines at a limit: the nearer the axis is to it, the less the corner is rounded.
 #[test]
 fn a_corner_at_a_limit_is_rounded_less() {

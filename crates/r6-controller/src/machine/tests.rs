@@ -1,0 +1,102 @@
+//! What no frame can bring about: no command defines a workbench, so every one that a client can name is the base.
+
+use r6_motion::kinematics::forward;
+use r6_proto::message::instruction::{BlendLevel, Coordinates, Manner, Move, Workbench};
+use r6_proto::message::{Action, Instruction};
+
+use super::*;
+use crate::profile::ReplaceInMotion;
+
+/// Where workbench 2 is.
+const BENCH: [f64; 3] = [60.0, -40.0, 25.0];
+
+/// The arm with its tool down, and a workbench 2 off the base.
+fn machine() -> Machine {
+    let model = RobotModel::named("BRTIRUS0707A").unwrap().clone();
+    let mut machine = Machine::new(ControllerSettings::new(Profile::hc1(), model), Instant::ORIGIN);
+    let [x, y, z] = BENCH;
+    machine.benches.insert(2, Frame::at(&Pose { x, y, z, ..Pose::default() }).unwrap());
+    machine.axes = Axes::of_arm([0.0, -10.0, 10.0, 0.0, -90.0, 0.0]).unwrap();
+    machine
+}
+
+/// Where the tool is in the base frame.
+fn tool_at(machine: &Machine) -> Pose {
+    forward(&machine.model, &machine.motion().axes, &Frame::identity())
+}
+
+fn once(action: Action) -> Instruction {
+    Instruction { oneshot: true, action }
+}
+
+/// A line to a pose, told in the work frame that it names, or in the one in use.
+fn line(to: Pose, coord: Option<u32>, blend: u8) -> Instruction {
+    let manner = Manner { speed: Some(5.0), smooth: BlendLevel::new(blend), coord, ..Manner::default() };
+    once(Action::LinearMove(Move { target: Coordinates::from_slice(&to.components()), manner }))
+}
+
+/// A place of the base frame as workbench 2 tells it.
+fn on_bench_2(place: Pose) -> Pose {
+    let [x, y, z] = BENCH;
+    Pose { x: place.x - x, y: place.y - y, z: place.z - z, ..place }
+}
+
+fn pass(machine: &mut Machine, seconds: f64) {
+    machine.advance(machine.now + Duration::from_secs_f64(seconds));
+}
+
+#[track_caller]
+fn assert_at(machine: &Machine, place: Pose) {
+    let here = tool_at(machine);
+    for (found, wanted) in here.components().into_iter().zip(place.components()).take(3) {
+        assert!((found - wanted).abs() < 1e-3, "the tool is at {here:?}, not at {place:?}");
+    }
+    assert_eq!((machine.alarm, machine.list.len()), (0, 0));
+}
+
+#[test]
+fn a_step_is_told_in_its_own_workbench_whichever_is_in_use() {
+    for (in_use, coord, told_on) in
+        [(0, Some(2), 2), (2, Some(0), 0), (2, None, 2), (0, None, 0), (0, Some(5), 0)]
+    {
+        let mut machine = machine();
+        machine.bench = in_use;
+        let from = tool_at(&machine);
+        let place = Pose { y: from.y + 50.0, ..from };
+        let told = if told_on == 2 { on_bench_2(place) } else { place };
+        machine.add_instructions(true, &[line(told, coord, 0)]).unwrap();
+        pass(&mut machine, 10.0);
+        assert_at(&machine, place);
+        assert_eq!(machine.bench, in_use, "only the step is told in another");
+    }
+}
+
+#[test]
+fn a_workbench_between_two_lines_counts_for_the_second_round_the_corner() {
+    let mut machine = machine();
+    let from = tool_at(&machine);
+    let (corner, end) = (Pose { y: from.y + 50.0, ..from }, Pose { y: from.y + 100.0, ..from });
+    let switch = once(Action::Workbench(Workbench { id: 2 }));
+    let steps = [line(corner, None, 9), switch, line(on_bench_2(end), None, 0)];
+    machine.add_instructions(true, &steps).unwrap();
+    let mut rounded = false;
+    for _ in 0..1000 {
+        pass(&mut machine, 0.01);
+        rounded |= matches!(&machine.activity, Activity::Moving(run) if run.joined > 0);
+    }
+    assert!(rounded, "the second line begins at the corner");
+    assert_at(&machine, end);
+}
+
+/// A pass is timed from the take-over on, however long the list before it ran.
+#[test]
+fn a_list_that_takes_over_begins_a_pass_of_its_own() {
+    let mut machine = machine();
+    machine.profile.replace_in_motion = ReplaceInMotion::TakeOver;
+    let from = tool_at(&machine);
+    machine.add_instructions(true, &[line(Pose { y: from.y + 100.0, ..from }, None, 0)]).unwrap();
+    pass(&mut machine, 0.5);
+    machine.add_instructions(true, &[line(Pose { y: from.y + 50.0, ..from }, None, 0)]).unwrap();
+    assert!(machine.is_moving());
+    assert_eq!((machine.cycle_started, machine.pass_started), (Some(machine.now), machine.now));
+}
