@@ -76,11 +76,12 @@ impl Movement {
             return Err(PlanError::NotFinite);
         }
         let mut second = Stroke::plan(&self.model, &self.first.end(), order, conditions, 0.0)?;
-        let end = self.first.ends();
-        let overlap = overlap(&self.first, blend).min(overlap(&second, blend)).min(end - self.pace.time(at));
+        let (end, now) = (self.first.ends(), self.pace.time(at));
+        let overlap = overlap(&self.first, blend).min(overlap(&second, blend)).min(end - now);
         let overlap = overlap.min(end - self.tail_ends());
         for overlap in (0..TRIES).map(|halved| overlap / f64::from(1_u32 << halved)).chain([0.0]) {
-            second.starts = end - overlap.max(0.0) + order.delay;
+            // A movement that was halted at its very end may be told to go on only after that.
+            second.starts = (end - overlap.max(0.0)).max(now) + order.delay;
             if overlap <= 0.0 || self.corner_is_allowed(&second) {
                 break;
             }
