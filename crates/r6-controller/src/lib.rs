@@ -10,20 +10,25 @@
 
 mod answer;
 pub mod controller;
+pub mod fast_clock;
 pub mod instruction_list;
 pub mod io;
 pub mod log;
 pub mod machine;
 pub mod mode;
 pub mod profile;
+mod random;
+pub mod saved;
 pub mod settings;
 pub mod snapshot;
 
 pub use controller::{ConnectionId, Controller};
+pub use fast_clock::FastClock;
 pub use log::{Level, LogLine};
 pub use mode::{Key, StartState};
 pub use profile::{Profile, ProfileError};
 pub use r6_motion::robot_model::{AxisMotion, RobotModel};
 pub use r6_proto::OperationMode;
+pub use saved::{SavedError, SavedState};
 pub use settings::ControllerSettings;
 pub use snapshot::ControllerSnapshot;

@@ -3,8 +3,12 @@
 use std::fmt;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
 
 use r6_controller::{Profile, RobotModel, StartState};
+
+use crate::clock::Clock;
+use crate::state::StateError;
 
 /// The most controllers in one process. Each takes a listening socket and a port of its own.
 pub const MAX_CONTROLLERS: usize = 10_000;
@@ -22,8 +26,13 @@ pub struct SimSettings {
     pub model: RobotModel,
     /// How they stand when they are switched on.
     pub start: StartState,
+    /// How fast time goes for them.
+    pub clock: Clock,
     /// The seed; controller n has seed + n.
     pub seed: u64,
+    /// The folder that keeps what survives a power cut, one file for each controller; `start` then counts only for
+    /// a controller that has none yet. `None`: nothing survives.
+    pub state: Option<PathBuf>,
 }
 
 impl Default for SimSettings {
@@ -35,7 +44,9 @@ impl Default for SimSettings {
             profile: Profile::hc1(),
             model: RobotModel::default(),
             start: StartState::Waiting,
+            clock: Clock::Real,
             seed: 0,
+            state: None,
         }
     }
 }
@@ -62,6 +73,10 @@ pub enum SimError {
         /// Why not.
         error: io::Error,
     },
+    /// The system gives no thread or runtime.
+    System(io::Error),
+    /// The folder of [`SimSettings::state`] cannot be used.
+    State(StateError),
 }
 
 impl fmt::Display for SimError {
@@ -79,9 +94,22 @@ impl fmt::Display for SimError {
             Self::Listen { address, error } if error.kind() == io::ErrorKind::AddrInUse => {
                 write!(f, "{address} is taken by another program: choose another address with --listen")
             }
+            Self::Listen { error, .. } if is_out_of_files(error) => {
+                write!(
+                    f,
+                    "too many open files: each controller listens on one; raise the limit with `ulimit -n`"
+                )
+            }
+            Self::State(error) => error.fmt(f),
+            Self::System(error) => write!(f, "the system gives no thread to run on: {error}"),
             Self::Listen { address, error } => write!(f, "cannot listen on {address}: {error}"),
         }
     }
+}
+
+/// Whether the process has no file left to open (EMFILE, which is 24 on every Unix).
+fn is_out_of_files(error: &io::Error) -> bool {
+    cfg!(unix) && error.raw_os_error() == Some(24)
 }
 
 impl std::error::Error for SimError {}

@@ -3,11 +3,11 @@
 mod stdin;
 
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use r6_controller::{LogLine, Profile, RobotModel, StartState};
-use r6_sim::{ControllerHandle, SimError, SimSettings, Simulation};
+use r6_sim::{Clock, ControllerHandle, SimSettings, Simulation};
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::task::JoinSet;
@@ -31,9 +31,17 @@ pub struct CellArgs {
     /// How it stands when it is switched on
     #[arg(long, value_enum, default_value = "waiting")]
     start: Start,
-    /// Seed of whatever is random; nothing is yet, so it has no effect
+    /// How fast time goes: real, 10x (0.01x to 1000x), or max: it jumps from event to event, and stands while
+    /// nobody says anything
+    #[arg(long, value_name = "real|Nx|max", default_value = "real")]
+    clock: Clock,
+    /// Seed of whatever is random, such as how long AddRCC takes to be acknowledged
     #[arg(long, default_value = "0")]
     seed: u64,
+    /// Folder that keeps what survives a power cut, one file for each controller; --start then counts only for
+    /// a controller that has none yet
+    #[arg(long, value_name = "DIR")]
+    state: Option<PathBuf>,
 }
 
 /// How a virtual controller stands when it is switched on.
@@ -70,6 +78,8 @@ Examples:
   r6 sim --profile my-cell.toml
   r6 sim --model GENERIC-SCARA
   r6 sim --model my-arm.toml
+  r6 sim --clock max                            moves take no time; the same requests, the same bytes
+  r6 sim --state my-cell                        counters, tools and the like survive a restart
   echo input 0 3 on | r6 sim                    input 3 is on from the start")]
 pub struct SimArgs {
     /// Where to listen, may be given several times; port 0 takes any free port
@@ -107,19 +117,15 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
 
 /// Starts the controllers that the arguments describe.
 pub async fn start(cell: CellArgs, listen: Vec<SocketAddr>, count: u16) -> Result<Simulation, Failure> {
-    let CellArgs { model, profile, start, seed } = cell;
+    let CellArgs { model, profile, start, clock, seed, state } = cell;
     let start = match start {
         Start::Waiting => StartState::Waiting,
         Start::Stopped => StartState::Stopped,
         Start::Manual => StartState::Manual,
         Start::Auto => StartState::Auto,
     };
-    let settings = SimSettings { listen, count, profile, model, start, seed };
-    Simulation::start(settings).await.map_err(|error| match &error {
-        SimError::BadCount { .. } | SimError::NoSuchPort { .. } | SimError::Listen { .. } => {
-            Failure::usage(&error)
-        }
-    })
+    let settings = SimSettings { listen, count, profile, model, start, clock, seed, state };
+    Simulation::start(settings).await.map_err(Failure::usage)
 }
 
 /// The profile of this name, or of this file.
