@@ -225,13 +225,12 @@ fn a_list_whose_steps_take_no_time_does_not_spin() {
 
 #[test]
 fn a_pushed_photo_gives_its_receiver_the_word() {
-    let mut settings = settings();
-    settings.mold = "register-move".to_owned();
-    let mut cell = Fast::of(settings);
+    let mut cell = Fast::new();
+    cell.send(command(&["switchMold", "register-move"]));
     cell.send(command(&["rewriteDataList", "800", "6", "0", "9000", "0", "0", "0", "0", "0"]));
     cell.send(command(&["modifyOutput", "4", "1", "1"]));
     let frames = cell.frames();
-    assert!(frames[2].contains("\"photo\""), "{frames:?}");
+    assert!(frames[3].contains("\"photo\""), "{frames:?}");
     assert_eq!(cell.value("axis-0"), "9.000000");
     assert_eq!(cell.clock.pause(&cell.controller), None);
 }
