@@ -4,6 +4,7 @@ mod help;
 mod inspect;
 mod motion;
 mod offline;
+mod power_cut;
 mod robot;
 mod run;
 mod sim;
