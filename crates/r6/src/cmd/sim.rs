@@ -124,6 +124,7 @@ pub async fn start(cell: CellArgs, listen: Vec<SocketAddr>, count: u16) -> Resul
         Start::Manual => StartState::Manual,
         Start::Auto => StartState::Auto,
     };
+    crate::limits::open_as_many_files_as_allowed();
     let settings = SimSettings { listen, count, profile, model, start, clock, seed, state };
     Simulation::start(settings).await.map_err(Failure::usage)
 }
