@@ -88,7 +88,7 @@ impl StateFolder {
             let path = path.to_owned();
             move |error| StateError::Io { path, tried: "opened", error }
         };
-        fs::create_dir_all(path).map_err(failed(path))?;
+        make(path).map_err(failed(path))?;
         let file = path.join("lock");
         let lock =
             OpenOptions::new().create(true).truncate(false).write(true).open(&file).map_err(failed(&file))?;
@@ -173,14 +173,23 @@ impl StateFile {
         file.sync_all().map_err(failed)?;
         drop(file);
         fs::rename(&beside, &self.path).map_err(failed)?;
-        match self.path.parent() {
-            // A folder can be brought to the disk only where the system lets one open it.
-            Some(folder) if cfg!(unix) => {
-                File::open(folder).and_then(|folder| folder.sync_all()).map_err(failed)
-            }
-            Some(_) | None => Ok(()),
-        }
+        self.path.parent().map_or(Ok(()), sync).map_err(failed)
     }
+}
+
+/// Makes a folder that survives a power cut, and what it is in.
+fn make(folder: &Path) -> io::Result<()> {
+    let missing: Vec<_> = folder.ancestors().take_while(|path| !path.is_dir()).collect();
+    fs::create_dir_all(folder)?;
+    missing.into_iter().filter_map(Path::parent).try_for_each(|parent| {
+        // The parent of a bare name is the folder that we are in.
+        sync(if parent.as_os_str().is_empty() { Path::new(".") } else { parent })
+    })
+}
+
+/// Brings a folder's list of names to the disk, where the system lets one open a folder.
+fn sync(folder: &Path) -> io::Result<()> {
+    if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }
 
 enum Problem {
