@@ -10,17 +10,16 @@ use r6_controller::{Profile, StartState};
 use r6_proto::message::instruction::{Coordinates, Manner, Move};
 use r6_proto::message::{Action, Instruction};
 use r6_proto::{Address, AxisIndex, AxisMask, Command, Reading};
-use r6_sim::{SimSettings, Simulation};
+use r6_sim::VirtualController;
 
-async fn cell(profile: Profile, start: StartState) -> (Simulation, Robot) {
-    let simulation =
-        Simulation::start(SimSettings { profile, start, ..SimSettings::default() }).await.unwrap();
-    let address = simulation.controllers()[0].address().to_string();
+async fn cell(profile: Profile, start: StartState) -> (VirtualController, Robot) {
+    let controller = VirtualController::builder().profile(profile).stands(start).start().await.unwrap();
+    let address = controller.address().to_string();
     let robot = Robot::connect(&address, RobotSettings::default()).await.unwrap();
-    (simulation, robot)
+    (controller, robot)
 }
 
-async fn waiting_cell() -> (Simulation, Robot) {
+async fn waiting_cell() -> (VirtualController, Robot) {
     cell(Profile::hc1(), StartState::Waiting).await
 }
 
@@ -38,7 +37,7 @@ fn addresses(names: &[&str]) -> Vec<Address> {
 
 #[tokio::test]
 async fn a_fresh_cell_is_ready_and_moves() {
-    let (_simulation, robot) = waiting_cell().await;
+    let (_controller, robot) = waiting_cell().await;
     let status = robot.status().await.unwrap();
     assert!(status.is_ready(), "{:?}", status.unmet());
     assert_eq!(status.machine_name.as_deref(), Some("r6 virtual BRTIRUS0707A"));
@@ -51,7 +50,7 @@ async fn a_fresh_cell_is_ready_and_moves() {
 #[tokio::test]
 async fn what_is_not_ready_is_named() {
     for (start, mode) in [(StartState::Auto, 2), (StartState::Manual, 1), (StartState::Stopped, 3)] {
-        let (_simulation, robot) = cell(Profile::hc1(), start).await;
+        let (_controller, robot) = cell(Profile::hc1(), start).await;
         let unmet = robot.status().await.unwrap().unmet();
         assert!(matches!(unmet.as_slice(), [Unmet::Mode { found }] if found.number() == mode), "{unmet:?}");
         let refused = robot.add_rcc(true, vec![axis_move([1.0; 6], 50.0)]).await.unwrap_err();
@@ -61,7 +60,7 @@ async fn what_is_not_ready_is_named() {
 
 #[tokio::test]
 async fn a_short_reply_is_never_zipped() {
-    let (_simulation, robot) = waiting_cell().await;
+    let (_controller, robot) = waiting_cell().await;
     let asked = addresses(&["curMold", "axis-0", "counter-3", "curMode", "counter-2"]);
     let result = robot.query(&asked).await.unwrap();
     let rows = result.rows();
@@ -76,7 +75,7 @@ async fn a_short_reply_is_never_zipped() {
 #[tokio::test]
 async fn every_profile_is_understood() {
     for name in Profile::names() {
-        let (_simulation, robot) = cell(Profile::named(name).unwrap(), StartState::Waiting).await;
+        let (_controller, robot) = cell(Profile::named(name).unwrap(), StartState::Waiting).await;
         let all: Vec<Address> =
             AxisIndex::ALL.into_iter().flat_map(|n| [Address::Axis(n), Address::World(n)]).collect();
         let result = robot.query(&all).await.unwrap();
@@ -101,13 +100,13 @@ async fn every_profile_is_understood() {
 
 #[tokio::test]
 async fn stop_stops_and_clears_the_list() {
-    let (simulation, robot) = waiting_cell().await;
+    let (controller, robot) = waiting_cell().await;
     let list = vec![axis_move([150.0, 0.0, 0.0, 0.0, 0.0, 0.0], 5.0), axis_move([0.0; 6], 5.0)];
     robot.add_rcc(true, list).await.unwrap();
     let report = robot.stop().await.unwrap();
     assert!(report.confirmed, "{report}");
     assert!(matches!(report.list, ListAfterStop::Cleared), "{report}");
-    let snapshot = simulation.controllers()[0].snapshot();
+    let snapshot = controller.handle().snapshot();
     assert!(!snapshot.moving && snapshot.list_length == 0 && snapshot.axes[0] < 100.0);
     // It moves again only on a new explicit command, once the program is armed again.
     robot.command(Command::StartButton).await.unwrap();
@@ -118,7 +117,7 @@ async fn stop_stops_and_clears_the_list() {
 
 #[tokio::test]
 async fn an_alarm_ends_the_wait() {
-    let (_simulation, robot) = waiting_cell().await;
+    let (_controller, robot) = waiting_cell().await;
     robot.add_rcc(true, vec![axis_move([0.0, 0.0, 0.0, 0.0, 0.0, 350.0], 50.0)]).await.unwrap();
     let error = robot.wait_until_done(WaitOptions::default()).await.unwrap_err();
     assert!(matches!(error, WaitError::AlarmRaised { code: 135 }), "{error}");
@@ -127,24 +126,22 @@ async fn an_alarm_ends_the_wait() {
 
 #[tokio::test]
 async fn a_list_that_no_controller_takes_is_not_sent() {
-    let (simulation, robot) = waiting_cell().await;
+    let (controller, robot) = waiting_cell().await;
     let error = robot.add_rcc(true, vec![axis_move([1.0; 6], 50.0); 20]).await.unwrap_err();
     assert!(matches!(error, RequestError::NotSent(NotSent::Wire(_))), "{error}");
     assert!(error.may_send_again());
-    assert!(!simulation.controllers()[0].snapshot().moving);
+    assert!(!controller.handle().snapshot().moving);
 }
 
 #[tokio::test]
 async fn silence_is_an_unknown_outcome_and_nothing_is_sent_again() {
     let profile = Profile::from_toml("add_rcc_unarmed = \"silent\"").unwrap();
-    let simulation =
-        Simulation::start(SimSettings { profile, start: StartState::Auto, ..SimSettings::default() })
-            .await
-            .unwrap();
-    let address = simulation.controllers()[0].address().to_string();
+    let builder = VirtualController::builder().profile(profile).stands(StartState::Auto);
+    let controller = builder.start().await.unwrap();
+    let address = controller.address().to_string();
     let settings = RobotSettings { reply_timeout: Duration::from_millis(100), ..RobotSettings::default() };
     let robot = Robot::connect(&address, settings).await.unwrap();
-    let mut log = simulation.controllers()[0].log();
+    let mut log = controller.handle().log();
     let error = robot.add_rcc(true, vec![axis_move([1.0; 6], 50.0)]).await.unwrap_err();
     assert!(matches!(error, RequestError::OutcomeUnknown(OutcomeUnknown::TimedOut { .. })), "{error}");
     assert!(!error.may_send_again());
@@ -159,10 +156,10 @@ async fn silence_is_an_unknown_outcome_and_nothing_is_sent_again() {
 
 #[tokio::test]
 async fn a_photo_request_arrives_on_its_own_channel() {
-    let (simulation, robot) = waiting_cell().await;
+    let (controller, robot) = waiting_cell().await;
     let mut pushed = robot.pushed();
     robot.query(&[Address::CurMode]).await.unwrap();
-    simulation.controllers()[0].request_photo(4);
+    controller.handle().request_photo(4);
     let event = tokio::time::timeout(Duration::from_secs(20), pushed.recv()).await.unwrap().unwrap();
     assert!(matches!(event, Pushed::Photo { cam_id: 4 }), "{event:?}");
     robot.answer_photo(r6_proto::message::PhotoAnswer { cam_id: 4, ret: 1 }).await.unwrap();
@@ -171,7 +168,7 @@ async fn a_photo_request_arrives_on_its_own_channel() {
 
 #[tokio::test]
 async fn clones_share_one_connection() {
-    let (simulation, robot) = waiting_cell().await;
+    let (controller, robot) = waiting_cell().await;
     let tasks: Vec<_> = (0..32)
         .map(|_| {
             let robot = robot.clone();
@@ -183,5 +180,5 @@ async fn clones_share_one_connection() {
     for task in tasks {
         assert_eq!(task.await.unwrap(), Some(7));
     }
-    assert_eq!(simulation.controllers()[0].snapshot().connections, 1);
+    assert_eq!(controller.handle().snapshot().connections, 1);
 }

@@ -6,6 +6,8 @@
 //! connect → handle_input(now, id, bytes) → poll_transmit(now, id) … → poll_timeout → handle_timeout(now)
 //! ```
 
+pub(crate) mod pace;
+
 use std::collections::{BTreeMap, VecDeque};
 
 use r6_proto::frame::Limits;
@@ -21,6 +23,7 @@ use crate::machine::Machine;
 use crate::mode::Key;
 use crate::panel::{PanelAction, Refused};
 use crate::profile::Profile;
+use crate::saved::SavedState;
 use crate::settings::ControllerSettings;
 use crate::snapshot::ControllerSnapshot;
 
@@ -73,6 +76,8 @@ pub struct Controller {
     /// The connection that last spoke as the camera.
     camera: Option<ConnectionId>,
     woken: VecDeque<ConnectionId>,
+    /// How many frames were sent that nobody had asked for.
+    pushes: u64,
     log: Log,
 }
 
@@ -86,8 +91,21 @@ impl Controller {
             next_connection: 0,
             camera: None,
             woken: VecDeque::new(),
+            pushes: 0,
             log: Log::default(),
         }
+    }
+
+    /// Switches on with what a power cut left, in place of what the settings say of it.
+    pub fn restore(&mut self, saved: &SavedState) {
+        self.machine.restore(saved);
+    }
+
+    /// Raises an alarm: something is wrong in the cabinet, or a person wants to see what happens then.
+    pub fn raise(&mut self, now: Instant, alarm: u32, why: String) {
+        self.machine.advance(now);
+        self.machine.raise(alarm, why);
+        self.collect_machine_events();
     }
 
     /// Takes a new connection. Beyond the profile's limit it is accepted, but never answered.
@@ -132,9 +150,32 @@ impl Controller {
     /// Takes bytes from a connection and carries out what they ask.
     pub fn handle_input(&mut self, now: Instant, id: ConnectionId, bytes: &[u8]) {
         self.machine.advance(now);
-        let Some(connection) = self.connections.get_mut(&id) else { return };
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let taken = self.take_input(now, id, rest);
+            if taken == 0 {
+                return;
+            }
+            rest = rest.get(taken..).unwrap_or_default();
+            while self.serve_next(now, id) {}
+        }
+    }
+
+    /// Takes as many bytes from a connection as there is room for; none once it is not served.
+    pub(crate) fn take_input(&mut self, now: Instant, id: ConnectionId, bytes: &[u8]) -> usize {
+        match self.connections.get_mut(&id) {
+            Some(connection) if connection.service == Service::Served => {
+                connection.session.split().0.push(now, bytes)
+            }
+            Some(_) | None => 0,
+        }
+    }
+
+    /// Carries out the next message of a connection; false once more bytes are needed.
+    pub(crate) fn serve_next(&mut self, now: Instant, id: ConnectionId) -> bool {
+        let Some(connection) = self.connections.get_mut(&id) else { return false };
         if connection.service != Service::Served {
-            return;
+            return false;
         }
         let (inbox, outbox) = connection.session.split();
         let mut desk = Desk {
@@ -145,16 +186,12 @@ impl Controller {
             camera: &mut self.camera,
             reset: false,
         };
-        let mut rest = bytes;
-        while !rest.is_empty() && !desk.reset {
-            let taken = inbox.push(now, rest);
-            rest = rest.get(taken..).unwrap_or_default();
-            desk.serve(inbox, outbox);
-        }
+        let served = desk.serve_next(inbox, outbox);
         if desk.reset || outbox.is_overfull() {
             connection.service = Service::Over;
         }
         self.collect_machine_events();
+        served
     }
 
     /// Lets time pass: what is due happens.
@@ -215,6 +252,7 @@ impl Controller {
         for (id, connection) in &mut self.connections {
             if connection.service == Service::Served && camera.is_none_or(|camera| camera == *id) {
                 connection.session.split().1.send(|out| encode_photo(cam_id, None, out));
+                self.pushes += 1;
                 self.woken.push_back(*id);
             }
         }
@@ -288,17 +326,14 @@ struct Desk<'c> {
 }
 
 impl Desk<'_> {
-    /// Deals with every message that is complete.
-    fn serve(&mut self, inbox: &mut Inbox, outbox: &mut Outbox) {
-        while let Some(input) = inbox.next_message() {
-            match input {
-                Ok(message) => self.handle(&message, outbox),
-                Err(error) => self.malformed(&error),
-            }
-            if self.reset {
-                return;
-            }
+    /// Deals with the next message that is complete; false if there is none.
+    fn serve_next(&mut self, inbox: &mut Inbox, outbox: &mut Outbox) -> bool {
+        match inbox.next_message() {
+            Some(Ok(message)) => self.handle(&message, outbox),
+            Some(Err(error)) => self.malformed(&error),
+            None => return false,
         }
+        true
     }
 
     /// Logs what is odd about a message: the first few with the nearest right word, the rest by their number. A hostile
@@ -362,9 +397,12 @@ impl Desk<'_> {
             return;
         }
         let writer = ReplyWriter::new(self.machine.profile.dialect, *header, request);
+        let Profile { add_rcc_ack: ack, add_rcc_ack_spread: spread, .. } = self.machine.profile;
+        let delay = (request == RequestType::AddRcc && !ack.is_zero())
+            .then(|| self.machine.random.around(ack, spread));
         let machine = &*self.machine;
-        if request == RequestType::AddRcc && !machine.profile.add_rcc_ack.is_zero() {
-            outbox.send_at(self.now + machine.profile.add_rcc_ack, |out| write(&writer, machine, out));
+        if let Some(delay) = delay {
+            outbox.send_in_turn(self.now + delay, |out| write(&writer, machine, out));
         } else {
             outbox.send(|out| write(&writer, machine, out));
         }

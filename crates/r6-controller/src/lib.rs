@@ -10,6 +10,7 @@
 
 mod answer;
 pub mod controller;
+pub mod fast_clock;
 pub mod instruction_list;
 pub mod io;
 pub mod log;
@@ -18,10 +19,13 @@ pub mod mode;
 pub mod panel;
 pub mod profile;
 pub mod program;
+mod random;
+pub mod saved;
 pub mod settings;
 pub mod snapshot;
 
 pub use controller::{ConnectionId, Controller};
+pub use fast_clock::FastClock;
 pub use log::{Level, LogLine};
 pub use mode::{Key, StartState};
 pub use panel::{Button, PanelAction, Refused};
@@ -29,5 +33,6 @@ pub use profile::{Profile, ProfileError};
 pub use program::{Library, LibraryError, Program, ProgramError};
 pub use r6_motion::robot_model::{AxisMotion, RobotModel};
 pub use r6_proto::OperationMode;
+pub use saved::{SavedError, SavedState};
 pub use settings::ControllerSettings;
 pub use snapshot::ControllerSnapshot;

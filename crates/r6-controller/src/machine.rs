@@ -5,9 +5,11 @@
 
 mod buttons;
 mod command;
+mod deadlines;
 mod execution;
 mod halt;
 mod hand;
+mod kept;
 mod look_ahead;
 mod order;
 mod panel;
@@ -29,10 +31,13 @@ pub use halt::AfterHalt;
 pub use program::{MAX_CALLS, ProgramRun};
 pub use watchdog::Watchdog;
 
+pub(crate) use kept::{Kept, Placed};
+
 use crate::instruction_list::InstructionList;
 use crate::io::{Io, OutputPoint};
 use crate::profile::Profile;
 use crate::program::Library;
+use crate::random::Random;
 use crate::settings::ControllerSettings;
 use r6_motion::{Axes, Frame, Frames, MotionState, Pose, Ramps, RobotModel};
 use r6_proto::OperationMode;
@@ -92,12 +97,14 @@ pub struct Machine {
     pub(crate) axes: Axes,
     pub(crate) io: Io,
     pub(crate) registers: BTreeMap<RegisterIndex, i64>,
-    pub(crate) counters: BTreeMap<u32, CounterState>,
-    pub(crate) tools: BTreeMap<u32, Frame>,
-    pub(crate) benches: BTreeMap<u32, Frame>,
+    /// What a power cut leaves of them: what was last written with `savable`.
+    pub(crate) saved_registers: Kept<BTreeMap<RegisterIndex, i64>>,
+    pub(crate) counters: Kept<BTreeMap<u32, CounterState>>,
+    pub(crate) tools: Kept<BTreeMap<u32, Placed>>,
+    pub(crate) benches: Kept<BTreeMap<u32, Placed>>,
     pub(crate) tool: u32,
     pub(crate) bench: u32,
-    pub(crate) stacks: BTreeMap<u32, Stack>,
+    pub(crate) stacks: Kept<BTreeMap<u32, Stack>>,
     /// Fraction, 1 for 100 %.
     pub(crate) global_speed: f64,
     pub(crate) ramps: Ramps,
@@ -130,6 +137,10 @@ pub struct Machine {
     /// When the list last began a pass, to keep an endless pass from taking no time.
     pub(crate) pass_started: Instant,
     pub(crate) watchdog: Watchdog,
+    /// How many cycles have ended.
+    pub(crate) cycles: u64,
+    /// Whatever is random, from the seed.
+    pub(crate) random: Random,
     /// Points of the cameras: camera, point.
     pub(crate) points: VecDeque<(i64, Point)>,
     events: VecDeque<MachineEvent>,
@@ -161,12 +172,13 @@ impl Machine {
             axes: Axes::ZERO,
             io: Io::default(),
             registers: BTreeMap::new(),
-            counters,
-            tools: BTreeMap::new(),
-            benches: BTreeMap::new(),
+            saved_registers: Kept::default(),
+            counters: Kept::new(counters),
+            tools: Kept::default(),
+            benches: Kept::default(),
             tool: 0,
             bench: 0,
-            stacks: BTreeMap::new(),
+            stacks: Kept::default(),
             global_speed: (settings.global_speed / 100.0).clamp(0.0, 1.0),
             ramps: ramps.unwrap_or_default(),
             mold: settings.mold,
@@ -189,6 +201,8 @@ impl Machine {
             last_cycle: Duration::ZERO,
             pass_started: now,
             watchdog,
+            cycles: 0,
+            random: Random::new(settings.seed),
             points: VecDeque::new(),
             events: VecDeque::new(),
         };
@@ -210,14 +224,6 @@ impl Machine {
     #[must_use]
     pub fn now(&self) -> Instant {
         self.now
-    }
-
-    /// When something happens next by itself.
-    #[must_use]
-    pub fn next_event(&self) -> Option<Instant> {
-        let pulse = self.pulses.iter().map(|(due, _, _)| *due).min();
-        let by_hand = self.hand.as_ref().map(|hand| hand.run.ends_at());
-        [self.activity.next_event(), by_hand, pulse, self.watchdog.due()].into_iter().flatten().min()
     }
 
     fn handle_event(&mut self) {
@@ -275,10 +281,10 @@ impl Machine {
 
     /// A tool and a work frame by number; one that was never defined is that of the flange, or of the world.
     pub(crate) fn frames_of(&self, tool: u32, bench: u32) -> Frames {
-        Frames {
-            tool: self.tools.get(&tool).copied().unwrap_or_default(),
-            work: self.benches.get(&bench).copied().unwrap_or_default(),
-        }
+        let frame = |frames: &BTreeMap<u32, Placed>, number| {
+            frames.get(number).map_or_else(Frame::default, |placed| placed.frame)
+        };
+        Frames { tool: frame(&self.tools, &tool), work: frame(&self.benches, &bench) }
     }
 
     /// Where the arm is and how fast it goes, now.

@@ -48,6 +48,8 @@ pub struct Profile {
     pub add_rcc_reset_over: Option<usize>,
     /// How long the reply to AddRCC takes; other replies leave at once. Reported, unit A: 16–20 ms.
     pub add_rcc_ack: Duration,
+    /// By how much that time varies either way, drawn from the seed. Reported, unit A: 16–20 ms, so 2 ms around 18.
+    pub add_rcc_ack_spread: Duration,
     /// What AddRCC does while no program waits for remote commands. Reported, units A and B, who disagree.
     pub add_rcc_unarmed: Unarmed,
     /// What an AddRCC that replaces the list in mid-motion does. Reported, unit A: alarm 200.
@@ -159,6 +161,7 @@ impl Profile {
             add_rcc_silent_over: Some(2048),
             add_rcc_reset_over: Some(4096),
             add_rcc_ack: Duration::from_millis(18),
+            add_rcc_ack_spread: Duration::from_millis(2),
             add_rcc_unarmed: Unarmed::Refuse,
             replace_in_motion: ReplaceInMotion::Alarm200,
             turning: Turning::Shortest,
@@ -200,6 +203,7 @@ impl Profile {
             add_rcc_silent_over: None,
             add_rcc_reset_over: None,
             add_rcc_ack: Duration::ZERO,
+            add_rcc_ack_spread: Duration::ZERO,
             replace_in_motion: ReplaceInMotion::TakeOver,
             counter_target_writable: port == Port::Pendant,
             m_output_writable: port == Port::Mainboard,
@@ -278,6 +282,7 @@ struct ProfileFile {
     /// 0: no limit.
     add_rcc_reset_over: Option<usize>,
     add_rcc_ack_ms: Option<u64>,
+    add_rcc_ack_spread_ms: Option<u64>,
     add_rcc_unarmed: Option<Unarmed>,
     replace_in_motion: Option<ReplaceInMotion>,
     turning: Option<TurningWord>,
@@ -374,6 +379,7 @@ impl ProfileFile {
         set(&mut profile.add_rcc_silent_over, self.add_rcc_silent_over.map(limit));
         set(&mut profile.add_rcc_reset_over, self.add_rcc_reset_over.map(limit));
         set_ms(&mut profile.add_rcc_ack, self.add_rcc_ack_ms);
+        set_ms(&mut profile.add_rcc_ack_spread, self.add_rcc_ack_spread_ms);
         set(&mut profile.add_rcc_unarmed, self.add_rcc_unarmed);
         set(&mut profile.replace_in_motion, self.replace_in_motion);
         set(&mut profile.turning, self.turning);

@@ -35,7 +35,7 @@ pub struct ControllerSettings {
     pub io_boards: u8,
     /// The global speed, percent.
     pub global_speed: f64,
-    /// The seed of whatever is random (nothing yet).
+    /// The seed of whatever is random: how long AddRCC takes to be acknowledged.
     pub seed: u64,
 }
 

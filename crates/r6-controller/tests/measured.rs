@@ -5,8 +5,7 @@
 mod common;
 
 use common::{Cell, assert_near, axis_move, linear_move};
-use r6_controller::{Controller, ControllerSettings, Profile, RobotModel, StartState};
-use r6_proto::time::Instant;
+use r6_controller::{ControllerSettings, Profile, RobotModel, StartState};
 use serde_json::{Value, json};
 
 /// How often the original observer of unit A looked, seconds.
@@ -170,9 +169,7 @@ fn unit_b() -> Cell {
     }
     let settings =
         ControllerSettings { start: StartState::Waiting, ..ControllerSettings::new(Profile::hc1(), model) };
-    let mut controller = Controller::new(settings, Instant::ORIGIN);
-    let id = controller.connect(Instant::ORIGIN);
-    let mut cell = Cell { controller, now: Instant::ORIGIN, id };
+    let mut cell = Cell::of(settings);
     cell.ok(&["modifyGSPD", "100"]);
     cell
 }

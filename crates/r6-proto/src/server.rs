@@ -79,6 +79,11 @@ impl ServerSession {
         self.inbox.poll_timeout()
     }
 
+    /// Time was jumped over in which the peer could send nothing: it does not count against an incomplete frame.
+    pub fn postpone(&mut self, by: Duration) {
+        self.inbox.last_byte += by;
+    }
+
     /// When the next frame that is held back may leave.
     #[must_use]
     pub fn next_transmit(&self) -> Option<Instant> {
@@ -152,14 +157,26 @@ impl Outbox {
         self.delayed.insert(at, (due, frame));
     }
 
-    /// The next frame to write to the peer, whole; it counts as taken.
-    pub fn poll_transmit(&mut self, now: Instant) -> Option<&[u8]> {
+    /// Like [`Self::send_at`], but not before a frame that is held back already: replies to one kind of request leave in
+    /// the order of the requests.
+    pub fn send_in_turn(&mut self, due: Instant, write: impl FnOnce(&mut Vec<u8>)) {
+        let last = self.delayed.back().map_or(due, |(last, _)| *last);
+        self.send_at(due.max(last), write);
+    }
+
+    /// Lets what is due leave before whatever is sent later.
+    pub fn release(&mut self, now: Instant) {
         while self.delayed.front().is_some_and(|(due, _)| *due <= now) {
             if let Some((_, frame)) = self.delayed.pop_front() {
                 self.delayed_bytes -= frame.len();
                 self.send(|out| out.extend_from_slice(&frame));
             }
         }
+    }
+
+    /// The next frame to write to the peer, whole; it counts as taken.
+    pub fn poll_transmit(&mut self, now: Instant) -> Option<&[u8]> {
+        self.release(now);
         let end = self.ends.pop_front()?;
         let start = std::mem::replace(&mut self.taken, end);
         self.ready.get(start..end)

@@ -55,23 +55,24 @@ async fn run(
     let mut half_closed = false;
     loop {
         while next_frame(controller, id, &mut frame) {
+            controller.kept(id).await;
             trace!(connection = id.number(), frame = %String::from_utf8_lossy(&frame), "sent");
             tokio::time::timeout(WRITE_TIMEOUT, stream.write_all(&frame)).await??;
         }
-        if controller.with(|controller, _| controller.is_over(id)) {
+        if controller.look(|controller, _| controller.is_over(id)) {
             return Ok(End::Reset);
         }
-        let due = controller.with(|controller, _| controller.next_transmit(id));
+        let due = controller.next_transmit(id);
         if half_closed && due.is_none() {
             return Ok(End::Closed);
         }
-        let delay = due.map_or(Duration::MAX, |due| controller.until(due));
+        let delay = due.unwrap_or(Duration::MAX);
         tokio::select! {
             read = stream.read(&mut input), if !half_closed => {
                 let bytes = input.get(..read?).unwrap_or_default();
                 half_closed = bytes.is_empty();
                 trace!(connection = id.number(), bytes = %String::from_utf8_lossy(bytes), "received");
-                controller.with(|controller, now| controller.handle_input(now, id, bytes));
+                controller.handle_input(id, bytes);
             }
             () = notice.notified() => {}
             () = tokio::time::sleep(delay), if due.is_some() => {}
@@ -82,7 +83,7 @@ async fn run(
 /// Copies the next frame that is due into `frame`.
 fn next_frame(controller: &ControllerHandle, id: ConnectionId, frame: &mut Vec<u8>) -> bool {
     frame.clear();
-    controller.with(|controller, now| {
+    controller.look(|controller, now| {
         if let Some(next) = controller.poll_transmit(now, id) {
             frame.extend_from_slice(next);
         }

@@ -5,10 +5,15 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use r6_controller::{ConnectionId, Controller, ControllerSnapshot, Level, LogLine, PanelAction, Refused};
+use r6_controller::{
+    ConnectionId, Controller, ControllerSnapshot, Level, LogLine, PanelAction, Refused, SavedState,
+};
 use r6_proto::time::Instant;
 use tokio::sync::{Notify, broadcast};
 use tracing::{info, warn};
+
+use crate::clock::Pace;
+use crate::keeper::{Changes, Keeper};
 
 /// How many log lines a slow reader may fall behind before it loses the oldest.
 const LOG_BACKLOG: usize = 256;
@@ -22,8 +27,9 @@ pub struct ControllerHandle {
 #[derive(Debug)]
 struct Shared {
     address: SocketAddr,
-    started: tokio::time::Instant,
     state: Mutex<State>,
+    /// What brings the state to the disk, where it is kept.
+    keeper: Option<Keeper>,
     /// The next deadline may have changed.
     timers: Notify,
     log: broadcast::Sender<LogLine>,
@@ -32,14 +38,30 @@ struct Shared {
 #[derive(Debug)]
 struct State {
     controller: Controller,
-    connections: BTreeMap<ConnectionId, Arc<Notify>>,
+    pace: Pace,
+    changes: Changes,
+    connections: BTreeMap<ConnectionId, Connected>,
+}
+
+#[derive(Debug)]
+struct Connected {
+    notice: Arc<Notify>,
+    /// The number of the last change that a request of this connection made.
+    changed: u64,
 }
 
 impl ControllerHandle {
-    pub(crate) fn new(address: SocketAddr, started: tokio::time::Instant, controller: Controller) -> Self {
-        let state = Mutex::new(State { controller, connections: BTreeMap::new() });
+    pub(crate) fn new(
+        address: SocketAddr,
+        controller: Controller,
+        pace: Pace,
+        keeper: Option<Keeper>,
+    ) -> Self {
+        // That it was switched on is the first change.
+        let changes = Changes { number: 1, mark: controller.machine().saved_mark() };
+        let state = Mutex::new(State { controller, pace, changes, connections: BTreeMap::new() });
         let log = broadcast::Sender::new(LOG_BACKLOG);
-        Self { shared: Arc::new(Shared { address, started, state, timers: Notify::new(), log }) }
+        Self { shared: Arc::new(Shared { address, state, keeper, timers: Notify::new(), log }) }
     }
 
     /// Where it listens.
@@ -51,7 +73,7 @@ impl ControllerHandle {
     /// What a person would see at the machine, now.
     #[must_use]
     pub fn snapshot(&self) -> ControllerSnapshot {
-        self.with(Controller::snapshot)
+        self.look(Controller::snapshot)
     }
 
     /// What happens from now on. A reader that falls behind loses the oldest lines and is told how many.
@@ -73,15 +95,10 @@ impl ControllerHandle {
         self.with(|controller, now| controller.operate(now, action))
     }
 
-    /// The present time, as this controller counts it.
-    pub(crate) fn now(&self) -> Instant {
-        let elapsed = self.shared.started.elapsed();
-        Instant::from_nanos(u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX))
-    }
-
-    /// How long it is until a point in time.
-    pub(crate) fn until(&self, due: Instant) -> Duration {
-        due.since(self.now())
+    /// How long it is, in real time, until the next frame of a connection leaves that is held back now.
+    pub(crate) fn next_transmit(&self, id: ConnectionId) -> Option<Duration> {
+        let state = self.state();
+        state.controller.next_transmit(id).map(|due| state.pace.until(due))
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -89,11 +106,72 @@ impl ControllerHandle {
         self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Does something with the controller, then passes on what follows from it: log lines, wake-ups, timers.
+    /// Does to the controller what a person or a machine in the cell does; time goes on after it.
     pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Controller, Instant) -> T) -> T {
+        self.handle(|state| state.pace.act(&mut state.controller, act))
+    }
+
+    /// Looks at the controller, now. A clock that only the input drives stands.
+    pub(crate) fn look<T>(&self, look: impl FnOnce(&mut Controller, Instant) -> T) -> T {
+        self.handle(|state| look(&mut state.controller, state.pace.now()))
+    }
+
+    /// Takes bytes from a connection.
+    pub(crate) fn handle_input(&self, id: ConnectionId, bytes: &[u8]) {
+        let kept = self.shared.keeper.is_some();
+        self.handle(|state| {
+            state.pace.handle_input(&mut state.controller, id, bytes);
+            if kept
+                && state.note_change()
+                && let Some(connection) = state.connections.get_mut(&id)
+            {
+                connection.changed = state.changes.number;
+            }
+        });
+    }
+
+    /// Waits until what the requests of this connection changed survives a power cut.
+    pub(crate) async fn kept(&self, id: ConnectionId) {
+        if let Some(keeper) = &self.shared.keeper {
+            let changed = self.state().connections.get(&id).map_or(0, |connection| connection.changed);
+            keeper.durable(changed).await;
+        }
+    }
+
+    /// What a power cut would leave now, and the number of the last change in it.
+    pub(crate) fn saved(&self) -> (u64, SavedState) {
+        let state = self.state();
+        (state.changes.number, state.controller.machine().saved())
+    }
+
+    /// Keeps the state on the disk, for as long as it runs.
+    pub(crate) async fn run_keeper(self) {
+        if let Some(keeper) = &self.shared.keeper {
+            keeper.run(&self).await;
+        }
+    }
+
+    /// Writes what no connection waited for: the simulation ends in good order.
+    pub(crate) fn finish(&self) {
+        if let Some(keeper) = &self.shared.keeper
+            && let Err(error) = keeper.finish(self)
+        {
+            warn!(%error, "the last state was not kept");
+        }
+    }
+
+    /// Does something with the controller, then passes on what follows from it: log lines, wake-ups, timers, writes.
+    fn handle<T>(&self, act: impl FnOnce(&mut State) -> T) -> T {
         let mut state = self.state();
-        let before = state.controller.poll_timeout();
-        let result = act(&mut state.controller, self.now());
+        let before = state.pace.deadline(&state.controller);
+        let number = state.changes.number;
+        let result = act(&mut state);
+        if let Some(keeper) = &self.shared.keeper {
+            state.note_change();
+            if state.changes.number != number {
+                keeper.change();
+            }
+        }
         let mut lines = Vec::new();
         while let Some(line) = state.controller.poll_log() {
             // Within the lock, so that the order stays; it does not wait. Nobody may be listening.
@@ -102,10 +180,10 @@ impl ControllerHandle {
         }
         while let Some(id) = state.controller.poll_woken() {
             if let Some(connection) = state.connections.get(&id) {
-                connection.notify_one();
+                connection.notice.notify_one();
             }
         }
-        if state.controller.poll_timeout() != before {
+        if state.pace.deadline(&state.controller) != before {
             self.shared.timers.notify_one();
         }
         drop(state);
@@ -126,32 +204,48 @@ impl ControllerHandle {
 
     /// Takes a new connection; the notice wakes its task when it has something to write.
     pub(crate) fn connect(&self) -> (ConnectionId, Arc<Notify>) {
-        let id = self.with(|controller, now| controller.connect(now));
+        let id = self.look(|controller, now| controller.connect(now));
         let notice = Arc::new(Notify::new());
-        self.state().connections.insert(id, Arc::clone(&notice));
+        let connected = Connected { notice: Arc::clone(&notice), changed: 0 };
+        self.state().connections.insert(id, connected);
         (id, notice)
     }
 
     pub(crate) fn disconnect(&self, id: ConnectionId) {
-        self.with(|controller, _| controller.disconnect(id));
+        self.look(|controller, _| controller.disconnect(id));
         self.state().connections.remove(&id);
     }
 
     /// Lets the controller's own deadlines happen, for as long as it runs.
     pub(crate) async fn run_timers(self) {
         loop {
-            let due = self.state().controller.poll_timeout();
-            match due {
+            let pause = {
+                let state = self.state();
+                state.pace.pause(&state.controller)
+            };
+            match pause {
                 None => self.shared.timers.notified().await,
-                Some(due) => {
+                Some(pause) => {
                     tokio::select! {
-                        () = tokio::time::sleep(self.until(due)) => {
-                            self.with(|controller, now| controller.handle_timeout(now));
+                        () = tokio::time::sleep(pause) => {
+                            self.handle(|state| state.pace.handle_timeout(&mut state.controller));
                         }
                         () = self.shared.timers.notified() => {}
                     }
                 }
             }
         }
+    }
+}
+
+impl State {
+    /// Gives the next number to what has changed; whether anything has.
+    fn note_change(&mut self) -> bool {
+        let mark = self.controller.machine().saved_mark();
+        let changed = mark != self.changes.mark;
+        if changed {
+            self.changes = Changes { number: self.changes.number + 1, mark };
+        }
+        changed
     }
 }

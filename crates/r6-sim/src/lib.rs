@@ -11,12 +11,19 @@
 //! # Ok::<(), r6_sim::SimError>(()) }).unwrap();
 //! ```
 
+mod clock;
 mod connection;
 mod handle;
+mod keeper;
 pub mod panel;
 mod settings;
 mod simulation;
+mod state;
+mod virtual_controller;
 
+pub use clock::{BadClock, Clock};
 pub use handle::ControllerHandle;
 pub use settings::{SimError, SimSettings};
 pub use simulation::Simulation;
+pub use state::StateError;
+pub use virtual_controller::{Builder, VirtualController};

@@ -3,9 +3,13 @@
 use std::fmt;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
 
 use r6_controller::settings::REMOTE_MOLD;
 use r6_controller::{Library, Profile, RobotModel, StartState};
+
+use crate::clock::Clock;
+use crate::state::StateError;
 
 /// The most controllers in one process. Each takes a listening socket and a port of its own.
 pub const MAX_CONTROLLERS: usize = 10_000;
@@ -31,8 +35,13 @@ pub struct SimSettings {
     pub panel: Option<SocketAddr>,
     /// Whether the panel may listen where other machines reach it: it has no login.
     pub panel_open: bool,
+    /// How fast time goes for them.
+    pub clock: Clock,
     /// The seed; controller n has seed + n.
     pub seed: u64,
+    /// The folder that keeps what survives a power cut, one file for each controller; `start` then counts only for
+    /// a controller that has none yet. `None`: nothing survives.
+    pub state: Option<PathBuf>,
 }
 
 impl Default for SimSettings {
@@ -48,7 +57,9 @@ impl Default for SimSettings {
             mold: REMOTE_MOLD.to_owned(),
             panel: None,
             panel_open: false,
+            clock: Clock::Real,
             seed: 0,
+            state: None,
         }
     }
 }
@@ -87,6 +98,10 @@ pub enum SimError {
         /// Where.
         address: SocketAddr,
     },
+    /// The system gives no thread or runtime.
+    System(io::Error),
+    /// The folder of [`SimSettings::state`] cannot be used.
+    State(StateError),
 }
 
 impl fmt::Display for SimError {
@@ -104,6 +119,14 @@ impl fmt::Display for SimError {
             Self::Listen { address, error } if error.kind() == io::ErrorKind::AddrInUse => {
                 write!(f, "{address} is taken by another program: choose another address with --listen")
             }
+            Self::Listen { error, .. } if is_out_of_files(error) => {
+                write!(
+                    f,
+                    "too many open files: each controller listens on one; raise the limit with `ulimit -n`"
+                )
+            }
+            Self::State(error) => error.fmt(f),
+            Self::System(error) => write!(f, "the system gives no thread to run on: {error}"),
             Self::Listen { address, error } => write!(f, "cannot listen on {address}: {error}"),
             Self::ListenPanel { address, error } if error.kind() == io::ErrorKind::AddrInUse => {
                 write!(f, "{address} is taken by another program: choose another address with --panel")
@@ -120,6 +143,11 @@ impl fmt::Display for SimError {
             }
         }
     }
+}
+
+/// Whether the process has no file left to open (EMFILE, which is 24 on every Unix).
+fn is_out_of_files(error: &io::Error) -> bool {
+    cfg!(unix) && error.raw_os_error() == Some(24)
 }
 
 impl std::error::Error for SimError {}

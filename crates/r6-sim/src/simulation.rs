@@ -8,10 +8,16 @@ use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 use tracing::warn;
 
+use crate::clock::Pace;
 use crate::connection;
 use crate::handle::ControllerHandle;
+use crate::keeper::Keeper;
 use crate::panel;
 use crate::settings::{MAX_CONTROLLERS, SimError, SimSettings};
+use crate::state::{Found, StateFile, StateFolder};
+
+/// What a controller shows whose state could not be read: "storage cannot be read".
+const STORAGE_ALARM: u32 = 14;
 
 /// Running virtual controllers; they end when this is dropped.
 #[derive(Debug)]
@@ -28,6 +34,8 @@ impl Simulation {
     /// [`SimError`]: nothing is left running.
     pub async fn start(settings: SimSettings) -> Result<Self, SimError> {
         let addresses = addresses(&settings)?;
+        let folder = settings.state.as_deref().map(StateFolder::open).transpose().map_err(SimError::State)?;
+        let writes = Keeper::writes();
         let started = tokio::time::Instant::now();
         let panel = listen_for_panel(&settings).await?;
         let mut simulation =
@@ -36,15 +44,15 @@ impl Simulation {
             let failed = |error| SimError::Listen { address, error };
             let listener = TcpListener::bind(address).await.map_err(failed)?;
             let bound = listener.local_addr().map_err(failed)?;
-            let controller = ControllerSettings {
-                start: settings.start,
-                library: settings.library.clone(),
-                mold: settings.mold.clone(),
-                seed: settings.seed.wrapping_add(number),
-                ..ControllerSettings::new(settings.profile.clone(), settings.model.clone())
-            };
-            let handle = ControllerHandle::new(bound, started, Controller::new(controller, Instant::ORIGIN));
+            let file = folder.as_ref().map(|folder| folder.file(number + 1));
+            let controller = switch_on(&settings, number, file.as_ref())?;
+            let keeper = file.map(|file| Keeper::new(file, writes.clone()));
+            let pace = Pace::new(settings.clock, started);
+            let handle = ControllerHandle::new(bound, controller, pace, keeper);
             simulation.tasks.spawn(handle.clone().run_timers());
+            if folder.is_some() {
+                simulation.tasks.spawn(handle.clone().run_keeper());
+            }
             simulation.tasks.spawn(accept(listener, handle.clone()));
             simulation.controllers.push(handle);
         }
@@ -67,9 +75,13 @@ impl Simulation {
         self.panel
     }
 
-    /// Ends all controllers and their connections.
+    /// Ends all controllers and their connections, and writes what they have to keep.
     pub async fn shutdown(mut self) {
         self.tasks.shutdown().await;
+        let controllers = std::mem::take(&mut self.controllers);
+        let finish = move || controllers.iter().for_each(ControllerHandle::finish);
+        // It fails only where the runtime ends, and then nobody waits for it.
+        let _ = tokio::task::spawn_blocking(finish).await;
     }
 }
 
@@ -82,6 +94,27 @@ async fn listen_for_panel(settings: &SimSettings) -> Result<Option<(SocketAddr, 
     let failed = |error| SimError::ListenPanel { address, error };
     let listener = TcpListener::bind(address).await.map_err(failed)?;
     Ok(Some((listener.local_addr().map_err(failed)?, listener)))
+}
+
+/// The controller of this number from 0, as it was left by the last power cut.
+fn switch_on(settings: &SimSettings, number: u64, file: Option<&StateFile>) -> Result<Controller, SimError> {
+    let own = ControllerSettings {
+        start: settings.start,
+        library: settings.library.clone(),
+        mold: settings.mold.clone(),
+        seed: settings.seed.wrapping_add(number),
+        ..ControllerSettings::new(settings.profile.clone(), settings.model.clone())
+    };
+    let mut controller = Controller::new(own, Instant::ORIGIN);
+    match file.map(StateFile::read).transpose().map_err(SimError::State)? {
+        None | Some(Found::Nothing) => {}
+        Some(Found::Saved(saved)) => controller.restore(&saved),
+        Some(Found::Damaged { why }) => {
+            warn!("{why}");
+            controller.raise(Instant::ORIGIN, STORAGE_ALARM, why);
+        }
+    }
+    Ok(controller)
 }
 
 /// Every address that a controller listens on.

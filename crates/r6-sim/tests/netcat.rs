@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::{Command, Stdio};
 
 use r6_controller::Profile;
-use r6_sim::{SimSettings, Simulation};
+use r6_sim::VirtualController;
 
 /// What `nc` prints when it is given these bytes.
 fn nc(port: u16, bytes: &str) -> String {
@@ -22,8 +22,8 @@ fn nc(port: u16, bytes: &str) -> String {
 async fn the_captured_replies_come_back_byte_for_byte() {
     // Unit C's version, and its counters 4 and 8 are not there: absent counters are left out.
     let profile = Profile::from_toml("version = \"HC-QC-RX-7.8.07-master-F5\"").unwrap();
-    let simulation = Simulation::start(SimSettings { profile, ..SimSettings::default() }).await.unwrap();
-    let port = simulation.controllers()[0].address().port();
+    let robot = VirtualController::builder().profile(profile).start().await.unwrap();
+    let port = robot.address().port();
     let exchanges = [
         (
             r#"{"dsID": "www.hc-system.com.RemoteMonitor", "reqType": "query", "packID": "0", "queryAddr": ["version", "curMold"]}"#,

@@ -4,6 +4,7 @@
 
 mod cmd;
 mod exit;
+mod limits;
 mod logs;
 mod output;
 mod recording;

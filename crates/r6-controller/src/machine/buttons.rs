@@ -254,9 +254,9 @@ impl Machine {
         if replace && self.is_remote() {
             self.cycle_started = None;
             let takes_over = !clears && self.profile.replace_in_motion == ReplaceInMotion::TakeOver;
-            if !(takes_over && self.take_over())
-                && !self.halt(self.profile.action_stop_time, AfterHalt::NewList)
-            {
+            let in_motion = (takes_over && self.take_over())
+                || self.halt(self.profile.action_stop_time, AfterHalt::NewList);
+            if !in_motion {
                 self.activity = Activity::Idle;
             }
         }

@@ -1,10 +1,10 @@
 //! What each command does to the machine (manual 4.2.1).
 
-use r6_proto::Command;
 use r6_proto::message::command::CommandError;
 use r6_proto::message::{CommandWords, RequestType};
+use r6_proto::{Command, RegisterIndex};
 
-use super::{AfterHalt, MAX_FRAMES, MAX_STACKS, Machine, Stack};
+use super::{AfterHalt, MAX_FRAMES, MAX_STACKS, Machine, Placed, Stack};
 use crate::io::OutputPoint;
 use r6_motion::{Frame, Pose, Ramps};
 
@@ -64,14 +64,14 @@ impl Machine {
                 self.global_speed = percent / 100.0;
                 self.replan_for_global_speed();
             }
-            Command::RewriteData { register, value, .. } => {
-                self.registers.insert(*register, *value);
+            Command::RewriteData { register, value, savable } => {
+                self.write_register(*register, *value, *savable);
                 self.registers_written(*register, 1);
             }
-            Command::RewriteDataList { first, values, .. } => {
+            Command::RewriteDataList { first, values, savable } => {
                 for (number, value) in (first.number()..).zip(values) {
-                    if let Some(register) = r6_proto::RegisterIndex::new(number) {
-                        self.registers.insert(register, *value);
+                    if let Some(register) = RegisterIndex::new(number) {
+                        self.write_register(register, *value, *savable);
                     }
                 }
                 self.registers_written(*first, values.len());
@@ -84,12 +84,20 @@ impl Machine {
             Command::ModifyTool { tool, offset } => {
                 let number = frame_number(*tool)?;
                 let frame = Frame::at(&Pose::from_components(*offset)).map_err(|error| error.to_string())?;
-                self.tools.insert(number, frame);
+                self.tools.insert(number, Placed { offset: *offset, frame });
             }
             Command::SwitchCoordinate { workbench } => self.bench = frame_number(*workbench)?,
             Command::ClearAlarm => self.clear_alarm()?,
         }
         Ok(())
+    }
+
+    /// What is not savable does not reach what was saved: that comes back after a power cut.
+    fn write_register(&mut self, register: RegisterIndex, value: i64, savable: bool) {
+        self.registers.insert(register, value);
+        if savable {
+            self.saved_registers.insert(register, value);
+        }
     }
 
     pub(super) fn switch_mold(&mut self, mold: &str) -> Result<(), String> {

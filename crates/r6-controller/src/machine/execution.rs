@@ -203,6 +203,7 @@ impl Machine {
 
     pub(super) fn close_cycle(&mut self) {
         if let Some(started) = self.cycle_started.take() {
+            self.cycles += 1;
             self.last_cycle = self.now.since(started);
         }
     }

@@ -172,9 +172,27 @@ impl Machine {
     /// Another program, at its first step.
     pub(super) fn use_program(&mut self, program: Arc<Program>) {
         for (number, stack) in program.stacks() {
-            self.stacks.entry(*number).or_insert(*stack);
+            if !self.stacks.contains_key(number) {
+                self.stacks.insert(*number, *stack);
+            }
         }
         self.program = ProgramRun::of(program);
+    }
+
+    /// As after a power cut: nothing of what the program did since it was switched on is left, and it stands before its
+    /// first step. A program of that name that is not there leaves the one that was chosen.
+    pub(crate) fn begin_at_rest(&mut self, mold: &str) {
+        if self.library.named(mold).is_some() {
+            mold.clone_into(&mut self.mold);
+        }
+        let program = self.library.named(&self.mold).cloned().unwrap_or_default();
+        self.activity = Activity::Idle;
+        self.io = crate::io::Io::default();
+        self.pulses.clear();
+        self.photos.clear();
+        self.registers.clear();
+        self.cycle_started = None;
+        self.use_program(program);
     }
 
     /// Registers were written: the program sees whether it waits for them.
@@ -339,10 +357,10 @@ impl Machine {
                 self.program.remote_ran = false;
             }
             Step::Label => self.program.next(),
-            Step::Jump(to) => self.jump(*to),
+            Step::Jump(to) => self.go_on_at(*to),
             Step::If { condition, to } => {
                 if self.holds(*condition) {
-                    self.jump(*to)
+                    self.go_on_at(*to)
                 } else {
                     self.program.next()
                 }
@@ -404,7 +422,7 @@ impl Machine {
         }
     }
 
-    fn jump(&mut self, to: usize) {
+    fn go_on_at(&mut self, to: usize) {
         let back = self.program.place().is_some_and(|place| to <= place.step);
         self.program.go_to(to);
         if back {
@@ -461,7 +479,7 @@ impl Machine {
                 self.stop_awaiting();
                 self.program.next();
             }
-            (None, Some(to)) if limit.is_none() => self.jump(to),
+            (None, Some(to)) if limit.is_none() => self.go_on_at(to),
             (None, _) => self.await_until(Awaited::Point, limit),
         }
     }
@@ -552,7 +570,7 @@ impl Machine {
                 match self.program.step() {
                     Some(Step::TakePoint { or_else: Some(to), .. }) => {
                         let to = *to;
-                        self.jump(to);
+                        self.go_on_at(to);
                     }
                     _ => self.raise_here(NO_POINTS, "no point has come in time"),
                 }
@@ -570,7 +588,7 @@ impl Machine {
         let Some(Step::Wait { or_else: Some(to), .. }) = program.steps().get(*step) else { return false };
         let to = *to;
         self.finish_one();
-        self.jump(to);
+        self.go_on_at(to);
         true
     }
 

@@ -15,7 +15,9 @@ fn machine() -> Machine {
     let model = RobotModel::named("BRTIRUS0707A").unwrap().clone();
     let mut machine = Machine::new(ControllerSettings::new(Profile::hc1(), model), Instant::ORIGIN);
     let [x, y, z] = BENCH;
-    machine.benches.insert(2, Frame::at(&Pose { x, y, z, ..Pose::default() }).unwrap());
+    let offset = [x, y, z, 0.0, 0.0, 0.0];
+    let frame = Frame::at(&Pose::from_components(offset)).unwrap();
+    machine.benches.insert(2, Placed { offset, frame });
     machine.axes = Axes::of_arm([0.0, -10.0, 10.0, 0.0, -90.0, 0.0]).unwrap();
     machine
 }

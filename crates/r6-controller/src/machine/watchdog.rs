@@ -23,6 +23,11 @@ impl Watchdog {
         self.bitten = false;
     }
 
+    /// Time was jumped over in which no heartbreak could come: it does not count.
+    pub(crate) fn postpone(&mut self, by: Duration) {
+        self.fed_at = self.fed_at.map(|fed| fed + by);
+    }
+
     /// When the next heartbreak is due; `None` while not armed, and once it has bitten.
     pub(crate) fn due(&self) -> Option<Instant> {
         self.fed_at.filter(|_| !self.bitten).map(|fed| fed + self.timeout)

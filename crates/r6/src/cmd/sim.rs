@@ -4,11 +4,11 @@ mod programs;
 mod stdin;
 
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use r6_controller::{LogLine, Profile, RobotModel, StartState};
-use r6_sim::{ControllerHandle, SimError, SimSettings, Simulation};
+use r6_sim::{Clock, ControllerHandle, SimSettings, Simulation};
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::task::JoinSet;
@@ -36,9 +36,17 @@ pub struct CellArgs {
     /// palletise, default), or a .toml or .json file; may be given several times: the first one runs, all are there
     #[arg(long, value_name = "NAME|FILE", value_parser = programs::read)]
     program: Vec<programs::Given>,
-    /// Seed of whatever is random; nothing is yet, so it has no effect
+    /// How fast time goes: real, 10x (0.01x to 1000x), or max: it jumps from event to event, and stands while
+    /// nobody says anything
+    #[arg(long, value_name = "real|Nx|max", default_value = "real")]
+    clock: Clock,
+    /// Seed of whatever is random, such as how long AddRCC takes to be acknowledged
     #[arg(long, default_value = "0")]
     seed: u64,
+    /// Folder that keeps what survives a power cut, one file for each controller; --start then counts only for
+    /// a controller that has none yet
+    #[arg(long, value_name = "DIR")]
+    state: Option<PathBuf>,
 }
 
 /// How a virtual controller stands when it is switched on.
@@ -76,6 +84,8 @@ Examples:
   r6 sim --model GENERIC-SCARA
   r6 sim --model my-arm.toml
   r6 sim --program cell.toml                    a program of your own (docs/PROGRAMS.md)
+  r6 sim --clock max                            moves take no time; the same requests, the same bytes
+  r6 sim --state my-cell                        counters, tools and the like survive a restart
   echo input 0 3 on | r6 sim                    input 3 is on from the start
   r6 sim --panel 127.0.0.1:9770                 then: r6 panel status")]
 pub struct SimArgs {
@@ -129,7 +139,7 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
 impl CellArgs {
     /// One controller of this kind.
     pub fn settings(self) -> Result<SimSettings, Failure> {
-        let Self { model, profile, start, program, seed } = self;
+        let Self { model, profile, start, program, clock, seed, state } = self;
         let (library, mold) = programs::library(program).map_err(|error| Failure::usage(&error))?;
         let start = match start {
             Start::Waiting => StartState::Waiting,
@@ -137,24 +147,14 @@ impl CellArgs {
             Start::Manual => StartState::Manual,
             Start::Auto => StartState::Auto,
         };
-        Ok(SimSettings { profile, model, start, library, mold, seed, ..SimSettings::default() })
+        Ok(SimSettings { profile, model, start, library, mold, clock, seed, state, ..SimSettings::default() })
     }
 }
 
 /// Starts the controllers.
 pub async fn start(settings: SimSettings) -> Result<Simulation, Failure> {
-    Simulation::start(settings).await.map_err(|error| failed(&error))
-}
-
-/// What a user is told when they could not be started.
-pub fn failed(error: &SimError) -> Failure {
-    match error {
-        SimError::BadCount { .. }
-        | SimError::NoSuchPort { .. }
-        | SimError::Listen { .. }
-        | SimError::ListenPanel { .. }
-        | SimError::PanelNotLocal { .. } => Failure::usage(error),
-    }
+    crate::limits::open_as_many_files_as_allowed();
+    Simulation::start(settings).await.map_err(Failure::usage)
 }
 
 /// The line that tells where the panel is.

@@ -107,7 +107,7 @@ async fn start(args: UpArgs) -> Result<Simulation, Failure> {
             let usual = SocketAddr::from((Ipv4Addr::LOCALHOST, DEFAULT_PORT));
             match Simulation::start(SimSettings { panel: Some(usual), ..settings.clone() }).await {
                 Err(SimError::ListenPanel { .. }) => Some(any),
-                started => return started.map_err(|error| sim::failed(&error)),
+                started => return started.map_err(Failure::usage),
             }
         }
         None => Some(any),

@@ -6,6 +6,7 @@ mod motion;
 mod offline;
 mod panel;
 mod plot;
+mod power_cut;
 mod robot;
 mod run;
 mod sim;

@@ -104,6 +104,12 @@ impl Running {
         line.trim_end().to_owned()
     }
 
+    /// Kills it as a power cut would: nothing of it runs any more.
+    pub fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
     /// Waits for its end and tells the exit code.
     pub fn code(mut self) -> Option<i32> {
         self.child.wait().unwrap().code()

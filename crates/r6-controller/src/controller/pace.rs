@@ -1,0 +1,62 @@
+//! What a clock has to know that does not go at the pace of real time.
+
+use r6_proto::time::Instant;
+
+use super::Controller;
+
+/// How far a controller has come with what a peer may want to react to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Progress {
+    pushes: u64,
+    cycles: u64,
+}
+
+impl Controller {
+    /// When the controller does something next: its machine (`Machine::next_own_event`), or a reply leaves that is held back.
+    #[must_use]
+    pub fn next_own_event(&self) -> Option<Instant> {
+        self.next_reply().into_iter().chain(self.machine.next_own_event()).min()
+    }
+
+    /// When the next reply leaves, on any connection, that is held back now.
+    #[must_use]
+    pub fn next_reply(&self) -> Option<Instant> {
+        self.connections.values().filter_map(|connection| connection.session.next_transmit()).min()
+    }
+
+    /// When somebody has been silent for too long: a heartbreak or a signal is missed, a frame stays incomplete.
+    #[must_use]
+    pub fn next_silence(&self) -> Option<Instant> {
+        let sessions = self.connections.values().filter_map(|connection| connection.session.poll_timeout());
+        sessions.chain(self.machine.next_silence()).min()
+    }
+
+    /// Brings the controller to a point in time at once: nobody had the time to say anything in between, so nobody's
+    /// silence counts.
+    pub(crate) fn jump(&mut self, to: Instant) {
+        let over = to.since(self.machine.now());
+        self.machine.jump(to);
+        for (id, connection) in &mut self.connections {
+            connection.session.postpone(over);
+            if connection.session.next_transmit().is_some_and(|due| due <= to) {
+                connection.session.split().1.release(to);
+                self.woken.push_back(*id);
+            }
+        }
+        self.collect_machine_events();
+    }
+
+    pub(crate) fn progress(&self) -> Progress {
+        Progress { pushes: self.pushes, cycles: self.machine.cycles() }
+    }
+
+    /// Whether it sent a frame that nobody had asked for, since then.
+    pub(crate) fn has_pushed_since(&self, before: Progress) -> bool {
+        self.pushes != before.pushes
+    }
+
+    /// Whether a cycle of its program has ended since then.
+    pub(crate) fn has_ended_a_cycle_since(&self, before: Progress) -> bool {
+        self.machine.cycles() != before.cycles
+    }
+}

@@ -1,0 +1,47 @@
+//! State that survives a power cut, and notices whenever it may have changed.
+
+use std::ops::{Deref, DerefMut};
+
+use r6_motion::Frame;
+
+/// A value that counts how often somebody could have changed it: whoever borrows it for writing.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Kept<T> {
+    value: T,
+    changes: u64,
+}
+
+impl<T> Kept<T> {
+    pub fn new(value: T) -> Self {
+        Self { value, changes: 0 }
+    }
+
+    /// How often it may have changed.
+    pub fn changes(&self) -> u64 {
+        self.changes
+    }
+}
+
+impl<T> Deref for Kept<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.value
+    }
+}
+
+impl<T> DerefMut for Kept<T> {
+    fn deref_mut(&mut self) -> &mut T {
+        self.changes += 1;
+        &mut self.value
+    }
+}
+
+/// A tool or workbench: as it was told, and as a transform.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Placed {
+    /// X, Y, Z in mm, U, V, W in degrees.
+    pub offset: [f64; 6],
+    /// The same.
+    pub frame: Frame,
+}

@@ -1,0 +1,70 @@
+//! Random numbers from a seed: the same seed gives the same numbers, always and on every machine.
+
+use std::time::Duration;
+
+/// A small generator (SplitMix64): one word of state, no bad seeds. For what varies in a cell, never for secrets.
+#[derive(Clone, Debug)]
+pub(crate) struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed ^ (mixed >> 31)
+    }
+
+    /// A time from `middle` − `spread` to `middle` + `spread`, each nanosecond as likely as any other; never negative.
+    pub fn around(&mut self, middle: Duration, spread: Duration) -> Duration {
+        if spread.is_zero() {
+            return middle;
+        }
+        let lowest = middle.saturating_sub(spread);
+        let width = middle.saturating_add(spread).saturating_sub(lowest).as_nanos();
+        let width = u64::try_from(width).unwrap_or(u64::MAX);
+        // The upper half of a product: a number from 0 to `width`.
+        let nanos = (u128::from(self.next()) * (u128::from(width) + 1)) >> 64;
+        lowest.saturating_add(Duration::from_nanos(u64::try_from(nanos).unwrap_or(width)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MIDDLE: Duration = Duration::from_millis(18);
+    const SPREAD: Duration = Duration::from_millis(2);
+
+    fn draw(seed: u64) -> Vec<Duration> {
+        let mut random = Random::new(seed);
+        (0..1000).map(|_| random.around(MIDDLE, SPREAD)).collect()
+    }
+
+    #[test]
+    fn a_seed_says_what_comes() {
+        assert_eq!(draw(7), draw(7));
+        assert_ne!(draw(7), draw(8));
+    }
+
+    #[test]
+    fn a_spread_is_filled_and_not_left() {
+        let drawn = draw(1);
+        assert!(drawn.iter().all(|time| (MIDDLE - SPREAD..=MIDDLE + SPREAD).contains(time)));
+        let near = |edge: Duration| drawn.iter().any(|time| time.abs_diff(edge) < SPREAD / 20);
+        assert!(near(MIDDLE - SPREAD) && near(MIDDLE) && near(MIDDLE + SPREAD));
+    }
+
+    #[test]
+    fn nothing_is_drawn_below_zero_or_without_a_spread() {
+        let mut random = Random::new(3);
+        assert_eq!(random.around(MIDDLE, Duration::ZERO), MIDDLE);
+        for _ in 0..1000 {
+            assert!(random.around(SPREAD, MIDDLE) <= MIDDLE + SPREAD);
+        }
+    }
+}

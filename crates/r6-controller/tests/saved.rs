@@ -1,0 +1,223 @@
+//! What a power cut leaves, and what it does not.
+
+mod common;
+
+use common::{Cell, axis_move};
+use proptest::prelude::*;
+use r6_controller::{Controller, ControllerSettings, Key, Profile, RobotModel, SavedError, SavedState};
+use r6_proto::time::Instant;
+use serde_json::{Value, json};
+
+fn settings() -> ControllerSettings {
+    ControllerSettings::new(Profile::hc1(), RobotModel::named("BRTIRUS0707A").unwrap().clone())
+}
+
+/// The cell after its power was cut: through the text on the disk.
+fn power_cut(cell: &Cell) -> Cell {
+    let text = cell.controller.machine().saved().to_json();
+    let mut after = Cell::of(settings());
+    after.controller.restore(&SavedState::from_json(&text).unwrap());
+    after
+}
+
+/// A state as JSON, to be damaged.
+fn state() -> Value {
+    let mut cell = Cell::new();
+    cell.ok(&["modifyTool", "2", "1000", "2000", "3000", "0", "0", "90000"]);
+    cell.ok(&["modifyStackData", "3", "10.5", "20", "30", "2", "3", "4"]);
+    cell.ok(&["rewriteData", "800", "7", "1"]);
+    serde_json::from_str(&cell.controller.machine().saved().to_json()).unwrap()
+}
+
+#[test]
+fn what_is_savable_comes_back() {
+    let mut cell = Cell::new();
+    cell.ok(&["modifyCounter", "2", "17", "40"]);
+    cell.ok(&["rewriteDataList", "810", "2", "1", "-5", "123456"]);
+    cell.ok(&["rewriteData", "820", "9", "0"]);
+    cell.ok(&["modifyTool", "2", "1000", "2000", "3333", "100", "200", "90001"]);
+    cell.ok(&["switchTool", "2"]);
+    cell.ok(&["switchCoordinate", "5"]);
+    cell.ok(&["modifyStackData", "3", "10.5", "20", "0.1", "2", "3", "4"]);
+    cell.ok(&["switchMold", "register-move"]);
+    cell.ok(&["modifyOutput", "0", "3", "1"]);
+    cell.ok(&["modifyGSPD", "500"]);
+    let world = cell.world();
+
+    let mut after = power_cut(&cell);
+    assert_eq!(after.value("counter-2"), json!([2, 40, 17]));
+    assert_eq!(
+        ["Addr-810", "Addr-811", "Addr-820"].map(|register| after.text(register)),
+        ["-5", "123456", "0"]
+    );
+    assert_eq!(after.value("toolCoord"), json!(["2", "5", "0"]));
+    assert_eq!(after.world(), world);
+    assert_eq!(after.controller.machine().stacks(), cell.controller.machine().stacks());
+    assert_eq!(after.text("output-0"), "0");
+    assert_eq!(after.controller.snapshot(after.now).global_speed_percent, 100.0);
+    assert_eq!(after.controller.machine().saved(), {
+        // It ran, and comes back in automatic: the same state.
+        cell.controller.machine().saved()
+    });
+    // The program is the one that was in use.
+    after.ok(&["startButton"]);
+    after.ok(&["rewriteData", "800", "9000", "0"]);
+    after.ok(&["modifyOutput", "4", "1", "1"]);
+    assert_eq!(after.text("isMoving"), "1");
+}
+
+#[test]
+fn a_register_that_was_saved_has_its_saved_value_again() {
+    let mut cell = Cell::new();
+    cell.ok(&["rewriteData", "800", "1", "1"]);
+    cell.ok(&["rewriteData", "800", "2", "0"]);
+    assert_eq!(cell.text("Addr-800"), "2");
+    assert_eq!(power_cut(&cell).text("Addr-800"), "1");
+}
+
+#[test]
+fn nothing_moves_by_itself_after_a_power_cut() {
+    let mut cell = Cell::new();
+    cell.run_ok(&json!([axis_move([50.0, 0.0, 0.0, 0.0, 0.0, 0.0], 10.0)]));
+    cell.pass(0.5);
+    assert_eq!(cell.text("isMoving"), "1");
+    let mut after = power_cut(&cell);
+    assert_eq!((after.text("curMode"), after.text("isMoving")), ("2".to_owned(), "0".to_owned()));
+    assert_eq!(after.text("RemoteCmdLen"), "0");
+    after.pass(60.0);
+    assert_eq!(after.axes(), [0.0; 6]);
+    after.ok(&["startButton"]);
+    assert_eq!(after.text("curMode"), "7");
+
+    for (key, mode) in [(Key::Manual, "1"), (Key::Stop, "3"), (Key::Auto, "2")] {
+        cell.controller.turn_key(cell.now, key);
+        assert_eq!(power_cut(&cell).text("curMode"), mode);
+    }
+}
+
+#[test]
+fn what_may_have_changed_has_another_mark() {
+    let mut cell = Cell::new();
+    let mut before = cell.controller.machine().saved_mark();
+    let changes: [&[&str]; 8] = [
+        &["modifyCounter", "0", "1", "-1"],
+        &["rewriteData", "800", "1", "1"],
+        &["modifyTool", "1", "1", "0", "0", "0", "0", "0"],
+        &["switchTool", "1"],
+        &["switchCoordinate", "1"],
+        &["modifyStackData", "0", "1", "1", "1", "1", "1", "1"],
+        &["switchMold", "default"],
+        &["modifyCounter", "0", "2", "5"],
+    ];
+    for words in changes {
+        cell.ok(words);
+        let after = cell.controller.machine().saved_mark();
+        assert_ne!(after, before, "{words:?}");
+        before = after;
+    }
+    cell.controller.turn_key(cell.now, Key::Manual);
+    assert_ne!(cell.controller.machine().saved_mark(), before);
+    before = cell.controller.machine().saved_mark();
+    // What a power cut does not leave is no reason to write.
+    let others: [&[&str]; 4] = [
+        &["rewriteData", "800", "7", "0"],
+        &["modifyOutput", "0", "1", "1"],
+        &["modifyGSPD", "100"],
+        &["actionStop"],
+    ];
+    for words in others {
+        cell.ok(words);
+    }
+    assert_eq!(cell.controller.machine().saved_mark(), before);
+}
+
+#[test]
+fn a_damaged_state_names_the_field_the_value_and_what_it_has_to_be() {
+    let cases: [(&str, Value, &[&str]); 12] = [
+        ("/counters/0/current", json!("x"), &["`counters.0.current`", "\"x\"", "i64"]),
+        ("/counters/0/current", json!(i64::MAX), &["`counters.0.current`", "9223372036854775807", "a count"]),
+        ("/counters/0", json!({"target": 1}), &["`counters.0`", "current"]),
+        ("/registers", json!({"799": 1}), &["`registers`", "799", "800 to 900"]),
+        ("/tools", json!({"32": [0, 0, 0, 0, 0, 0]}), &["`tools`", "32", "0 to 31"]),
+        ("/tools/2", json!([0, 0, 0, 0, 0, 1e300]), &["`tools.2`", "1e300", "finite"]),
+        ("/tools/2", json!([0, 0, 0]), &["`tools.2`", "length 3"]),
+        ("/stacks", json!({"40": {"spacing": [1, 1, 1], "count": [1, 1, 1]}}), &["`stacks`", "40"]),
+        ("/stacks/3/count", json!([1, -1, 1]), &["`stacks.3.count[1]`", "-1"]),
+        ("/mode", json!("running"), &["`mode`", "running", "auto"]),
+        ("/mold", json!("m".repeat(300)), &["`mold`", "300 bytes"]),
+        ("/version", json!(0), &["`version`", "0", "1"]),
+    ];
+    for (place, value, wanted) in cases {
+        let mut state = state();
+        *state.pointer_mut(place).unwrap() = value;
+        let error = SavedState::from_json(&state.to_string()).unwrap_err().to_string();
+        for part in wanted {
+            assert!(error.contains(part), "{place}: {error}");
+        }
+    }
+    let mut unknown = state();
+    unknown["speling"] = json!(1);
+    let error = SavedState::from_json(&unknown.to_string()).unwrap_err().to_string();
+    assert!(error.contains("speling"), "{error}");
+}
+
+#[test]
+fn a_newer_state_is_told_apart_from_a_damaged_one() {
+    let newer = json!({"version": 2, "whatever": "comes"}).to_string();
+    let error = SavedState::from_json(&newer).unwrap_err();
+    assert_eq!(error, SavedError::Newer { version: 2 });
+}
+
+#[test]
+fn a_state_that_is_cut_off_anywhere_is_refused() {
+    let text = state().to_string();
+    for end in 0..text.len() {
+        assert!(SavedState::from_json(&text[..end]).is_err(), "{end}");
+    }
+    assert!(SavedState::from_json(&text).is_ok());
+    assert!(SavedState::from_json(&format!("{text}x")).is_err());
+}
+
+/// A number as a peer may send it.
+fn number() -> impl Strategy<Value = String> {
+    prop_oneof![
+        (-5_i64..40).prop_map(|number| number.to_string()),
+        any::<i64>().prop_map(|number| number.to_string()),
+        (-1e6..1e6).prop_map(|number: f64| number.to_string()),
+        any::<f64>().prop_map(|number| number.to_string()),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn whatever_peers_say_what_is_written_can_be_read(
+        commands in prop::collection::vec(
+            (prop::sample::select(vec![
+                "modifyCounter", "rewriteData", "rewriteDataList", "modifyTool", "switchTool", "switchCoordinate",
+                "modifyStackData", "startButton", "switchMold",
+            ]), prop::collection::vec(number(), 0..8)),
+            1..40,
+        ),
+        bench in any::<u32>(),
+    ) {
+        let mut cell = Cell::new();
+        for (word, arguments) in &commands {
+            let words: Vec<&str> =
+                std::iter::once(*word).chain(arguments.iter().map(String::as_str)).collect();
+            cell.command(&words);
+        }
+        cell.add_rcc("1", &json!([{"oneshot": "1", "action": "800", "cnt_id": bench.to_string()}]));
+        let saved = cell.controller.machine().saved();
+        prop_assert_eq!(SavedState::from_json(&saved.to_json()), Ok(saved.clone()));
+        let mut again = Controller::new(settings(), Instant::ORIGIN);
+        again.restore(&saved);
+        prop_assert_eq!(again.machine().saved(), saved);
+    }
+
+    #[test]
+    fn no_text_makes_it_panic(text in "\\PC*") {
+        prop_assert!(SavedState::from_json(&text).is_err());
+    }
+}

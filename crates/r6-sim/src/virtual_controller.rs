@@ -1,0 +1,216 @@
+//! A virtual controller for the inside of a test.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::mpsc;
+use std::thread;
+
+use r6_controller::{Profile, RobotModel, StartState};
+use tokio::sync::oneshot;
+
+use crate::clock::Clock;
+use crate::handle::ControllerHandle;
+use crate::settings::{SimError, SimSettings};
+use crate::simulation::Simulation;
+
+/// One virtual controller on a free port of 127.0.0.1: it listens once it is there, and is gone when it is dropped.
+///
+/// ```
+/// # #[tokio::main(flavor = "current_thread")]
+/// # async fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let robot = r6_sim::VirtualController::start().await?;
+/// let stream = tokio::net::TcpStream::connect(robot.address()).await?;
+/// # drop(stream); Ok(()) }
+/// ```
+///
+/// In a test without a runtime it brings its own:
+///
+/// ```
+/// use r6_controller::Profile;
+/// use r6_sim::{Clock, VirtualController};
+///
+/// let legacy = Profile::named("legacy").unwrap();
+/// let builder = VirtualController::builder().profile(legacy).clock(Clock::AsFastAsPossible).seed(7);
+/// let robot = builder.start_blocking()?;
+/// let stream = std::net::TcpStream::connect(robot.address()).unwrap();
+/// # drop(stream); Ok::<(), r6_sim::SimError>(())
+/// ```
+#[derive(Debug)]
+pub struct VirtualController {
+    handle: ControllerHandle,
+    running: Running,
+}
+
+/// What runs it.
+#[derive(Debug)]
+enum Running {
+    /// Tasks of the caller's runtime.
+    Here(Simulation),
+    /// A thread with a runtime of its own, which ends when its sender goes.
+    Apart { end: Option<oneshot::Sender<()>>, thread: Option<thread::JoinHandle<()>> },
+}
+
+impl VirtualController {
+    /// Starts one on the runtime that this is called on: `hc1` with a BRTIRUS0707A, waiting for remote commands.
+    ///
+    /// # Errors
+    /// [`SimError`]: nothing is left running.
+    pub async fn start() -> Result<Self, SimError> {
+        Self::builder().start().await
+    }
+
+    /// Starts one on a thread of its own, for a test that has no runtime.
+    ///
+    /// # Errors
+    /// [`SimError`]: nothing is left running.
+    pub fn start_blocking() -> Result<Self, SimError> {
+        Self::builder().start_blocking()
+    }
+
+    /// One with settings of its own.
+    pub fn builder() -> Builder {
+        Builder { settings: SimSettings::default() }
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.handle.address()
+    }
+
+    /// What a person at the machine can do and see.
+    #[must_use]
+    pub fn handle(&self) -> &ControllerHandle {
+        &self.handle
+    }
+
+    /// Ends it and its connections; when this returns, nothing listens, and what survives a power cut is on the disk.
+    pub async fn shutdown(mut self) {
+        let gone = Running::Apart { end: None, thread: None };
+        match std::mem::replace(&mut self.running, gone) {
+            Running::Here(simulation) => simulation.shutdown().await,
+            mut apart @ Running::Apart { .. } => {
+                // It fails only where the runtime ends.
+                let _ = tokio::task::spawn_blocking(move || apart.end()).await;
+            }
+        }
+    }
+}
+
+impl Running {
+    fn end(&mut self) {
+        if let Self::Apart { end, thread } = self {
+            drop(end.take());
+            if let Some(thread) = thread.take() {
+                // A panic of that thread was already reported by it.
+                let _ = thread.join();
+            }
+        }
+    }
+}
+
+impl Drop for VirtualController {
+    fn drop(&mut self) {
+        self.running.end();
+    }
+}
+
+/// What a [`VirtualController`] is started with.
+#[derive(Clone, Debug)]
+#[must_use]
+pub struct Builder {
+    settings: SimSettings,
+}
+
+impl Builder {
+    /// The firmware it plays.
+    pub fn profile(mut self, profile: Profile) -> Self {
+        self.settings.profile = profile;
+        self
+    }
+
+    /// The arm.
+    pub fn model(mut self, model: RobotModel) -> Self {
+        self.settings.model = model;
+        self
+    }
+
+    /// How it stands when it is switched on.
+    pub fn stands(mut self, start: StartState) -> Self {
+        self.settings.start = start;
+        self
+    }
+
+    /// How fast time goes for it.
+    pub fn clock(mut self, clock: Clock) -> Self {
+        self.settings.clock = clock;
+        self
+    }
+
+    /// The seed of whatever is random.
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.settings.seed = seed;
+        self
+    }
+
+    /// The folder that keeps what survives a power cut.
+    pub fn state(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.settings.state = Some(folder.into());
+        self
+    }
+
+    /// Starts it on the runtime that this is called on.
+    ///
+    /// # Errors
+    /// [`SimError`]: nothing is left running.
+    pub async fn start(self) -> Result<VirtualController, SimError> {
+        let simulation = Simulation::start(self.settings).await?;
+        let handle = only(&simulation)?;
+        Ok(VirtualController { handle, running: Running::Here(simulation) })
+    }
+
+    /// Starts it on a thread of its own.
+    ///
+    /// # Errors
+    /// [`SimError`]: nothing is left running.
+    pub fn start_blocking(self) -> Result<VirtualController, SimError> {
+        let (started, starting) = mpsc::sync_channel(1);
+        let (end, ended) = oneshot::channel();
+        let thread = thread::Builder::new()
+            .name("virtual controller".to_owned())
+            .spawn(move || run(self.settings, &started, ended))
+            .map_err(SimError::System)?;
+        let handle = starting.recv().map_err(|gone| SimError::System(std::io::Error::other(gone)))??;
+        Ok(VirtualController { handle, running: Running::Apart { end: Some(end), thread: Some(thread) } })
+    }
+}
+
+/// Runs a controller until the other end of `ended` goes.
+fn run(
+    settings: SimSettings,
+    started: &mpsc::SyncSender<Result<ControllerHandle, SimError>>,
+    ended: oneshot::Receiver<()>,
+) {
+    let tell = |result| {
+        // Whoever started this waits for it.
+        let _ = started.send(result);
+    };
+    let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
+        Ok(runtime) => runtime,
+        Err(error) => return tell(Err(SimError::System(error))),
+    };
+    runtime.block_on(async {
+        let simulation = match Simulation::start(settings).await {
+            Ok(simulation) => simulation,
+            Err(error) => return tell(Err(error)),
+        };
+        tell(only(&simulation));
+        // The sender sends nothing: it goes.
+        let _ = ended.await;
+        simulation.shutdown().await;
+    });
+}
+
+fn only(simulation: &Simulation) -> Result<ControllerHandle, SimError> {
+    simulation.controllers().first().cloned().ok_or(SimError::BadCount { controllers: 0 })
+}

@@ -1,0 +1,56 @@
+//! A virtual controller inside a test, as a user of this crate writes it.
+
+use std::net::TcpStream;
+
+use r6_controller::{Profile, StartState};
+use r6_sim::{SimSettings, Simulation, VirtualController};
+
+#[tokio::test]
+async fn it_listens_once_it_is_there_and_is_gone_after_its_end() {
+    let robot = VirtualController::start().await.unwrap();
+    let address = robot.address();
+    tokio::net::TcpStream::connect(address).await.unwrap();
+    robot.shutdown().await;
+    assert!(tokio::net::TcpStream::connect(address).await.is_err());
+}
+
+#[test]
+fn a_test_without_a_runtime_has_one_too() {
+    let robot = VirtualController::start_blocking().unwrap();
+    let address = robot.address();
+    TcpStream::connect(address).unwrap();
+    drop(robot);
+    assert!(TcpStream::connect(address).is_err(), "it is gone when it is dropped");
+}
+
+#[test]
+fn it_is_what_the_test_wants() {
+    let legacy = Profile::named("legacy").unwrap();
+    let robot = VirtualController::builder().profile(legacy).stands(StartState::Manual).start_blocking();
+    let snapshot = robot.unwrap().handle().snapshot();
+    assert_eq!((snapshot.profile.as_str(), snapshot.mode.number()), ("legacy", 1));
+}
+
+#[test]
+fn what_cannot_be_started_is_an_error() {
+    let folder = tempfile::NamedTempFile::new().unwrap();
+    let robot = VirtualController::builder().state(folder.path()).start_blocking();
+    let error = robot.unwrap_err().to_string();
+    assert!(error.contains(folder.path().to_str().unwrap()) && error.contains("opened"), "{error}");
+}
+
+#[tokio::test]
+async fn an_address_for_all_is_reached_at_each_of_this_machine() {
+    let settings = SimSettings { listen: vec!["0.0.0.0:0".parse().unwrap()], ..SimSettings::default() };
+    let simulation = Simulation::start(settings).await.unwrap();
+    let port = simulation.controllers()[0].address().port();
+    for host in ["127.0.0.1", "127.0.0.2", "127.3.2.1"] {
+        tokio::net::TcpStream::connect((host, port)).await.unwrap();
+    }
+    // Each loopback address can have a controller of its own, on a port of the same number.
+    let listen = ["127.0.0.2:0", "127.0.0.3:0"].map(|address| address.parse().unwrap()).to_vec();
+    let simulation = Simulation::start(SimSettings { listen, ..SimSettings::default() }).await.unwrap();
+    for controller in simulation.controllers() {
+        tokio::net::TcpStream::connect(controller.address()).await.unwrap();
+    }
+}
