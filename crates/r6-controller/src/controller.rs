@@ -85,8 +85,18 @@ impl Controller {
     /// A controller that was just switched on, without connections.
     #[must_use]
     pub fn new(settings: ControllerSettings, now: Instant) -> Self {
+        Self::of(Machine::new(settings, now))
+    }
+
+    /// A controller that was just switched on, with what a power cut left in place of what the settings say of it.
+    #[must_use]
+    pub fn restored(settings: ControllerSettings, saved: &SavedState, now: Instant) -> Self {
+        Self::of(Machine::restored(settings, saved, now))
+    }
+
+    fn of(machine: Machine) -> Self {
         Self {
-            machine: Machine::new(settings, now),
+            machine,
             connections: BTreeMap::new(),
             next_connection: 0,
             camera: None,
@@ -94,11 +104,6 @@ impl Controller {
             pushes: 0,
             log: Log::default(),
         }
-    }
-
-    /// Switches on with what a power cut left, in place of what the settings say of it.
-    pub fn restore(&mut self, saved: &SavedState) {
-        self.machine.restore(saved);
     }
 
     /// Raises an alarm: something is wrong in the cabinet, or a person wants to see what happens then.

@@ -38,6 +38,7 @@ use crate::io::{Io, OutputPoint};
 use crate::profile::Profile;
 use crate::program::Library;
 use crate::random::Random;
+use crate::saved::SavedState;
 use crate::settings::ControllerSettings;
 use r6_motion::{Axes, Frame, Frames, MotionState, Pose, Ramps, RobotModel};
 use r6_proto::OperationMode;
@@ -150,15 +151,34 @@ impl Machine {
     /// A machine that was just switched on.
     #[must_use]
     pub fn new(settings: ControllerSettings, now: Instant) -> Self {
+        Self::before_start(settings, now).switched_on()
+    }
+
+    /// A machine that was just switched on, with what a power cut left in place of what the settings say of it.
+    #[must_use]
+    pub fn restored(settings: ControllerSettings, saved: &SavedState, now: Instant) -> Self {
+        let mut machine = Self::before_start(settings, now);
+        machine.restore(saved);
+        machine.switched_on()
+    }
+
+    /// The program in use stands before its first step, and runs where the mode says so.
+    fn switched_on(mut self) -> Self {
+        let program = self.library.named(&self.mold).cloned().unwrap_or_default();
+        self.use_program(program);
+        self.run_list();
+        self
+    }
+
+    fn before_start(settings: ControllerSettings, now: Instant) -> Self {
         let counters = settings
             .counters
             .into_iter()
             .map(|(id, (target, current))| (id, CounterState { target, current }))
             .collect();
         let ramps = Ramps::new(settings.model.acceleration_time, settings.model.acceleration_time);
-        let program = settings.library.named(&settings.mold).cloned().unwrap_or_default();
         let watchdog = Watchdog::new(settings.profile.heartbeat_timeout);
-        let mut machine = Self {
+        Self {
             profile: settings.profile,
             model: settings.model,
             now,
@@ -194,7 +214,7 @@ impl Machine {
             path_speed: None,
             stop_signal: None,
             pulses: Vec::new(),
-            program: ProgramRun::of(program.clone()),
+            program: ProgramRun::default(),
             photos: VecDeque::new(),
             last_pass: false,
             cycle_started: None,
@@ -205,10 +225,7 @@ impl Machine {
             random: Random::new(settings.seed),
             points: VecDeque::new(),
             events: VecDeque::new(),
-        };
-        machine.use_program(program);
-        machine.run_list();
-        machine
+        }
     }
 
     /// Brings the machine to a point in time. Going back in time does nothing.

@@ -245,7 +245,7 @@ impl Machine {
         mark.0
     }
 
-    /// Switches on with what a power cut left.
+    /// Takes what a power cut left, before the machine is switched on.
     pub(crate) fn restore(&mut self, saved: &SavedState) {
         let frames = |offsets: &BTreeMap<u32, [f64; 6]>| {
             offsets.iter().filter_map(|(number, offset)| Some((*number, placed(offset)?))).collect()
@@ -255,7 +255,10 @@ impl Machine {
             SavedMode::Stop => OperationMode::Stop,
             SavedMode::Auto => OperationMode::Auto,
         };
-        self.begin_at_rest(&saved.mold);
+        // A program whose file was not given this time leaves the one that was chosen.
+        if self.library.named(&saved.mold).is_some() {
+            self.mold.clone_from(&saved.mold);
+        }
         *self.counters = saved
             .counters
             .iter()

@@ -274,6 +274,29 @@ fn points_that_do_not_come() {
     assert_eq!(cell.text("curAlarm"), "5003", "points of other cameras do not lengthen the wait");
 }
 
+/// An alarm in the middle of a wait: what goes on waits for its whole limit, not for what was left long ago.
+#[test]
+fn a_wait_that_an_alarm_ended_begins_anew() {
+    let mut cell = running("[[step]]\ndo=\"take-point\"\nlimit=3\n[[step]]\ndo=\"remote\"");
+    cell.pass(1.0);
+    cell.controller.operate(cell.now, &r6_controller::PanelAction::RaiseAlarm(5000)).unwrap();
+    cell.pass(10.0);
+    cell.ok(&["clearAlarmContinue"]);
+    cell.pass(2.9);
+    assert_eq!(cell.text("curAlarm"), "0");
+    cell.pass(0.2);
+    assert_eq!(cell.text("curAlarm"), "201");
+    // A point of another camera on the way lengthens nothing, and the next step has a limit of its own.
+    let take = "[[step]]\ndo=\"take-point\"\nlimit=3\n";
+    let mut cell = running(&format!("{take}{take}[[step]]\ndo=\"remote\""));
+    cell.pass(2.0);
+    points(&mut cell, 0, &[(0, 0.0)]);
+    cell.pass(2.9);
+    assert_eq!(cell.text("curAlarm"), "0");
+    cell.pass(0.2);
+    assert_eq!(cell.text("curAlarm"), "201");
+}
+
 fn photo_answer(cell: &mut Cell, ret: u32) {
     let answer = json!({"dsID": "www.hc-system.com.cam", "reqType": "photo", "camID": 0, "ret": ret});
     cell.send(answer.to_string());
@@ -400,6 +423,13 @@ fn a_taught_program_goes_step_by_step() {
     assert_eq!((press(&mut cell).as_str(), cell.text("axis-0").as_str()), ("2", "10.000000"), "the label");
     assert_eq!((press(&mut cell).as_str(), cell.text("axis-0").as_str()), ("8", "0.000000"));
     assert_eq!(count(&mut cell, 0), 1);
+    // A jump back that would rest for a millisecond is one step, too.
+    let mut cell =
+        ready(&format!("[[step]]\ndo=\"label\"\nname=\"a\"\n{COUNT}[[step]]\ndo=\"jump\"\nto=\"a\""));
+    for (pressed, counted) in [(1, 0), (2, 1), (3, 1), (4, 1), (5, 2), (6, 2), (7, 2), (8, 3)] {
+        press(&mut cell);
+        assert_eq!(count(&mut cell, 0), counted, "press {pressed}");
+    }
 }
 
 #[test]

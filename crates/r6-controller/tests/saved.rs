@@ -15,9 +15,42 @@ fn settings() -> ControllerSettings {
 /// The cell after its power was cut: through the text on the disk.
 fn power_cut(cell: &Cell) -> Cell {
     let text = cell.controller.machine().saved().to_json();
-    let mut after = Cell::of(settings());
-    after.controller.restore(&SavedState::from_json(&text).unwrap());
-    after
+    Cell::restored(settings(), &SavedState::from_json(&text).unwrap())
+}
+
+/// A program that counts, moves, sets an output and brings a stack along, from the moment the power is on.
+#[test]
+fn what_a_program_did_before_the_cut_does_not_happen_again_by_itself() {
+    let busy = "[[stack]]\nnumber=4\nspacing=[1,2,3]\ncount=[1,2,3]\n\
+                [[step]]\ndo=\"counter\"\nnumber=0\nby=1\n[[step]]\ndo=\"output\"\npoint=\"Y010\"\non=true\n\
+                [[step]]\ndo=\"axis-move\"\nto=[20]\nspeed=10\n[[step]]\ndo=\"alarm\"\nnumber=5000\n";
+    let with_program = || {
+        let mut settings = settings();
+        settings.library.load("busy", busy).unwrap();
+        "busy".clone_into(&mut settings.mold);
+        settings
+    };
+    let mut cell = Cell::of(with_program());
+    cell.ok(&["modifyStackData", "4", "9", "9", "9", "1", "1", "1"]);
+    cell.pass(0.5);
+    let saved = cell.controller.machine().saved();
+    let mut after = Cell::restored(with_program(), &saved);
+    after.pass(5.0);
+    assert_eq!(
+        after.query(&["curMode", "isMoving", "output-0", "curAlarm", "axis-0"]),
+        [json!("2"), json!("0"), json!("0"), json!("0"), json!("0.000000")]
+    );
+    assert_eq!(after.value("counter-0"), json!([0, 0, 1]));
+    assert_eq!(after.controller.machine().stacks()[&4].spacing, [9.0; 3]);
+    // Started, it runs from its first step; a stack that nobody saved is the program's own.
+    after.ok(&["startButton"]);
+    assert_eq!(after.value("counter-0"), json!([0, 0, 2]));
+    let nothing = Cell::new().controller.machine().saved();
+    assert_eq!(
+        Cell::restored(with_program(), &nothing).controller.machine().stacks().len(),
+        0,
+        "`remote` has none"
+    );
 }
 
 /// A state as JSON, to be damaged.
@@ -211,8 +244,7 @@ proptest! {
         cell.add_rcc("1", &json!([{"oneshot": "1", "action": "800", "cnt_id": bench.to_string()}]));
         let saved = cell.controller.machine().saved();
         prop_assert_eq!(SavedState::from_json(&saved.to_json()), Ok(saved.clone()));
-        let mut again = Controller::new(settings(), Instant::ORIGIN);
-        again.restore(&saved);
+        let again = Controller::restored(settings(), &saved, Instant::ORIGIN);
         prop_assert_eq!(again.machine().saved(), saved);
     }
 

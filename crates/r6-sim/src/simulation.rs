@@ -105,16 +105,16 @@ fn switch_on(settings: &SimSettings, number: u64, file: Option<&StateFile>) -> R
         seed: settings.seed.wrapping_add(number),
         ..ControllerSettings::new(settings.profile.clone(), settings.model.clone())
     };
-    let mut controller = Controller::new(own, Instant::ORIGIN);
-    match file.map(StateFile::read).transpose().map_err(SimError::State)? {
-        None | Some(Found::Nothing) => {}
-        Some(Found::Saved(saved)) => controller.restore(&saved),
+    Ok(match file.map(StateFile::read).transpose().map_err(SimError::State)? {
+        None | Some(Found::Nothing) => Controller::new(own, Instant::ORIGIN),
+        Some(Found::Saved(saved)) => Controller::restored(own, &saved, Instant::ORIGIN),
         Some(Found::Damaged { why }) => {
             warn!("{why}");
+            let mut controller = Controller::new(own, Instant::ORIGIN);
             controller.raise(Instant::ORIGIN, STORAGE_ALARM, why);
+            controller
         }
-    }
-    Ok(controller)
+    })
 }
 
 /// Every address that a controller listens on.

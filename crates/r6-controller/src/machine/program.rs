@@ -3,6 +3,7 @@
 //! Steps that AddRCC could send too become instructions of the program's own list and run as those of a PC do,
 //! look-ahead and blending included. The others are carried out here.
 
+mod awaiting;
 mod places;
 
 use std::collections::{BTreeSet, VecDeque};
@@ -14,21 +15,15 @@ use r6_proto::time::Instant;
 use r6_proto::{OperationMode, RegisterIndex};
 
 use super::Machine;
-use super::execution::{Activity, Awaited, SHORTEST_PASS, duration};
+use super::execution::{Activity, SHORTEST_PASS};
 use crate::instruction_list::{After, InstructionList};
-use crate::program::{Change, Condition, Photo, Program, Step};
+use crate::program::{Change, Condition, Program, Step};
 
 /// How deep programs may call one another.
 pub const MAX_CALLS: usize = 16;
 
-/// How many photo requests wait to be sent; a photo that nobody fetches is not worth more.
-const MAX_PHOTOS: usize = 16;
-
 /// The alarm of a program that cannot go on: program error.
 const PROGRAM_ERROR: u32 = 10;
-
-/// The alarm of points that do not come: points not set.
-const NO_POINTS: u32 = 201;
 
 /// The alarm of a counter that is not there: counter not defined.
 const NO_COUNTER: u32 = 300;
@@ -41,7 +36,7 @@ struct Place {
 }
 
 /// Where the program is.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ProgramRun {
     /// The programs that call one another, the innermost last; each with the step whose turn it is.
     calls: Vec<Place>,
@@ -61,7 +56,7 @@ pub struct ProgramRun {
     point: Option<Point>,
     /// Registers that were written since a step waited for them.
     written: BTreeSet<RegisterIndex>,
-    /// It awaits something since before: until when.
+    /// While a step that waits is looked at again: until when it waits.
     awaiting: Option<Option<Instant>>,
     /// When it last jumped back or began anew, so that it cannot do so endlessly often at one instant.
     last_round: Option<Instant>,
@@ -70,19 +65,7 @@ pub struct ProgramRun {
 impl ProgramRun {
     /// At the first step of a program.
     pub(super) fn of(program: Arc<Program>) -> Self {
-        Self {
-            calls: vec![Place { program, step: 0 }],
-            own: InstructionList::default(),
-            places: VecDeque::new(),
-            remote: false,
-            remote_ran: false,
-            begin_anew: false,
-            paused: false,
-            point: None,
-            written: BTreeSet::new(),
-            awaiting: None,
-            last_round: None,
-        }
+        Self { calls: vec![Place { program, step: 0 }], ..Self::default() }
     }
 
     /// The program and the step whose turn it is.
@@ -179,42 +162,6 @@ impl Machine {
         self.program = ProgramRun::of(program);
     }
 
-    /// As after a power cut: nothing of what the program did since it was switched on is left, and it stands before its
-    /// first step. A program of that name that is not there leaves the one that was chosen.
-    pub(crate) fn begin_at_rest(&mut self, mold: &str) {
-        if self.library.named(mold).is_some() {
-            mold.clone_into(&mut self.mold);
-        }
-        let program = self.library.named(&self.mold).cloned().unwrap_or_default();
-        self.activity = Activity::Idle;
-        self.io = crate::io::Io::default();
-        self.pulses.clear();
-        self.photos.clear();
-        self.registers.clear();
-        self.cycle_started = None;
-        self.use_program(program);
-    }
-
-    /// Registers were written: the program sees whether it waits for them.
-    pub(super) fn registers_written(&mut self, first: RegisterIndex, count: usize) {
-        let numbers = (first.number()..).take(count).map_while(RegisterIndex::new);
-        self.program.written.extend(numbers);
-        self.look_again(Awaited::Registers);
-    }
-
-    /// Points of a camera have come.
-    pub(super) fn points_have_come(&mut self) {
-        self.look_again(Awaited::Point);
-    }
-
-    fn look_again(&mut self, awaited: Awaited) {
-        let awaits = matches!(&self.activity, Activity::Awaiting { what, .. } if *what == awaited);
-        if awaits && !matches!(awaited, Awaited::Photo(..)) {
-            self.activity = Activity::Idle;
-            self.run_list();
-        }
-    }
-
     /// Carries out program steps until one takes time, or an instruction is there to be carried out. `false`: there is
     /// nothing to do now.
     pub(super) fn next_program_step(&mut self) -> bool {
@@ -232,7 +179,7 @@ impl Machine {
                 if self.mode == OperationMode::SingleStep
                     && self.program.own.len() == own
                     && !self.program.remote
-                    && matches!(self.activity, Activity::Idle) =>
+                    && !matches!(self.activity, Activity::Awaiting { .. }) =>
             {
                 self.leave_running("single step");
                 false
@@ -456,149 +403,6 @@ impl Machine {
             }
             Condition::Points(camera, model) => self.position_of_point(camera, model).is_some(),
             Condition::StackFull { stack, counter } => self.is_full(stack, counter),
-        }
-    }
-
-    fn position_of_point(&self, camera: i64, model: Option<i64>) -> Option<usize> {
-        let wanted = |(from, point): &(i64, Point)| {
-            *from == camera && model.is_none_or(|model| point.model_id == model)
-        };
-        self.points.iter().position(wanted)
-    }
-
-    fn take_point(
-        &mut self,
-        (camera, model): (i64, Option<i64>),
-        limit: Option<f64>,
-        or_else: Option<usize>,
-    ) {
-        let found = self.position_of_point(camera, model).and_then(|at| self.points.remove(at));
-        match (found, or_else) {
-            (Some((_, point)), _) => {
-                self.program.point = Some(point);
-                self.stop_awaiting();
-                self.program.next();
-            }
-            (None, Some(to)) if limit.is_none() => self.go_on_at(to),
-            (None, _) => self.await_until(Awaited::Point, limit),
-        }
-    }
-
-    fn wait_for_registers(&mut self, first: RegisterIndex, count: u16, limit: Option<f64>) {
-        let range = first.number()..first.number() + count;
-        let written = &mut self.program.written;
-        let before = written.len();
-        written.retain(|register| !range.contains(&register.number()));
-        if written.len() < before {
-            self.stop_awaiting();
-            self.program.next();
-        } else {
-            self.await_until(Awaited::Registers, limit);
-        }
-    }
-
-    /// Waits for something; where it did so before, until the same time.
-    fn await_until(&mut self, what: Awaited, limit: Option<f64>) {
-        let until = self.program.awaiting.unwrap_or_else(|| limit.map(|limit| self.now + duration(limit)));
-        self.program.awaiting = Some(until);
-        self.activity = Activity::Awaiting { what, until };
-    }
-
-    fn stop_awaiting(&mut self) {
-        self.program.awaiting = None;
-    }
-
-    /// What a pause interrupted is awaited again.
-    pub(super) fn await_again(&mut self, what: Awaited, until: Option<Instant>) {
-        if !matches!(what, Awaited::Photo(..)) {
-            self.program.awaiting = Some(until);
-        }
-        self.activity = Activity::Awaiting { what, until };
-        self.look_again(what);
-    }
-
-    /// Asks for a photo, and waits for the answer if it has a limit.
-    fn ask_for_photo(&mut self, photo: &Photo, tries: u32) {
-        if self.photos.len() < MAX_PHOTOS {
-            self.photos.push_back(photo.camera);
-        }
-        match photo.limit {
-            None => self.program.next(),
-            Some(limit) => {
-                let until = Some(self.now + duration(limit));
-                self.activity = Activity::Awaiting { what: Awaited::Photo(*photo, tries), until };
-            }
-        }
-    }
-
-    /// A camera has answered a photo request.
-    pub(crate) fn photo_answered(&mut self, camera: i64, taken: bool) {
-        let Activity::Awaiting { what: Awaited::Photo(photo, tries), .. } = &self.activity else { return };
-        let (photo, tries) = (*photo, *tries);
-        if photo.camera != camera {
-            return;
-        }
-        self.activity = Activity::Idle;
-        if taken {
-            self.program.next();
-            if self.mode == OperationMode::SingleStep {
-                self.leave_running("single step");
-            }
-        } else {
-            self.photo_failed(&photo, tries, "the camera could not take the photo");
-        }
-        self.run_list();
-    }
-
-    fn photo_failed(&mut self, photo: &Photo, tries: u32, why: &str) {
-        if tries > 1 {
-            self.ask_for_photo(photo, tries - 1);
-        } else {
-            self.raise_here(photo.alarm, &format!("camera {}: {why}", photo.camera));
-        }
-    }
-
-    /// What is awaited has not come in time.
-    pub(super) fn awaited_in_vain(&mut self, what: &Awaited) {
-        match what {
-            Awaited::Photo(photo, tries) => {
-                let limit = photo.limit.unwrap_or(0.0);
-                self.photo_failed(photo, *tries, &format!("no answer to the photo request within {limit} s"));
-            }
-            Awaited::Point => {
-                self.stop_awaiting();
-                match self.program.step() {
-                    Some(Step::TakePoint { or_else: Some(to), .. }) => {
-                        let to = *to;
-                        self.go_on_at(to);
-                    }
-                    _ => self.raise_here(NO_POINTS, "no point has come in time"),
-                }
-            }
-            Awaited::Registers => {
-                self.stop_awaiting();
-                self.raise_here(PROGRAM_ERROR, "the registers were not written in time");
-            }
-        }
-    }
-
-    /// A wait for a point of the program has run out: `true` if it says where to go on.
-    pub(super) fn wait_in_vain(&mut self) -> bool {
-        let Some(Place { program, step }) = self.program.places.front() else { return false };
-        let Some(Step::Wait { or_else: Some(to), .. }) = program.steps().get(*step) else { return false };
-        let to = *to;
-        self.finish_one();
-        self.go_on_at(to);
-        true
-    }
-
-    /// In single cycle the program does not wait for its trigger.
-    pub(super) fn skip_trigger(&mut self) {
-        let Some(Place { program, step }) = self.program.places.front() else { return };
-        let skips = matches!(program.steps().get(*step), Some(Step::Wait { skip_in_single_cycle: true, .. }));
-        if skips && matches!(self.activity, Activity::Waiting { .. } | Activity::Suspended(..)) {
-            self.activity = Activity::Idle;
-            self.finish_one();
         }
     }
 

@@ -3,7 +3,9 @@
 
 use std::time::Duration;
 
-use r6_controller::{ConnectionId, Controller, ControllerSettings, Profile, RobotModel, StartState};
+use r6_controller::{
+    ConnectionId, Controller, ControllerSettings, Profile, RobotModel, SavedState, StartState,
+};
 use r6_proto::time::Instant;
 use serde_json::{Value, json};
 
@@ -28,10 +30,17 @@ impl Cell {
     }
 
     /// AddRCC takes as long as the profile says, to the nanosecond: what varies is tested for itself (`clock.rs`).
-    pub fn of(mut settings: ControllerSettings) -> Self {
-        settings.profile.add_rcc_ack_spread = Duration::ZERO;
+    pub fn of(settings: ControllerSettings) -> Self {
+        Self::around(Controller::new(even(settings), Instant::ORIGIN))
+    }
+
+    /// The same after a power cut that left this.
+    pub fn restored(settings: ControllerSettings, saved: &SavedState) -> Self {
+        Self::around(Controller::restored(even(settings), saved, Instant::ORIGIN))
+    }
+
+    fn around(mut controller: Controller) -> Self {
         let now = Instant::ORIGIN;
-        let mut controller = Controller::new(settings, now);
         let id = controller.connect(now);
         Self { controller, now, id }
     }
@@ -150,6 +159,25 @@ impl Cell {
         log
     }
 }
+
+fn even(mut settings: ControllerSettings) -> ControllerSettings {
+    settings.profile.add_rcc_ack_spread = Duration::ZERO;
+    settings
+}
+
+/// Commands that stop, start, or change what runs: for tests that send them in any order.
+pub const STOPS_AND_STARTS: [&[&str]; 10] = [
+    &["actionStop"],
+    &["actionPause"],
+    &["actionSingleCycle"],
+    &["startButton"],
+    &["stopButton"],
+    &["clearAlarm"],
+    &["clearAlarmRunNext"],
+    &["clearAlarmContinue"],
+    &["modifyGSPD", "0"],
+    &["modifyGSPD", "700"],
+];
 
 /// A one-shot axis move.
 pub fn axis_move(axes: [f64; 6], speed: f64) -> Value {

@@ -1,0 +1,173 @@
+//! What a program waits for that no list of a PC does: points, photos, registers, and waits that know another way.
+
+use r6_proto::message::Point;
+use r6_proto::time::Instant;
+use r6_proto::{OperationMode, RegisterIndex};
+
+use super::{Machine, PROGRAM_ERROR, Place};
+use crate::machine::execution::{Activity, Awaited, duration};
+use crate::program::{Photo, Step};
+
+/// How many photo requests wait to be sent; a photo that nobody fetches is not worth more.
+const MAX_PHOTOS: usize = 16;
+
+/// The alarm of points that do not come: points not set.
+const NO_POINTS: u32 = 201;
+
+impl Machine {
+    /// Registers were written: the program sees whether it waits for them.
+    pub(in crate::machine) fn registers_written(&mut self, first: RegisterIndex, count: usize) {
+        let numbers = (first.number()..).take(count).map_while(RegisterIndex::new);
+        self.program.written.extend(numbers);
+        self.look_again(Awaited::Registers);
+    }
+
+    /// Points of a camera have come.
+    pub(in crate::machine) fn points_have_come(&mut self) {
+        self.look_again(Awaited::Point);
+    }
+
+    /// A step that waits for this is looked at again; what is still waited for is waited for until the same time.
+    fn look_again(&mut self, awaited: Awaited) {
+        let Activity::Awaiting { what, until } = &self.activity else { return };
+        if *what != awaited || matches!(what, Awaited::Photo(..)) {
+            return;
+        }
+        self.program.awaiting = Some(*until);
+        self.activity = Activity::Idle;
+        self.run_list();
+        self.program.awaiting = None;
+    }
+
+    pub(super) fn position_of_point(&self, camera: i64, model: Option<i64>) -> Option<usize> {
+        let wanted = |(from, point): &(i64, Point)| {
+            *from == camera && model.is_none_or(|model| point.model_id == model)
+        };
+        self.points.iter().position(wanted)
+    }
+
+    pub(super) fn take_point(
+        &mut self,
+        (camera, model): (i64, Option<i64>),
+        limit: Option<f64>,
+        or_else: Option<usize>,
+    ) {
+        let found = self.position_of_point(camera, model).and_then(|at| self.points.remove(at));
+        match (found, or_else) {
+            (Some((_, point)), _) => {
+                self.program.point = Some(point);
+                self.program.awaiting = None;
+                self.program.next();
+            }
+            (None, Some(to)) if limit.is_none() => self.go_on_at(to),
+            (None, _) => self.await_until(Awaited::Point, limit),
+        }
+    }
+
+    pub(super) fn wait_for_registers(&mut self, first: RegisterIndex, count: u16, limit: Option<f64>) {
+        let range = first.number()..first.number() + count;
+        let written = &mut self.program.written;
+        let before = written.len();
+        written.retain(|register| !range.contains(&register.number()));
+        if written.len() < before {
+            self.program.awaiting = None;
+            self.program.next();
+        } else {
+            self.await_until(Awaited::Registers, limit);
+        }
+    }
+
+    /// Waits for something; where it did so before, until the same time.
+    fn await_until(&mut self, what: Awaited, limit: Option<f64>) {
+        let before = self.program.awaiting.take();
+        let until = before.unwrap_or_else(|| limit.map(|limit| self.now + duration(limit)));
+        self.activity = Activity::Awaiting { what, until };
+    }
+
+    /// What a pause interrupted is awaited again.
+    pub(in crate::machine) fn await_again(&mut self, what: Awaited, until: Option<Instant>) {
+        self.activity = Activity::Awaiting { what, until };
+        self.look_again(what);
+    }
+
+    /// Asks for a photo, and waits for the answer if it has a limit.
+    pub(super) fn ask_for_photo(&mut self, photo: &Photo, tries: u32) {
+        if self.photos.len() < MAX_PHOTOS {
+            self.photos.push_back(photo.camera);
+        }
+        match photo.limit {
+            None => self.program.next(),
+            Some(limit) => {
+                let until = Some(self.now + duration(limit));
+                self.activity = Activity::Awaiting { what: Awaited::Photo(*photo, tries), until };
+            }
+        }
+    }
+
+    /// A camera has answered a photo request.
+    pub(crate) fn photo_answered(&mut self, camera: i64, taken: bool) {
+        let Activity::Awaiting { what: Awaited::Photo(photo, tries), .. } = &self.activity else { return };
+        let (photo, tries) = (*photo, *tries);
+        if photo.camera != camera {
+            return;
+        }
+        self.activity = Activity::Idle;
+        if taken {
+            self.program.next();
+            if self.mode == OperationMode::SingleStep {
+                self.leave_running("single step");
+            }
+        } else {
+            self.photo_failed(&photo, tries, "the camera could not take the photo");
+        }
+        self.run_list();
+    }
+
+    fn photo_failed(&mut self, photo: &Photo, tries: u32, why: &str) {
+        if tries > 1 {
+            self.ask_for_photo(photo, tries - 1);
+        } else {
+            self.raise_here(photo.alarm, &format!("camera {}: {why}", photo.camera));
+        }
+    }
+
+    /// What is awaited has not come in time.
+    pub(in crate::machine) fn awaited_in_vain(&mut self, what: &Awaited) {
+        match what {
+            Awaited::Photo(photo, tries) => {
+                let limit = photo.limit.unwrap_or(0.0);
+                self.photo_failed(photo, *tries, &format!("no answer to the photo request within {limit} s"));
+            }
+            Awaited::Point => match self.program.step() {
+                Some(Step::TakePoint { or_else: Some(to), .. }) => {
+                    let to = *to;
+                    self.go_on_at(to);
+                }
+                _ => self.raise_here(NO_POINTS, "no point has come in time"),
+            },
+            Awaited::Registers => {
+                self.raise_here(PROGRAM_ERROR, "the registers were not written in time");
+            }
+        }
+    }
+
+    /// A wait for a point of the program has run out: `true` if it says where to go on.
+    pub(in crate::machine) fn wait_in_vain(&mut self) -> bool {
+        let Some(Place { program, step }) = self.program.places.front() else { return false };
+        let Some(Step::Wait { or_else: Some(to), .. }) = program.steps().get(*step) else { return false };
+        let to = *to;
+        self.finish_one();
+        self.go_on_at(to);
+        true
+    }
+
+    /// In single cycle the program does not wait for its trigger.
+    pub(in crate::machine) fn skip_trigger(&mut self) {
+        let Some(Place { program, step }) = self.program.places.front() else { return };
+        let skips = matches!(program.steps().get(*step), Some(Step::Wait { skip_in_single_cycle: true, .. }));
+        if skips && matches!(self.activity, Activity::Waiting { .. } | Activity::Suspended(..)) {
+            self.activity = Activity::Idle;
+            self.finish_one();
+        }
+    }
+}
