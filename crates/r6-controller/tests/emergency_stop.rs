@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Cell, axis_move};
+use common::{Cell, STOPS_AND_STARTS, axis_move};
 use proptest::prelude::*;
 use r6_controller::{Button, Key, PanelAction, Profile, Refused, StartState};
 use r6_proto::AxisIndex;
@@ -191,17 +191,8 @@ enum Event {
     Pass(f64),
 }
 
-const COMMANDS: [&[&str]; 17] = [
-    &["actionStop"],
-    &["actionPause"],
-    &["actionSingleCycle"],
-    &["startButton"],
-    &["stopButton"],
-    &["clearAlarm"],
-    &["clearAlarmRunNext"],
-    &["clearAlarmContinue"],
-    &["modifyGSPD", "0"],
-    &["modifyGSPD", "700"],
+/// Commands that could move the arm by way of a program.
+const PROGRAM_COMMANDS: [&[&str]; 7] = [
     &["switchMold", "register-follow"],
     &["switchMold", "register-move"],
     &["switchMold", "remote"],
@@ -240,7 +231,7 @@ fn panel_action() -> impl Strategy<Value = PanelAction> {
 fn event() -> impl Strategy<Value = Event> {
     prop_oneof![
         4 => panel_action().prop_map(Event::Panel),
-        3 => prop::sample::select(COMMANDS.to_vec()).prop_map(Event::Command),
+        3 => prop::sample::select([&STOPS_AND_STARTS[..], &PROGRAM_COMMANDS].concat()).prop_map(Event::Command),
         2 => (any::<bool>(), -90.0..90.0_f64).prop_map(|(replace, j1)| Event::List(replace, j1)),
         3 => (0.0..1.0_f64).prop_map(Event::Pass),
     ]

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Cell, assert_near, axis_move, linear_move};
-use r6_controller::Profile;
+use r6_controller::{ControllerSettings, Profile, RobotModel, SavedState};
 use serde_json::{Value, json};
 
 fn wait(seconds: &str) -> Value {
@@ -465,7 +465,7 @@ fn the_manuals_own_list_runs() {
 }
 
 #[test]
-fn instruction_10_uses_its_own_tool_and_workbench() {
+fn instruction_10_uses_its_own_tool() {
     let mut cell = Cell::new();
     cell.ok(&["modifyTool", "1", "0", "0", "100000", "0", "0", "0"]);
     cell.run_ok(&json!([axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 0.0], 100.0)]));
@@ -477,13 +477,65 @@ fn instruction_10_uses_its_own_tool_and_workbench() {
     // Tool 1 is at `tip` already: told to go there with tool 1, the arm stays; with tool 0 it moves.
     let mut step = linear_move(tip, 5.0);
     step["tool"] = json!("1");
-    step["coord"] = json!("0");
     cell.run_ok(&json!([step]));
     cell.pass(20.0);
     assert_near(cell.world(), flange, 1e-3);
     cell.run_ok(&json!([linear_move(tip, 5.0)]));
     cell.pass(20.0);
     assert_near(cell.world(), tip, 1e-3);
+}
+
+/// Workbench 2 is one that a power cut left: no command defines any.
+#[test]
+fn a_step_is_told_in_its_own_workbench() {
+    let bench = [100.0, 50.0, -20.0];
+    let mut saved: serde_json::Value =
+        serde_json::from_str(&Cell::new().controller.machine().saved().to_json()).unwrap();
+    saved["benches"] = json!({"2": [bench[0], bench[1], bench[2], 0.0, 0.0, 0.0]});
+    let saved = SavedState::from_json(&saved.to_string()).unwrap();
+    let model = RobotModel::named("BRTIRUS0707A").unwrap().clone();
+    for action in ["10", "17", "4"] {
+        let mut cell = Cell::restored(ControllerSettings::new(Profile::hc1(), model.clone()), &saved);
+        cell.ok(&["startButton"]);
+        cell.run_ok(&json!([axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 0.0], 100.0)]));
+        cell.pass(5.0);
+        let from = cell.world();
+        let on_bench: [f64; 6] =
+            std::array::from_fn(|n| from[n] - bench.get(n).unwrap_or(&0.0) + if n == 1 { 30.0 } else { 0.0 });
+        let mut step = linear_move(on_bench, 5.0);
+        step["coord"] = json!("2");
+        if action == "17" {
+            let middle: [f64; 6] = std::array::from_fn(|n| {
+                on_bench[n]
+                    - match n {
+                        1 => 15.0,
+                        2 => -10.0,
+                        _ => 0.0,
+                    }
+            });
+            step = linear_move(middle, 5.0);
+            step["action"] = json!("17");
+            step["coord"] = json!("2");
+            for (n, value) in on_bench.iter().enumerate() {
+                step[format!("m{n}_p")] = json!(format!("{value:.6}"));
+            }
+        }
+        if action == "4" {
+            // Axes are axes on every workbench.
+            step = axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 5.0], 50.0);
+            step["coord"] = json!("2");
+        }
+        cell.run_ok(&json!([step]));
+        cell.pass(20.0);
+        if action == "4" {
+            assert_near(cell.axes(), [0.0, -20.0, 10.0, 0.0, 40.0, 5.0], 1e-6);
+        } else {
+            let [x, y, z, ..] = from;
+            let [to_x, to_y, to_z, ..] = cell.world();
+            assert_near([to_x, to_y, to_z, 0.0, 0.0, 0.0], [x, y + 30.0, z, 0.0, 0.0, 0.0], 1e-3);
+        }
+        assert_eq!(cell.text("curAlarm"), "0", "action {action}");
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::Cell;
+use common::{Cell, STOPS_AND_STARTS};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use r6_controller::{Profile, RobotModel};
@@ -55,19 +55,6 @@ fn instruction() -> impl Strategy<Value = Value> {
     ]
 }
 
-const COMMANDS: [&[&str]; 10] = [
-    &["actionStop"],
-    &["actionPause"],
-    &["actionSingleCycle"],
-    &["startButton"],
-    &["stopButton"],
-    &["clearAlarm"],
-    &["clearAlarmRunNext"],
-    &["clearAlarmContinue"],
-    &["modifyGSPD", "0"],
-    &["modifyGSPD", "700"],
-];
-
 fn event() -> impl Strategy<Value = Event> {
     prop_oneof![
         2 => any::<Index>().prop_map(Event::Vector),
@@ -93,7 +80,7 @@ fn apply(cell: &mut Cell, vectors: &[Vec<u8>], event: &Event) {
         Event::Bytes(bytes) => cell.send(bytes),
         Event::List(steps, replace) => cell.add_rcc(if *replace { "1" } else { "0" }, &json!(steps)),
         Event::Command(index) => {
-            cell.send(json!({"reqType": "command", "cmdData": index.get(&COMMANDS)}).to_string());
+            cell.send(json!({"reqType": "command", "cmdData": index.get(&STOPS_AND_STARTS)}).to_string());
         }
         Event::Input(point, on) => cell.controller.set_input(cell.now, 0, *point, *on),
         Event::Pass(ms) => cell.pass(f64::from(*ms) / 1000.0),
