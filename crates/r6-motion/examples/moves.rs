@@ -23,7 +23,7 @@ const LOOKS: u32 = 100;
 
 fn main() {
     let moves = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(100_u32);
-    let mut random = Random(1);
+    let mut random = Random(Numbers(1));
     let models: Vec<_> = RobotModel::names().filter_map(RobotModel::named).collect();
     for (_, model) in (0..moves).zip(models.iter().cycle()) {
         let case = Case::random(model, &mut random);
@@ -37,18 +37,18 @@ fn main() {
     }
 }
 
-/// Seeded numbers, the same on every machine (splitmix64).
-struct Random(u64);
+#[path = "../tests/kinematics/common.rs"]
+mod common;
+
+use common::Numbers;
+
+/// Numbers that moves are made of.
+struct Random(Numbers);
 
 impl Random {
     /// Between 0 and 1.
     fn part(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^= z >> 31;
-        f64::from((z >> 32) as u32) / f64::from(u32::MAX)
+        self.0.part()
     }
 
     /// As often in each decade.
@@ -58,11 +58,7 @@ impl Random {
 
     /// Anywhere in the soft limits.
     fn axes(&mut self, model: &RobotModel) -> Axes {
-        let mut positions = [0.0; 8];
-        for (slot, axis) in positions.iter_mut().zip(model.drives()) {
-            *slot = axis.soft.min + self.part() * (axis.soft.max - axis.soft.min);
-        }
-        Axes::new(positions).expect("soft limits are axis positions")
+        self.0.axes(model)
     }
 
     /// Another place: of five, two anywhere, two as near as a ten-thousandth of the way there, one with one axis moved.

@@ -12,13 +12,18 @@
 use r6_motion::kinematics::{all_solutions, forward};
 use r6_motion::{Axes, Frame, RobotModel};
 
+#[path = "../tests/kinematics/common.rs"]
+mod common;
+
+use common::Numbers;
+
 fn main() {
     let poses = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(100_u32);
-    let mut seed = 1_u64;
+    let mut numbers = Numbers(1);
     let tool = Frame::identity();
     for model in RobotModel::names().filter_map(RobotModel::named) {
         for _ in 0..poses {
-            let (stands, near) = (random(model, &mut seed), random(model, &mut seed));
+            let (stands, near) = (numbers.axes(model), numbers.axes(model));
             let pose = forward(model, &stands, &tool);
             println!("pose {} {} {}", model.name, text(model, &stands), join(&pose.components()));
             for solution in all_solutions(model, &pose, &tool, &near) {
@@ -26,21 +31,6 @@ fn main() {
             }
         }
     }
-}
-
-/// Anywhere in the soft limits (splitmix64).
-fn random(model: &RobotModel, seed: &mut u64) -> Axes {
-    let mut positions = [0.0; 8];
-    for (slot, axis) in positions.iter_mut().zip(model.drives()) {
-        *seed = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = *seed;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^= z >> 31;
-        let part = f64::from((z >> 32) as u32) / f64::from(u32::MAX);
-        *slot = axis.soft.min + part * (axis.soft.max - axis.soft.min);
-    }
-    Axes::new(positions).unwrap_or(Axes::ZERO)
 }
 
 fn text(model: &RobotModel, axes: &Axes) -> String {

@@ -210,20 +210,17 @@ fn close_by_a_singularity_the_path_is_slow() {
     assert!(path.top_speed() < 0.2, "{}", path.top_speed());
 }
 
+fn curve(start: &Axes, middle: &Pose, end: &Pose) -> Result<CurvePath, PlanError> {
+    let points = (middle, end);
+    CurvePath::plan(model(), &Frames::default(), start, points, MoveMask::SIX, Turning::Shortest)
+}
+
 #[test]
 fn a_curve_goes_through_its_middle() {
     let start = tool_down();
     let from = pose_at(&start);
     let (middle, end) = (shifted(from, 40.0, 40.0, 10.0), shifted(from, 0.0, 80.0, 0.0));
-    let path = CurvePath::plan(
-        model(),
-        &Frames::default(),
-        &start,
-        (&middle, &end),
-        MoveMask::SIX,
-        Turning::Shortest,
-    )
-    .unwrap();
+    let path = curve(&start, &middle, &end).unwrap();
     let nearest = (0..=2000)
         .map(|n| tool_at(&Frames::default(), &path.at(path.length() * f64::from(n) / 2000.0).axes))
         .map(|at| (at.translation.vector - Vector3::new(middle.x, middle.y, middle.z)).norm())
@@ -239,14 +236,7 @@ fn a_curve_without_a_circle_is_refused() {
     let start = tool_down();
     let from = pose_at(&start);
     let (middle, end) = (shifted(from, 0.0, 90.0, 0.0), shifted(from, 0.0, 80.0, 0.0));
-    let path = CurvePath::plan(
-        model(),
-        &Frames::default(),
-        &start,
-        (&middle, &end),
-        MoveMask::SIX,
-        Turning::Shortest,
-    );
+    let path = curve(&start, &middle, &end);
     assert_eq!(path, Err(PlanError::CurvePoints));
 }
 
