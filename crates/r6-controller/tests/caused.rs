@@ -1,19 +1,27 @@
 //! Every address of the manual reports, and every command changes, something that a program or a person caused.
 //!
 //! One case for each address and each command of the code's tables; each runs on every profile that has it, and on the
-//! others it is shown that they have not. What nobody causes is listed by name: [`addresses::BY_NOBODY`].
+//! others it is shown that they have not. What nobody causes is listed by name: [`cabinet::BY_NOBODY`].
 
-#[path = "caused/addresses.rs"]
-mod addresses;
-#[path = "caused/commands.rs"]
-mod commands;
+#[path = "caused/arm.rs"]
+mod arm;
+#[path = "caused/cabinet.rs"]
+mod cabinet;
 mod common;
+#[path = "caused/running.rs"]
+mod running;
+#[path = "caused/values.rs"]
+mod values;
 
 use common::Cell;
 use r6_controller::{Button, ControllerSettings, PanelAction, Profile, RobotModel, StartState};
-use r6_proto::address::ADDRESSES;
+use r6_proto::address::{ADDRESSES, Address};
+use r6_proto::message::CommandName;
 use r6_proto::message::command::COMMANDS;
 use serde_json::Value;
+
+/// Tool 0 looks down.
+const TOOL_DOWN: [f64; 6] = [0.0, 10.0, -20.0, 0.0, -80.0, 0.0];
 
 /// What a case does, on a profile that has its address or command.
 type Case = (&'static str, fn(&Profile));
@@ -27,28 +35,61 @@ macro_rules! cases {
 }
 pub(crate) use cases;
 
-fn names(cases: &[Case]) -> Vec<&'static str> {
-    let mut names: Vec<_> = cases.iter().map(|(name, _)| *name).collect();
-    names.sort_unstable();
-    names
-}
-
 fn sorted(names: impl IntoIterator<Item = &'static str>) -> Vec<&'static str> {
     let mut names: Vec<_> = names.into_iter().collect();
     names.sort_unstable();
     names
 }
 
+fn of_both(one: &'static [Case], other: &'static [Case]) -> Vec<&'static str> {
+    sorted(one.iter().chain(other).map(|(name, _)| *name))
+}
+
 #[test]
 fn every_address_of_the_table_has_its_case() {
-    assert_eq!(names(addresses::CASES), sorted(ADDRESSES.iter().map(|row| row.name)));
-    let nobody = sorted(addresses::BY_NOBODY.iter().map(|(name, _)| *name));
-    assert!(nobody.iter().all(|name| ADDRESSES.iter().any(|row| row.name == *name)), "{nobody:?}");
+    let names = sorted(ADDRESSES.iter().map(|row| row.name));
+    assert_eq!(of_both(arm::CASES, cabinet::CASES), names);
+    assert!(cabinet::BY_NOBODY.iter().all(|(name, _)| names.contains(name)));
 }
 
 #[test]
 fn every_command_of_the_table_has_its_case() {
-    assert_eq!(names(commands::CASES), sorted(COMMANDS.iter().map(|row| row.word)));
+    assert_eq!(of_both(running::CASES, values::CASES), sorted(COMMANDS.iter().map(|row| row.word)));
+}
+
+/// Runs the case of an address on every profile that has it; the others leave its value out.
+fn address_on_each(name: &str, case: fn(&Profile)) {
+    let mut ran = 0;
+    for profile in profiles() {
+        let address = name.replace("-n", if name == "Addr-n" { "-800" } else { "-0" });
+        let answers = profile.answers(Address::parse(&address).unwrap());
+        let values = Cell::with(profile.clone(), StartState::Auto).query(&[&address]);
+        assert_eq!(values.len(), usize::from(answers), "{name} on {}", profile.name);
+        if answers {
+            case(&profile);
+            ran += 1;
+        }
+    }
+    assert!(ran > 0, "{name}: no profile has it");
+}
+
+/// Runs the case of a command on every profile that has it; the others refuse it.
+fn command_on_each(word: &str, case: fn(&Profile)) {
+    let name = CommandName::exact(word.as_bytes()).unwrap();
+    let mut ran = 0;
+    for profile in profiles() {
+        if profile.has_command(name) {
+            case(&profile);
+            ran += 1;
+        } else {
+            // The right number of arguments, so that only the word can be what is refused.
+            let words: Vec<_> = [word].into_iter().chain(name.info().arguments.iter().map(|_| "1")).collect();
+            let reply = Cell::with(profile.clone(), StartState::Waiting).command(&words);
+            // Old firmware refuses with an empty text.
+            assert_ne!(reply.last().map(String::as_str), Some("ok"), "{}: {reply:?}", profile.name);
+        }
+    }
+    assert!(ran > 0, "{word}: no profile has it");
 }
 
 fn profiles() -> impl Iterator<Item = Profile> {
@@ -59,6 +100,10 @@ fn arm() -> RobotModel {
     RobotModel::named("BRTIRUS0707A").unwrap().clone()
 }
 
+fn settings(profile: &Profile) -> ControllerSettings {
+    ControllerSettings { start: StartState::Auto, ..ControllerSettings::new(profile.clone(), arm()) }
+}
+
 /// A controller in automatic on which this program is in use, and does not run yet.
 fn taught(profile: &Profile, program: &str) -> Cell {
     with_programs(profile, &[("taught", program)])
@@ -66,8 +111,7 @@ fn taught(profile: &Profile, program: &str) -> Cell {
 
 /// The same with several programs, the first of them in use.
 fn with_programs(profile: &Profile, programs: &[(&str, &str)]) -> Cell {
-    let mut settings =
-        ControllerSettings { start: StartState::Auto, ..ControllerSettings::new(profile.clone(), arm()) };
+    let mut settings = settings(profile);
     for (name, text) in programs {
         settings.library.load(name, text).unwrap_or_else(|error| panic!("{name}: {error}"));
     }
