@@ -82,7 +82,7 @@ impl ControllerHandle {
         self.shared.log.subscribe()
     }
 
-    /// Asks the camera for a photo, as a program does: the connection that last spoke as the camera, else all.
+    /// Asks a camera for a photo, as a program does: see [`Controller::request_photo`].
     pub fn request_photo(&self, cam_id: i64) {
         self.with(|controller, now| controller.request_photo(now, cam_id));
     }
@@ -205,6 +205,21 @@ impl ControllerHandle {
     /// Takes a new connection; the notice wakes its task when it has something to write.
     pub(crate) fn connect(&self) -> (ConnectionId, Arc<Notify>) {
         let id = self.look(|controller, now| controller.connect(now));
+        self.serve(id)
+    }
+
+    /// Takes a connection that was opened to a camera, likewise.
+    pub(crate) fn connect_camera(&self, cam_id: Option<i64>) -> (ConnectionId, Arc<Notify>) {
+        let id = self.look(|controller, now| controller.connect_camera(now, cam_id));
+        self.serve(id)
+    }
+
+    /// Adds a line to the log.
+    pub(crate) fn tell(&self, connection: Option<ConnectionId>, level: Level, text: String) {
+        self.look(|controller, now| controller.log(now, connection, level, text));
+    }
+
+    fn serve(&self, id: ConnectionId) -> (ConnectionId, Arc<Notify>) {
         let notice = Arc::new(Notify::new());
         let connected = Connected { notice: Arc::clone(&notice), changed: 0 };
         self.state().connections.insert(id, connected);
