@@ -10,6 +10,7 @@ mod execution;
 mod halt;
 mod hand;
 mod kept;
+mod loading;
 mod look_ahead;
 mod order;
 mod panel;
@@ -110,6 +111,8 @@ pub struct Machine {
     pub(crate) global_speed: f64,
     pub(crate) ramps: Ramps,
     pub(crate) library: Library,
+    /// The texts of the programs that a person loaded at the machine.
+    pub(crate) loaded: Kept<BTreeMap<String, String>>,
     pub(crate) mold: String,
     pub(crate) machine_name: String,
     pub(crate) account: String,
@@ -203,6 +206,7 @@ impl Machine {
             ramps: ramps.unwrap_or_default(),
             mold: settings.mold,
             library: settings.library,
+            loaded: Kept::default(),
             machine_name: settings.machine_name,
             account: settings.account,
             io_boards: settings.io_boards,

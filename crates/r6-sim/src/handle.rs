@@ -95,6 +95,16 @@ impl ControllerHandle {
         self.with(|controller, now| controller.operate(now, action))
     }
 
+    /// The same, and waits until it survives a power cut.
+    pub(crate) async fn operate_and_keep(&self, action: &PanelAction) -> Result<(), Refused> {
+        self.operate(action)?;
+        if let Some(keeper) = &self.shared.keeper {
+            let number = self.state().changes.number;
+            keeper.durable(number).await;
+        }
+        Ok(())
+    }
+
     /// How long it is, in real time, until the next frame of a connection leaves that is held back now.
     pub(crate) fn next_transmit(&self, id: ConnectionId) -> Option<Duration> {
         let state = self.state();
