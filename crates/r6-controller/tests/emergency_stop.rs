@@ -148,7 +148,7 @@ impl Expected {
                 true
             }
             PanelAction::ClearAlarm => {
-                let done = !self.pressed && !(self.alarm && self.slows_down);
+                let done = !(self.pressed || self.alarm && self.slows_down);
                 self.alarm &= !done;
                 done
             }

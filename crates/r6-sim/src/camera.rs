@@ -35,6 +35,11 @@ const LONGEST_WAIT: Duration = Duration::from_secs(5);
 const ASK_AFTER: Duration = Duration::from_secs(10);
 const ASK_AGAIN: Duration = Duration::from_secs(2);
 
+/// How long what was sent may stay without the other system's acknowledgement: as long as those questions take. Without this a photo
+/// request on its way to a camera without power would keep the connection for a quarter of an hour.
+#[cfg(target_os = "linux")]
+const UNACKNOWLEDGED: Duration = Duration::from_secs(28);
+
 /// A camera that listens, and that each controller dials: `ADDR:PORT`, or `ID=ADDR:PORT` for one of several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Camera {
@@ -114,11 +119,17 @@ async fn connect(address: SocketAddr) -> Result<TcpStream, String> {
         Ok(connected) => connected.map_err(|error| error.to_string())?,
         Err(_) => return Err(format!("no answer within {CONNECT_TIME:?}")),
     };
-    let keepalive = TcpKeepalive::new().with_time(ASK_AFTER).with_interval(ASK_AGAIN);
-    if let Err(error) = SockRef::from(&stream).set_tcp_keepalive(&keepalive) {
-        debug!(%error, "a camera that loses its power will not be noticed");
+    if let Err(error) = watch(&SockRef::from(&stream)) {
+        debug!(%error, "a camera that loses its power will not be noticed soon");
     }
     Ok(stream)
+}
+
+/// Lets the system notice that the camera has lost its power, whether something is on its way to it or not.
+fn watch(socket: &SockRef<'_>) -> std::io::Result<()> {
+    #[cfg(target_os = "linux")]
+    socket.set_tcp_user_timeout(Some(UNACKNOWLEDGED))?;
+    socket.set_tcp_keepalive(&TcpKeepalive::new().with_time(ASK_AFTER).with_interval(ASK_AGAIN))
 }
 
 /// The waits between attempts: each longer than the one before, up to a longest, and each drawn from its upper half, so that
@@ -165,6 +176,18 @@ mod tests {
         for wrong in ["", "9000", "127.0.0.1", "127.0.0.1:0", "x=127.0.0.1:9000", "=127.0.0.1:9000", "1="] {
             assert!(wrong.parse::<Camera>().is_err(), "{wrong}");
         }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[tokio::test]
+    async fn a_camera_that_loses_its_power_is_noticed() {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let stream = connect(listener.local_addr().unwrap()).await.unwrap();
+        let socket = SockRef::from(&stream);
+        assert_eq!(socket.tcp_user_timeout().unwrap(), Some(UNACKNOWLEDGED));
+        assert!(socket.keepalive().unwrap());
+        assert_eq!(socket.tcp_keepalive_time().unwrap(), ASK_AFTER);
+        assert_eq!(socket.tcp_keepalive_interval().unwrap(), ASK_AGAIN);
     }
 
     #[test]
