@@ -6,6 +6,7 @@
 //! connect → handle_input(now, id, bytes) → poll_transmit(now, id) … → poll_timeout → handle_timeout(now)
 //! ```
 
+mod cameras;
 pub(crate) mod pace;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -16,6 +17,8 @@ use r6_proto::reply::{ReplyWriter, Verdict, encode_photo};
 use r6_proto::server::{Inbox, InputError, Outbox, ServerSession};
 use r6_proto::time::Instant;
 use r6_proto::{Address, RequestType};
+
+use cameras::{Cameras, Route};
 
 use crate::io::OutputPoint;
 use crate::log::{Level, Log, LogLine};
@@ -65,6 +68,8 @@ enum Service {
 struct Connection {
     session: ServerSession,
     service: Service,
+    /// The controller opened it itself: it takes none of the sockets of [`Profile::max_connections`].
+    opened: bool,
 }
 
 /// A virtual controller.
@@ -73,8 +78,7 @@ pub struct Controller {
     machine: Machine,
     connections: BTreeMap<ConnectionId, Connection>,
     next_connection: u64,
-    /// The connection that last spoke as the camera.
-    camera: Option<ConnectionId>,
+    cameras: Cameras,
     woken: VecDeque<ConnectionId>,
     /// How many frames were sent that nobody had asked for.
     pushes: u64,
@@ -99,7 +103,7 @@ impl Controller {
             machine,
             connections: BTreeMap::new(),
             next_connection: 0,
-            camera: None,
+            cameras: Cameras::default(),
             woken: VecDeque::new(),
             pushes: 0,
             log: Log::default(),
@@ -119,17 +123,49 @@ impl Controller {
         if self.connections.len() >= MAX_ACCEPTED {
             self.drop_an_ignored_one();
         }
-        let id = ConnectionId(self.next_connection);
-        self.next_connection += 1;
-        let served = self.served();
+        let id = self.next_id();
+        let accepted = self.connections.values().filter(|connection| !connection.opened);
+        let served = accepted.filter(|connection| connection.service == Service::Served).count();
         let limit = self.machine.profile.max_connections;
         let service = if served < limit { Service::Served } else { Service::Ignored };
         if service == Service::Ignored {
             let text = format!("{limit} connections are served already: this one will not be answered");
             self.log.add(now, Some(id), Level::Warning, text);
         }
-        self.connections.insert(id, Connection { session: ServerSession::new(LIMITS), service });
+        self.insert(id, service, false);
         id
+    }
+
+    /// The shell dials a camera from now on, this one or (`None`) the one that is every camera: while it is away, its photo
+    /// requests go to nobody who never spoke as this camera.
+    pub fn expect_camera(&mut self, cam_id: Option<i64>) {
+        self.cameras.expect(cam_id);
+    }
+
+    /// Takes a connection that the shell opened to a camera. It is served whatever the profile's limit says, which is that of the
+    /// sockets that accept, and gets the photo requests for this camera, or with `None` for every one that has no connection of
+    /// its own.
+    pub fn connect_camera(&mut self, now: Instant, cam_id: Option<i64>) -> ConnectionId {
+        self.machine.advance(now);
+        let id = self.next_id();
+        self.insert(id, Service::Served, true);
+        self.cameras.connect(id, cam_id);
+        id
+    }
+
+    fn next_id(&mut self) -> ConnectionId {
+        let id = ConnectionId(self.next_connection);
+        self.next_connection += 1;
+        id
+    }
+
+    fn insert(&mut self, id: ConnectionId, service: Service, opened: bool) {
+        self.connections.insert(id, Connection { session: ServerSession::new(LIMITS), service, opened });
+    }
+
+    /// Adds a line of the shell's to the log.
+    pub fn log(&mut self, now: Instant, connection: Option<ConnectionId>, level: Level, text: String) {
+        self.log.add(now, connection, level, text);
     }
 
     fn served(&self) -> usize {
@@ -147,9 +183,7 @@ impl Controller {
     /// A connection has ended.
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.connections.remove(&id);
-        if self.camera == Some(id) {
-            self.camera = None;
-        }
+        self.cameras.disconnect(id);
     }
 
     /// Takes bytes from a connection and carries out what they ask.
@@ -188,7 +222,7 @@ impl Controller {
             id,
             machine: &mut self.machine,
             log: &mut self.log,
-            camera: &mut self.camera,
+            cameras: &mut self.cameras,
             reset: false,
         };
         let served = desk.serve_next(inbox, outbox);
@@ -246,22 +280,41 @@ impl Controller {
         self.log.poll()
     }
 
-    /// Asks the camera for a photo: the connection that last spoke as the camera, else all.
+    /// Asks a camera for a photo: over the connection that was opened to it; else over the one that last spoke as it; else over
+    /// the one that last spoke as any camera; else over all. A request that reaches nobody is told in the log.
     pub fn request_photo(&mut self, now: Instant, cam_id: i64) {
         self.machine.advance(now);
         self.push_photo(now, cam_id);
     }
 
     fn push_photo(&mut self, now: Instant, cam_id: i64) {
-        let camera = self.camera;
+        let route = self.cameras.route(cam_id);
+        let mut asked = 0;
         for (id, connection) in &mut self.connections {
-            if connection.service == Service::Served && camera.is_none_or(|camera| camera == *id) {
+            let is_meant = match route {
+                Route::To(camera) => camera == *id,
+                Route::ToAll => !self.cameras.is_of_another(*id, cam_id),
+                Route::Away => false,
+            };
+            if is_meant && connection.service == Service::Served {
                 connection.session.split().1.send(|out| encode_photo(cam_id, None, out));
-                self.pushes += 1;
                 self.woken.push_back(*id);
+                asked += 1;
             }
         }
-        self.log.add(now, camera, Level::Info, format!("photo requested from camera {cam_id}"));
+        self.pushes += asked;
+        let camera = match route {
+            Route::To(camera) => Some(camera),
+            Route::ToAll | Route::Away => None,
+        };
+        if asked > 0 {
+            self.log.add(now, camera, Level::Info, format!("photo requested from camera {cam_id}"));
+        } else {
+            let why =
+                if route == Route::Away { "the camera is not connected" } else { "no connection can be its" };
+            let text = format!("photo requested from camera {cam_id}, but {why}: the request is lost");
+            self.log.add(now, camera, Level::Warning, text);
+        }
     }
 
     /// Does what a person does at the machine.
@@ -326,7 +379,7 @@ struct Desk<'c> {
     id: ConnectionId,
     machine: &'c mut Machine,
     log: &'c mut Log,
-    camera: &'c mut Option<ConnectionId>,
+    cameras: &'c mut Cameras,
     reset: bool,
 }
 
@@ -375,7 +428,7 @@ impl Desk<'_> {
             Body::Command(words) => self.command(header, words, outbox),
             Body::Heartbreak => self.heartbreak(header, outbox),
             Body::PhotoAnswer(answer) => {
-                *self.camera = Some(self.id);
+                self.speaks_as(answer.cam_id);
                 self.info(format!("camera {} answers: ret {}", answer.cam_id, answer.ret));
                 self.machine.photo_answered(answer.cam_id, answer.ret == 1);
             }
@@ -461,9 +514,16 @@ impl Desk<'_> {
         }
     }
 
+    /// This connection is a camera's.
+    fn speaks_as(&mut self, cam_id: i64) {
+        if let Some(oddity) = self.cameras.spoke(self.id, cam_id) {
+            self.warn(oddity);
+        }
+    }
+
     fn add_points(&mut self, header: &Header<'_>, points: &AddPoints<'_>, outbox: &mut Outbox) {
-        *self.camera = Some(self.id);
         for (cam_id, points) in points.sets() {
+            self.speaks_as(cam_id);
             self.machine.take_points(cam_id, points);
         }
         self.verdict(header, RequestType::AddPoints, "AddPoints", Verdict::Points(points.len()), outbox);

@@ -10,6 +10,7 @@ mod execution;
 mod halt;
 mod hand;
 mod kept;
+mod loading;
 mod look_ahead;
 mod order;
 mod panel;
@@ -49,7 +50,7 @@ pub const MAX_FRAMES: u32 = 32;
 /// How many stacks can be defined: numbers 0 to 31.
 pub const MAX_STACKS: u32 = 32;
 
-/// How many points of cameras are kept; older ones go first. A program consumes them; a camera sends a few dozen.
+/// How many points of all cameras are kept; older ones go first. A program consumes them; a camera sends a few dozen.
 pub const MAX_POINTS: usize = 1000;
 
 /// How many events of the machine are kept until somebody reads them; older ones go first.
@@ -110,6 +111,8 @@ pub struct Machine {
     pub(crate) global_speed: f64,
     pub(crate) ramps: Ramps,
     pub(crate) library: Library,
+    /// The texts of the programs that a person loaded at the machine.
+    pub(crate) loaded: Kept<BTreeMap<String, String>>,
     pub(crate) mold: String,
     pub(crate) machine_name: String,
     pub(crate) account: String,
@@ -203,6 +206,7 @@ impl Machine {
             ramps: ramps.unwrap_or_default(),
             mold: settings.mold,
             library: settings.library,
+            loaded: Kept::default(),
             machine_name: settings.machine_name,
             account: settings.account,
             io_boards: settings.io_boards,
@@ -350,13 +354,22 @@ impl Machine {
         self.halt_for_alarm();
     }
 
-    /// Takes the points of a camera; older ones go where there are too many.
+    /// Takes the points of a camera. Where there are too many, its own oldest ones go: no camera takes another's room, but for the
+    /// first point of one that has none yet.
     pub(crate) fn take_points(&mut self, cam_id: i64, points: &[Point]) {
+        let mut lost = 0_u32;
         for point in points {
             if self.points.len() >= MAX_POINTS {
-                self.points.pop_front();
+                let own = self.points.iter().position(|(camera, _)| *camera == cam_id);
+                self.points.remove(own.unwrap_or(0));
+                lost += 1;
             }
             self.points.push_back((cam_id, *point));
+        }
+        if lost > 0 {
+            self.note(format!(
+                "{lost} old points are lost: {MAX_POINTS} wait already, and no program takes them"
+            ));
         }
         self.points_have_come();
     }

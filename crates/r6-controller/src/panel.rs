@@ -51,8 +51,15 @@ pub enum PanelAction {
         /// How fast, percent of the axis's full speed, times the global speed: above 0, at most 100.
         percent: f64,
     },
-    /// Loads another program (mold).
+    /// Chooses another program (mold).
     SwitchProgram(String),
+    /// Loads a program, in place of one with the same name.
+    LoadProgram {
+        /// How it is called (`moldList`).
+        name: String,
+        /// Its text, TOML or JSON (`docs/PROGRAMS.md`).
+        text: String,
+    },
 }
 
 /// A button of the pendant.
@@ -119,8 +126,23 @@ pub enum Refused {
         /// The number that was named.
         alarm: u32,
     },
-    /// The program could not be loaded.
+    /// The program could not be chosen.
     Program {
+        /// Why.
+        reason: String,
+    },
+    /// The text is no program.
+    BadProgram {
+        /// Where it is wrong, and why.
+        reason: String,
+    },
+    /// The program runs, or may be called by the one that runs.
+    ProgramRuns {
+        /// Which.
+        name: String,
+    },
+    /// There is no room for the program.
+    NoRoom {
         /// Why.
         reason: String,
     },
@@ -149,6 +171,9 @@ impl Refused {
             Self::NoGlobalSpeed => "no_global_speed",
             Self::NoSuchAlarm { .. } => "no_such_alarm",
             Self::Program { .. } => "program",
+            Self::BadProgram { .. } => "bad_program",
+            Self::ProgramRuns { .. } => "program_running",
+            Self::NoRoom { .. } => "no_room",
             Self::NoPath { .. } => "no_path",
         }
     }
@@ -174,7 +199,12 @@ impl Refused {
             Self::BadSpeed => "the speed is above 0 and at most 100 percent",
             Self::NoGlobalSpeed => "the global speed is 0: raise it first (modifyGSPD)",
             Self::NoSuchAlarm { .. } => "there are alarms 1 to 10000",
-            Self::Program { .. } => "the program could not be loaded",
+            Self::Program { .. } => "the program could not be chosen",
+            Self::BadProgram { .. } => "the text is no program",
+            Self::ProgramRuns { .. } => {
+                "the program runs: stop it first, or load the text under another name"
+            }
+            Self::NoRoom { .. } => "there is no room for the program",
             Self::NoPath { .. } => "the move could not be planned",
         }
     }
@@ -196,7 +226,14 @@ impl fmt::Display for Refused {
             Self::NoSuchAlarm { alarm } => {
                 write!(f, "there is no alarm {alarm}: there are 1 to {LAST_ALARM}")
             }
-            Self::Program { reason } | Self::NoPath { reason } => f.write_str(reason),
+            Self::ProgramRuns { name } => write!(
+                f,
+                "program `{name}` runs, or the one that runs may call it: stop it first, or load the text under another name"
+            ),
+            Self::Program { reason }
+            | Self::BadProgram { reason }
+            | Self::NoRoom { reason }
+            | Self::NoPath { reason } => f.write_str(reason),
             Self::EmergencyStop
             | Self::Alarm { .. }
             | Self::NotHomed

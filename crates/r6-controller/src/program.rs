@@ -14,7 +14,7 @@ use r6_proto::RegisterIndex;
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{Coordinates, Manner, Wait};
 
-pub use library::{Library, LibraryError};
+pub use library::{Library, LibraryError, MAX_LOADED_BYTES, MAX_PROGRAMS};
 
 use crate::io::OutputPoint;
 use crate::machine::Stack;

@@ -1,7 +1,7 @@
 //! What a power cut leaves: the part of a controller's state that its shell keeps on a disk, as JSON.
 //!
-//! It survives: counters, registers written with `savable` 1, tools, workbenches and which of them are in use, stacks, which program is in
-//! use (the programs themselves come from their files), and the mode. It does not: alarm, inputs and outputs, the list, registers written with
+//! It survives: programs that were loaded at the panel, counters, registers written with `savable` 1, tools, workbenches and which of them are in use, stacks, which program is in
+//! use (other programs come from their files), and the mode. It does not: alarm, inputs and outputs, the list, registers written with
 //! `savable` 0 (one that was saved before has its saved value again), speeds and ramps, points of cameras, and where the arm stands:
 //! it is at zero again, homed if it was built so. A machine that was running comes back in automatic, not running: nothing moves by
 //! itself after a power cut. All of that is chosen, but for `savable` (manual 4.2.1 #13, #14).
@@ -15,10 +15,11 @@ use r6_proto::address::RegisterIndex;
 use serde::{Deserialize, Serialize};
 
 use crate::machine::{CounterState, MAX_FRAMES, MAX_STACKS, Machine, Placed, Stack};
-use crate::program::MAX_NAME_BYTES;
+use crate::program::{MAX_LOADED_BYTES, MAX_NAME_BYTES, MAX_PROGRAMS, Program};
 
-/// The form that this program writes.
-pub const SAVED_VERSION: u64 = 1;
+/// The newest form that is written and read: 2 has `programs`. What needs none of that is written as version 1, which older programs
+/// read: a file says it is newer only where they would lose something.
+pub const SAVED_VERSION: u64 = 2;
 
 /// The most counters that are read; real controllers show a dozen.
 const MAX_COUNTERS: usize = 1000;
@@ -40,6 +41,9 @@ pub struct SavedState {
     tools: BTreeMap<u32, [f64; 6]>,
     benches: BTreeMap<u32, [f64; 6]>,
     stacks: BTreeMap<u32, SavedStack>,
+    /// The texts of the programs that were loaded at the panel.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    programs: BTreeMap<String, String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -111,8 +115,8 @@ impl SavedState {
         if version > SAVED_VERSION {
             return Err(SavedError::Newer { version });
         }
-        if version != SAVED_VERSION {
-            return Err(damaged("version", version, &format!("it has to be {SAVED_VERSION}")));
+        if version < 1 {
+            return Err(damaged("version", version, &format!("1 to {SAVED_VERSION}")));
         }
         let state: Self = read(text)?;
         state.check()?;
@@ -158,6 +162,22 @@ impl SavedState {
         if self.mold.len() > MAX_NAME_BYTES {
             let wanted = format!("a name of at most {MAX_NAME_BYTES} bytes");
             return Err(damaged("mold", format!("a name of {} bytes", self.mold.len()), &wanted));
+        }
+        self.check_programs()
+    }
+
+    fn check_programs(&self) -> Result<(), SavedError> {
+        at_most("programs", self.programs.len(), MAX_PROGRAMS)?;
+        let bytes: usize = self.programs.values().map(String::len).sum();
+        if bytes > MAX_LOADED_BYTES {
+            let wanted = format!("at most {MAX_LOADED_BYTES} bytes");
+            return Err(damaged("programs", format!("a text of {bytes} bytes in all"), &wanted));
+        }
+        for (name, text) in &self.programs {
+            Program::read(name, text).map_err(|error| SavedError::Damaged {
+                field: format!("programs.{name}"),
+                problem: error.to_string(),
+            })?;
         }
         Ok(())
     }
@@ -211,7 +231,7 @@ impl Machine {
             current: counter.current.clamp(-MAX_COUNT, MAX_COUNT),
         };
         SavedState {
-            version: SAVED_VERSION,
+            version: if self.loaded.is_empty() { 1 } else { SAVED_VERSION },
             mode: self.saved_mode(),
             mold: self.mold.clone(),
             counters: self.counters.iter().map(|(id, state)| (*id, counter(state))).collect(),
@@ -225,6 +245,7 @@ impl Machine {
                 .iter()
                 .map(|(number, stack)| (*number, SavedStack { spacing: stack.spacing, count: stack.count }))
                 .collect(),
+            programs: (*self.loaded).clone(),
         }
     }
 
@@ -237,6 +258,7 @@ impl Machine {
             self.tools.changes(),
             self.benches.changes(),
             self.stacks.changes(),
+            self.loaded.changes(),
         ];
         let small = [self.saved_mode() as u64, u64::from(self.tool), u64::from(self.bench)];
         let mut mark = Mark::new();
@@ -255,6 +277,7 @@ impl Machine {
             SavedMode::Stop => OperationMode::Stop,
             SavedMode::Auto => OperationMode::Auto,
         };
+        self.restore_programs(&saved.programs);
         // A program whose file was not given this time leaves the one that was chosen.
         if self.library.named(&saved.mold).is_some() {
             self.mold.clone_from(&saved.mold);

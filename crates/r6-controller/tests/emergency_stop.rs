@@ -104,15 +104,11 @@ fn a_program_of_its_own_begins_anew_too() {
     cell.controller.operate(cell.now, &PanelAction::Press(Button::SingleCycle)).unwrap();
     cell.pass(0.2);
     assert_eq!(cell.text("isMoving"), "1");
-    for action in [
-        PanelAction::EmergencyStop,
-        PanelAction::ReleaseEmergencyStop,
-        PanelAction::ClearAlarm,
-        // While the arm is still coming to rest.
-        PanelAction::Press(Button::Start),
-    ] {
-        operate(&mut cell, &action).unwrap();
-    }
+    operate(&mut cell, &PanelAction::EmergencyStop).unwrap();
+    operate(&mut cell, &PanelAction::ReleaseEmergencyStop).unwrap();
+    // While the arm is still coming to rest, a PC may clear and start; a person waits.
+    assert_eq!(operate(&mut cell, &PanelAction::ClearAlarm), Err(Refused::Moving));
+    cell.ok(&["clearAlarmContinue"]);
     cell.pass(5.0);
     assert_eq!(cell.query(&["curMode", "isMoving"]), [json!("7"), json!("0")], "it waits for its trigger");
     assert!(cell.number("axis-0") < 80.0);
@@ -130,6 +126,8 @@ struct Expected {
     pressed: bool,
     alarm: bool,
     runs: bool,
+    /// The arm still slows down: a person neither clears nor starts.
+    slows_down: bool,
 }
 
 impl Expected {
@@ -137,7 +135,12 @@ impl Expected {
     fn take(&mut self, action: &PanelAction) -> bool {
         match action {
             PanelAction::EmergencyStop => {
-                *self = Self { pressed: true, alarm: true, runs: false };
+                *self = Self {
+                    pressed: true,
+                    alarm: true,
+                    runs: false,
+                    slows_down: self.runs || self.slows_down,
+                };
                 true
             }
             PanelAction::ReleaseEmergencyStop => {
@@ -145,8 +148,9 @@ impl Expected {
                 true
             }
             PanelAction::ClearAlarm => {
-                self.alarm &= self.pressed;
-                !self.pressed
+                let done = !(self.pressed || self.alarm && self.slows_down);
+                self.alarm &= !done;
+                done
             }
             _ => {
                 self.runs |= !self.alarm;
@@ -162,12 +166,13 @@ fn every_order_of_its_buttons_ends_where_it_has_to() {
     for sequence in 0..4_usize.pow(5) {
         for pause in [0.0, 0.2] {
             let mut cell = running("hc1");
-            let mut expected = Expected { pressed: false, alarm: false, runs: true };
+            let mut expected = Expected { pressed: false, alarm: false, runs: true, slows_down: false };
             for place in 0..5 {
                 let action = &ORDERS[sequence / 4_usize.pow(place) % 4];
                 let did = operate(&mut cell, action).is_ok();
                 assert_eq!(did, expected.take(action), "{sequence} {place} {action:?}");
                 cell.pass(pause);
+                expected.slows_down &= pause == 0.0;
                 let state = cell.query(&["curAlarm", "curMode"]);
                 let wanted = [if expected.alarm { "7" } else { "0" }, if expected.runs { "7" } else { "2" }];
                 assert_eq!(state, wanted, "{sequence} {place} {action:?}");

@@ -4,7 +4,9 @@ mod common;
 
 use common::{Cell, axis_move};
 use proptest::prelude::*;
-use r6_controller::{Controller, ControllerSettings, Key, Profile, RobotModel, SavedError, SavedState};
+use r6_controller::{
+    Controller, ControllerSettings, Key, PanelAction, Profile, RobotModel, SavedError, SavedState,
+};
 use r6_proto::time::Instant;
 use serde_json::{Value, json};
 
@@ -166,7 +168,7 @@ fn what_may_have_changed_has_another_mark() {
 
 #[test]
 fn a_damaged_state_names_the_field_the_value_and_what_it_has_to_be() {
-    let cases: [(&str, Value, &[&str]); 12] = [
+    let cases: [(&str, Value, &[&str]); 15] = [
         ("/counters/0/current", json!("x"), &["`counters.0.current`", "\"x\"", "i64"]),
         ("/counters/0/current", json!(i64::MAX), &["`counters.0.current`", "9223372036854775807", "a count"]),
         ("/counters/0", json!({"target": 1}), &["`counters.0`", "current"]),
@@ -179,9 +181,13 @@ fn a_damaged_state_names_the_field_the_value_and_what_it_has_to_be() {
         ("/mode", json!("running"), &["`mode`", "running", "auto"]),
         ("/mold", json!("m".repeat(300)), &["`mold`", "300 bytes"]),
         ("/version", json!(0), &["`version`", "0", "1"]),
+        ("/programs", json!({"cell": "[[step]]\ndo=\"wiat\""}), &["`programs.cell`", "step 1", "`wait`"]),
+        ("/programs", json!({"": ""}), &["`programs.`", "1 to 64 bytes"]),
+        ("/programs", json!([]), &["`programs`"]),
     ];
     for (place, value, wanted) in cases {
         let mut state = state();
+        state["programs"] = json!({});
         *state.pointer_mut(place).unwrap() = value;
         let error = SavedState::from_json(&state.to_string()).unwrap_err().to_string();
         for part in wanted {
@@ -196,9 +202,28 @@ fn a_damaged_state_names_the_field_the_value_and_what_it_has_to_be() {
 
 #[test]
 fn a_newer_state_is_told_apart_from_a_damaged_one() {
-    let newer = json!({"version": 2, "whatever": "comes"}).to_string();
+    let newer = json!({"version": 3, "whatever": "comes"}).to_string();
     let error = SavedState::from_json(&newer).unwrap_err();
-    assert_eq!(error, SavedError::Newer { version: 2 });
+    assert_eq!(error, SavedError::Newer { version: 3 });
+}
+
+/// What an older program wrote is read, and what needs nothing new is written so that an older program reads it.
+#[test]
+fn only_a_state_that_needs_it_says_that_it_is_newer() {
+    let old = state();
+    assert_eq!((&old["version"], old.get("programs")), (&json!(1), None));
+    assert!(SavedState::from_json(&old.to_string()).is_ok());
+    let mut cell = Cell::new();
+    load(&mut cell, "cell", "[[step]]\ndo=\"remote\"\n");
+    let new: Value = serde_json::from_str(&cell.controller.machine().saved().to_json()).unwrap();
+    assert_eq!(new["version"], json!(2));
+    assert_eq!(new["programs"], json!({"cell": "[[step]]\ndo=\"remote\"\n"}));
+}
+
+fn load(cell: &mut Cell, name: &str, text: &str) {
+    let action = PanelAction::LoadProgram { name: name.to_owned(), text: text.to_owned() };
+    // What is refused is no state.
+    let _ = cell.controller.operate(cell.now, &action);
 }
 
 #[test]
@@ -234,8 +259,23 @@ proptest! {
             1..40,
         ),
         bench in any::<u32>(),
+        programs in prop::collection::vec(
+            (
+                prop::sample::select(vec!["cell", "part", "remote", "\u{7528}\u{6237} \"1\"", "", "a/b"]),
+                prop_oneof![
+                    "\\PC*".prop_map(|text| text),
+                    (0_u32..900).prop_map(|number| format!("[[step]]\ndo=\"alarm\"\nnumber={number} # \"\u{e9}\"\n")),
+                    prop::sample::select(vec!["cell", "part", "nothing"])
+                        .prop_map(|name| format!("{{\"step\":[{{\"do\":\"call\",\"program\":\"{name}\"}}]}}")),
+                ],
+            ),
+            0..8,
+        ),
     ) {
         let mut cell = Cell::new();
+        for (name, text) in &programs {
+            load(&mut cell, name, text);
+        }
         for (word, arguments) in &commands {
             let words: Vec<&str> =
                 std::iter::once(*word).chain(arguments.iter().map(String::as_str)).collect();
@@ -244,7 +284,9 @@ proptest! {
         cell.add_rcc("1", &json!([{"oneshot": "1", "action": "800", "cnt_id": bench.to_string()}]));
         let saved = cell.controller.machine().saved();
         prop_assert_eq!(SavedState::from_json(&saved.to_json()), Ok(saved.clone()));
-        let again = Controller::restored(settings(), &saved, Instant::ORIGIN);
+        let mut again = Controller::restored(settings(), &saved, Instant::ORIGIN);
+        let programs = cell.controller.snapshot(cell.now).programs;
+        prop_assert_eq!(again.snapshot(Instant::ORIGIN).programs, programs);
         prop_assert_eq!(again.machine().saved(), saved);
     }
 

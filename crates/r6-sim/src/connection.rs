@@ -4,12 +4,13 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use r6_controller::ConnectionId;
+use r6_controller::{ConnectionId, Level};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tracing::{debug, trace};
 
+use crate::camera::Camera;
 use crate::handle::ControllerHandle;
 
 /// One read of the socket.
@@ -30,15 +31,35 @@ enum End {
 pub(crate) async fn serve(controller: ControllerHandle, mut stream: TcpStream) {
     let (id, notice) = controller.connect();
     debug!(connection = id.number(), "connected");
-    match run(&controller, &mut stream, id, &notice).await {
-        Ok(End::Closed) => debug!(connection = id.number(), "closed by the peer"),
-        Ok(End::Reset) => {
-            reset(&stream);
-            debug!(connection = id.number(), "reset");
-        }
-        Err(error) => debug!(connection = id.number(), %error, "lost"),
-    }
+    let how = converse(&controller, &mut stream, id, &notice).await;
+    debug!(connection = id.number(), how, "over");
     controller.disconnect(id);
+}
+
+/// Serves a connection that was opened to a camera, until it ends.
+pub(crate) async fn serve_camera(controller: &ControllerHandle, mut stream: TcpStream, camera: Camera) {
+    let (id, notice) = controller.connect_camera(camera.cam_id);
+    controller.tell(Some(id), Level::Info, format!("connected to {camera}"));
+    let how = converse(controller, &mut stream, id, &notice).await;
+    controller.disconnect(id);
+    controller.tell(Some(id), Level::Warning, format!("{camera} is lost: {how}"));
+}
+
+/// Serves a connection until it ends, and tells how it did.
+async fn converse(
+    controller: &ControllerHandle,
+    stream: &mut TcpStream,
+    id: ConnectionId,
+    notice: &Arc<Notify>,
+) -> String {
+    match run(controller, stream, id, notice).await {
+        Ok(End::Closed) => "closed by the peer".to_owned(),
+        Ok(End::Reset) => {
+            reset(stream);
+            "reset".to_owned()
+        }
+        Err(error) => error.to_string(),
+    }
 }
 
 async fn run(

@@ -82,7 +82,7 @@ impl ControllerHandle {
         self.shared.log.subscribe()
     }
 
-    /// Asks the camera for a photo, as a program does: the connection that last spoke as the camera, else all.
+    /// Asks a camera for a photo, as a program does: see [`Controller::request_photo`].
     pub fn request_photo(&self, cam_id: i64) {
         self.with(|controller, now| controller.request_photo(now, cam_id));
     }
@@ -93,6 +93,16 @@ impl ControllerHandle {
     /// Why the machine did not do it, and what to do; nothing has changed.
     pub fn operate(&self, action: &PanelAction) -> Result<(), Refused> {
         self.with(|controller, now| controller.operate(now, action))
+    }
+
+    /// The same, and waits until it survives a power cut.
+    pub(crate) async fn operate_and_keep(&self, action: &PanelAction) -> Result<(), Refused> {
+        self.operate(action)?;
+        if let Some(keeper) = &self.shared.keeper {
+            let number = self.state().changes.number;
+            keeper.durable(number).await;
+        }
+        Ok(())
     }
 
     /// How long it is, in real time, until the next frame of a connection leaves that is held back now.
@@ -205,6 +215,21 @@ impl ControllerHandle {
     /// Takes a new connection; the notice wakes its task when it has something to write.
     pub(crate) fn connect(&self) -> (ConnectionId, Arc<Notify>) {
         let id = self.look(|controller, now| controller.connect(now));
+        self.serve(id)
+    }
+
+    /// Takes a connection that was opened to a camera, likewise.
+    pub(crate) fn connect_camera(&self, cam_id: Option<i64>) -> (ConnectionId, Arc<Notify>) {
+        let id = self.look(|controller, now| controller.connect_camera(now, cam_id));
+        self.serve(id)
+    }
+
+    /// Adds a line to the log.
+    pub(crate) fn tell(&self, connection: Option<ConnectionId>, level: Level, text: String) {
+        self.look(|controller, now| controller.log(now, connection, level, text));
+    }
+
+    fn serve(&self, id: ConnectionId) -> (ConnectionId, Arc<Notify>) {
         let notice = Arc::new(Notify::new());
         let connected = Connected { notice: Arc::clone(&notice), changed: 0 };
         self.state().connections.insert(id, connected);

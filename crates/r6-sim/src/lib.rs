@@ -11,6 +11,7 @@
 //! # Ok::<(), r6_sim::SimError>(()) }).unwrap();
 //! ```
 
+mod camera;
 mod clock;
 mod connection;
 mod handle;
@@ -21,6 +22,7 @@ mod simulation;
 mod state;
 mod virtual_controller;
 
+pub use camera::{BadCamera, Camera, MAX_CAMERAS};
 pub use clock::{BadClock, Clock};
 pub use handle::ControllerHandle;
 pub use settings::{SimError, SimSettings};

@@ -5,6 +5,7 @@
 //! | `GET /v1/controllers` | the controllers of this process, numbered from 1 |
 //! | `GET /v1/controllers/{n}` | what a person would see at the machine |
 //! | `POST /v1/controllers/{n}/actions` | does what an [`ActionDto`] says |
+//! | `PUT /v1/controllers/{n}/programs/{name}` | loads a program, whose text is the body |
 //! | `GET /v1/openapi.json` | all this for programs; committed as `openapi/panel.json` |
 //!
 //! There is no login, so it listens on this machine alone unless told otherwise, and pages of a browser cannot use it.

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use r6_controller::settings::REMOTE_MOLD;
 use r6_controller::{Library, Profile, RobotModel, StartState};
 
+use crate::camera::{Camera, MAX_CAMERAS};
 use crate::clock::Clock;
 use crate::state::StateError;
 
@@ -31,6 +32,8 @@ pub struct SimSettings {
     pub library: Library,
     /// The program in use.
     pub mold: String,
+    /// The cameras that each controller dials, one connection each: at most [`MAX_CAMERAS`], each `camID` once.
+    pub cameras: Vec<Camera>,
     /// Where the panel is offered over HTTP; `None`: nowhere. Port 0 takes any free port.
     pub panel: Option<SocketAddr>,
     /// Whether the panel may listen where other machines reach it: it has no login.
@@ -55,6 +58,7 @@ impl Default for SimSettings {
             start: StartState::Waiting,
             library: Library::default(),
             mold: REMOTE_MOLD.to_owned(),
+            cameras: Vec::new(),
             panel: None,
             panel_open: false,
             clock: Clock::Real,
@@ -71,6 +75,16 @@ pub enum SimError {
     BadCount {
         /// How many controllers were asked for.
         controllers: usize,
+    },
+    /// More cameras than one controller dials.
+    TooManyCameras {
+        /// How many were named.
+        cameras: usize,
+    },
+    /// Two cameras with the same `camID`, or two without.
+    SameCamera {
+        /// The `camID`.
+        cam_id: Option<i64>,
     },
     /// The ports that follow the first one end before all controllers have one.
     NoSuchPort {
@@ -111,6 +125,18 @@ impl fmt::Display for SimError {
                 write!(
                     f,
                     "{controllers} controllers were asked for: from 1 to {MAX_CONTROLLERS} are possible"
+                )
+            }
+            Self::TooManyCameras { cameras } => {
+                write!(f, "{cameras} cameras were named: {MAX_CAMERAS} are possible")
+            }
+            Self::SameCamera { cam_id: Some(cam_id) } => {
+                write!(f, "camera {cam_id} has two addresses: give each camera its own number, ID=ADDR:PORT")
+            }
+            Self::SameCamera { cam_id: None } => {
+                write!(
+                    f,
+                    "two cameras have no number: write ID=ADDR:PORT, with the camID that programs ask for"
                 )
             }
             Self::NoSuchPort { first, count } => {

@@ -8,6 +8,7 @@ use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 use tracing::warn;
 
+use crate::camera::{self, MAX_CAMERAS};
 use crate::clock::Pace;
 use crate::connection;
 use crate::handle::ControllerHandle;
@@ -34,6 +35,7 @@ impl Simulation {
     /// [`SimError`]: nothing is left running.
     pub async fn start(settings: SimSettings) -> Result<Self, SimError> {
         let addresses = addresses(&settings)?;
+        check_cameras(&settings)?;
         let folder = settings.state.as_deref().map(StateFolder::open).transpose().map_err(SimError::State)?;
         let writes = Keeper::writes();
         let started = tokio::time::Instant::now();
@@ -45,7 +47,8 @@ impl Simulation {
             let listener = TcpListener::bind(address).await.map_err(failed)?;
             let bound = listener.local_addr().map_err(failed)?;
             let file = folder.as_ref().map(|folder| folder.file(number + 1));
-            let controller = switch_on(&settings, number, file.as_ref())?;
+            let mut controller = switch_on(&settings, number, file.as_ref())?;
+            settings.cameras.iter().for_each(|camera| controller.expect_camera(camera.cam_id));
             let keeper = file.map(|file| Keeper::new(file, writes.clone()));
             let pace = Pace::new(settings.clock, started);
             let handle = ControllerHandle::new(bound, controller, pace, keeper);
@@ -54,6 +57,11 @@ impl Simulation {
                 simulation.tasks.spawn(handle.clone().run_keeper());
             }
             simulation.tasks.spawn(accept(listener, handle.clone()));
+            for (nth, camera) in (0_u64..).zip(&settings.cameras) {
+                // Each link draws its own waits.
+                let seed = settings.seed.wrapping_add(number).rotate_left(32).wrapping_add(nth);
+                simulation.tasks.spawn(camera::dial(handle.clone(), *camera, seed));
+            }
             simulation.controllers.push(handle);
         }
         if let Some((address, listener)) = panel {
@@ -115,6 +123,19 @@ fn switch_on(settings: &SimSettings, number: u64, file: Option<&StateFile>) -> R
             controller
         }
     })
+}
+
+fn check_cameras(settings: &SimSettings) -> Result<(), SimError> {
+    let cameras = &settings.cameras;
+    if cameras.len() > MAX_CAMERAS {
+        return Err(SimError::TooManyCameras { cameras: cameras.len() });
+    }
+    let mut ids: Vec<_> = cameras.iter().map(|camera| camera.cam_id).collect();
+    ids.sort_unstable();
+    match ids.windows(2).find(|pair| pair.first() == pair.last()) {
+        Some(pair) => Err(SimError::SameCamera { cam_id: pair.first().copied().flatten() }),
+        None => Ok(()),
+    }
 }
 
 /// Every address that a controller listens on.

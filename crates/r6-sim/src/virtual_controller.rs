@@ -8,6 +8,7 @@ use std::thread;
 use r6_controller::{Profile, RobotModel, StartState};
 use tokio::sync::oneshot;
 
+use crate::camera::Camera;
 use crate::clock::Clock;
 use crate::handle::ControllerHandle;
 use crate::settings::{SimError, SimSettings};
@@ -150,6 +151,12 @@ impl Builder {
     /// The seed of whatever is random.
     pub fn seed(mut self, seed: u64) -> Self {
         self.settings.seed = seed;
+        self
+    }
+
+    /// A camera that it dials.
+    pub fn camera(mut self, camera: Camera) -> Self {
+        self.settings.cameras.push(camera);
         self
     }
 

@@ -219,6 +219,80 @@ async fn a_panel_that_cannot_be_offered_starts_nothing() {
     assert_eq!(Simulation::start(SimSettings::default()).await.unwrap().panel(), None);
 }
 
+const COUNT: &str =
+    "[[step]]\ndo = \"counter\"\nnumber = 0\nby = 1\n\n[[step]]\ndo = \"wait\"\nseconds = 3600\n";
+
+async fn put(simulation: &Simulation, name: &str, text: &str) -> (u16, Value) {
+    let path = format!("/v1/controllers/1/programs/{name}");
+    // As `curl -T` sends it: without a word of what it is.
+    request(simulation, "PUT", &path, "", text).await
+}
+
+#[tokio::test]
+async fn a_program_is_loaded_chosen_and_replaced() {
+    let simulation = start().await;
+    let (status, state) = put(&simulation, "cell", COUNT).await;
+    assert_eq!(status, 200, "{state}");
+    assert!(state["programs"].as_array().unwrap().contains(&json!("cell")));
+    assert_eq!(state["program"], "remote", "it is there, and not yet in use");
+    assert_eq!(put(&simulation, "%E7%94%A8%E6%88%B7%2F1", COUNT).await.0, 200);
+    let (_, state) =
+        act(&simulation, &json!({"do": "switch_program", "program": "\u{7528}\u{6237}/1"})).await;
+    assert_eq!((&state["program"], &state["mode"]), (&json!("\u{7528}\u{6237}/1"), &json!(7)));
+    act(&simulation, &json!({"do": "switch_program", "program": "cell"})).await;
+
+    let long = "#".repeat(256 * 1024 + 1);
+    for (name, text, status, code, part) in [
+        ("cell", COUNT, 409, "program_running", "stop it first"),
+        (
+            "new",
+            "[[step]]\ndo=\"remote\"\n[[step]]\ndo=\"wiat\"",
+            422,
+            "bad_program",
+            "program `new`, step 2",
+        ),
+        ("new", "[[step]]\ndo=\"call\"\nprogram=\"cel\"", 422, "bad_program", "nearest: `cell`"),
+        (&"n".repeat(65), COUNT, 422, "bad_program", "1 to 64 bytes"),
+        ("new", &long, 413, "too_long", "262144 bytes"),
+    ] {
+        let (found, problem) = put(&simulation, name, text).await;
+        assert_eq!((found, &problem["code"]), (status, &json!(code)), "{name}: {problem}");
+        assert!(problem["message"].as_str().unwrap().contains(part), "{problem}");
+    }
+    // The longest text that is possible has room, and no other body has grown by that.
+    assert_eq!(put(&simulation, "new", &long[1..]).await.0, 200);
+    let (status, _) = request(&simulation, "PUT", "/v1/controllers/9/programs/x", "", COUNT).await;
+    assert_eq!(status, 404);
+    let (_, other) = get(&simulation, "/v1/controllers/2").await;
+    assert!(!other["programs"].as_array().unwrap().contains(&json!("cell")));
+    act(&simulation, &json!({"do": "turn_key", "key": "stop"})).await;
+    assert_eq!(put(&simulation, "cell", COUNT).await.0, 200);
+    // No page of a browser can do it.
+    let own = "Origin: http://evil.example\r\n";
+    let (status, _) = request(&simulation, "PUT", "/v1/controllers/1/programs/evil", own, COUNT).await;
+    assert_eq!(status, 403);
+}
+
+#[tokio::test]
+async fn a_program_that_was_acknowledged_survives_a_power_cut() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let settings = SimSettings {
+        panel: Some("127.0.0.1:0".parse().unwrap()),
+        state: Some(folder.path().to_owned()),
+        ..SimSettings::default()
+    };
+    let simulation = Simulation::start(settings.clone()).await.unwrap();
+    assert_eq!(put(&simulation, "cell", COUNT).await.0, 200);
+    // What is on the disk at this moment is all that a cut leaves.
+    let text = std::fs::read_to_string(folder.path().join("controller-1.json")).unwrap();
+    assert!(r6_controller::SavedState::from_json(&text).is_ok());
+    simulation.shutdown().await;
+    std::fs::write(folder.path().join("controller-1.json"), text).unwrap();
+    let simulation = Simulation::start(settings).await.unwrap();
+    let (_, state) = act(&simulation, &json!({"do": "switch_program", "program": "cell"})).await;
+    assert_eq!(state["program"], "cell");
+}
+
 /// Time passes at once where nobody has anything to do.
 #[tokio::test(start_paused = true)]
 async fn a_connection_that_says_nothing_is_not_kept() {
@@ -253,7 +327,13 @@ fn the_committed_description_is_up_to_date() {
     let paths: Vec<_> = api["paths"].as_object().unwrap().keys().cloned().collect();
     assert_eq!(
         paths,
-        ["/v1/controllers", "/v1/controllers/{n}", "/v1/controllers/{n}/actions", "/v1/openapi.json"]
+        [
+            "/v1/controllers",
+            "/v1/controllers/{n}",
+            "/v1/controllers/{n}/actions",
+            "/v1/controllers/{n}/programs/{name}",
+            "/v1/openapi.json"
+        ]
     );
 }
 

@@ -126,10 +126,10 @@ fn a_damaged_file_is_kept_aside_and_named() {
 #[test]
 fn a_newer_file_is_refused_and_left_as_it_is() {
     let folder = TempDir::new().unwrap();
-    let newer = r#"{"version": 2, "whatever": "comes"}"#;
+    let newer = r#"{"version": 3, "whatever": "comes"}"#;
     fs::write(file(&folder), newer).unwrap();
     let error = VirtualController::builder().state(folder.path()).start_blocking().unwrap_err().to_string();
-    assert!(error.contains("controller-1.json") && error.contains("`version` is 2"), "{error}");
+    assert!(error.contains("controller-1.json") && error.contains("`version` is 3"), "{error}");
     assert_eq!(fs::read_to_string(file(&folder)).unwrap(), newer);
 }
 

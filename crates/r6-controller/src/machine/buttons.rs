@@ -66,7 +66,7 @@ impl Machine {
         Ok(())
     }
 
-    fn ready_to_run(&self) -> Result<(), Refused> {
+    pub(super) fn ready_to_run(&self) -> Result<(), Refused> {
         if self.alarm != 0 && !self.emergency_stop {
             return Err(Refused::Alarm { alarm: self.alarm });
         }

@@ -1,6 +1,7 @@
 //! What a person does at the machine, carried out.
 
 use super::Machine;
+use super::execution::Activity;
 use super::halt::AfterHalt;
 use crate::io::{BOARDS, POINTS};
 use crate::panel::{Button, LAST_ALARM, PanelAction, Refused};
@@ -26,15 +27,29 @@ impl Machine {
                 self.io.set_eu_input(*point, *on);
                 self.io_changed();
             }
-            PanelAction::Press(Button::Start) => self.press_start()?,
+            PanelAction::Press(Button::Start) => {
+                self.rests_to_start()?;
+                self.press_start()?;
+            }
             PanelAction::Press(Button::Stop) => self.press_stop(),
             PanelAction::Press(Button::Pause) => self.pause_action(),
-            PanelAction::Press(Button::SingleCycle) => self.press_single_cycle()?,
-            PanelAction::Press(Button::SingleStep) => self.press_single_step()?,
+            PanelAction::Press(Button::SingleCycle) => {
+                self.rests_to_start()?;
+                self.press_single_cycle()?;
+            }
+            PanelAction::Press(Button::SingleStep) => {
+                self.rests_to_start()?;
+                self.press_single_step()?;
+            }
             PanelAction::TurnKey(key) => self.turn_key(*key),
             PanelAction::EmergencyStop => self.press_emergency_stop(),
             PanelAction::ReleaseEmergencyStop => self.release_emergency_stop(),
-            PanelAction::ClearAlarm => self.clear_alarm()?,
+            PanelAction::ClearAlarm => {
+                if self.alarm != 0 && !self.emergency_stop && self.is_moving() {
+                    return Err(Refused::Moving);
+                }
+                self.clear_alarm()?;
+            }
             PanelAction::RaiseAlarm(alarm) if !(1..=LAST_ALARM).contains(alarm) => {
                 return Err(Refused::NoSuchAlarm { alarm: *alarm });
             }
@@ -44,8 +59,20 @@ impl Machine {
             PanelAction::SwitchProgram(name) => {
                 self.switch_mold(name).map_err(|reason| Refused::Program { reason })?;
             }
+            PanelAction::LoadProgram { name, text } => self.load_program(name, text)?,
         }
         Ok(())
+    }
+
+    /// A person starts an arm that rests: one that slows down after a stop is refused. (Over the wire a start is taken at once and the
+    /// first step begins once the arm rests; after a pause, start goes on in any case.)
+    fn rests_to_start(&self) -> Result<(), Refused> {
+        let slows_down = matches!(self.activity, Activity::Halting(_, AfterHalt::Drop | AfterHalt::Rewind));
+        if !slows_down || self.mode.may_run() {
+            return Ok(());
+        }
+        self.ready_to_run()?;
+        Err(Refused::Moving)
     }
 
     /// Alarm 7 whatever alarm was there, the arm at rest as fast as `actionStop` brings it there, the mode as after

@@ -9,8 +9,8 @@ mod places;
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 
-use r6_proto::message::instruction::{Output, OutputKind};
-use r6_proto::message::{Action, Instruction, Point};
+use r6_proto::message::instruction::{Coordinates, Output, OutputKind};
+use r6_proto::message::{Action, Instruction};
 use r6_proto::time::Instant;
 use r6_proto::{OperationMode, RegisterIndex};
 
@@ -52,8 +52,8 @@ pub struct ProgramRun {
     begin_anew: bool,
     /// It was paused: the next start goes on.
     paused: bool,
-    /// The point that was taken last.
-    point: Option<Point>,
+    /// Where the point is that was taken last.
+    point: Option<Coordinates>,
     /// Registers that were written since a step waited for them.
     written: BTreeSet<RegisterIndex>,
     /// While a step that waits is looked at again: until when it waits.
@@ -358,9 +358,7 @@ impl Machine {
             Step::Instruction(_) | Step::MoveToRegisters { .. } | Step::MoveToStack { .. } => {
                 self.instruction_of(&step)
             }
-            Step::MoveToPoint { .. } if self.program.point.is_some_and(|point| !point.relative) => {
-                self.instruction_of(&step)
-            }
+            Step::MoveToPoint { .. } if self.program.point.is_some() => self.instruction_of(&step),
             _ => return,
         };
         // What is wrong with it is told when its turn comes.

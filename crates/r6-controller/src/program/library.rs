@@ -1,6 +1,6 @@
 //! The programs that one controller has (`moldList`).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::Arc;
 
@@ -8,6 +8,10 @@ use super::{Program, ProgramError};
 
 /// No controller has more programs. Pendants list some dozen.
 pub const MAX_PROGRAMS: usize = 200;
+
+/// No controller keeps more text of programs that a person loaded at the machine, bytes of all together: with two bytes for each quote and
+/// line end as JSON that is a file that is written in a moment.
+pub const MAX_LOADED_BYTES: usize = 2 << 20;
 
 /// The programs that come with every virtual controller: name, text.
 const SHIPPED: [(&str, &str); 6] = [
@@ -87,6 +91,28 @@ impl Library {
     /// The programs, in the order of their names.
     pub fn programs(&self) -> impl Iterator<Item = &Program> {
         self.programs.values().map(|program| &**program)
+    }
+
+    /// Whether this is a program that comes with every virtual controller, as it comes.
+    #[must_use]
+    pub fn is_shipped(program: &Program) -> bool {
+        SHIPPED.contains(&(program.name(), program.text()))
+    }
+
+    /// Whether a program is another one, or may call it, directly or through others.
+    #[must_use]
+    pub fn reaches(&self, from: &str, name: &str) -> bool {
+        let mut seen = BTreeSet::new();
+        let mut next = vec![from];
+        while let Some(at) = next.pop() {
+            if at == name {
+                return true;
+            }
+            if seen.insert(at) {
+                next.extend(self.named(at).into_iter().flat_map(|program| program.calls()));
+            }
+        }
+        false
     }
 
     /// What a program calls that is not there, and the nearest name that is.

@@ -53,7 +53,7 @@ pub enum ActionDto {
         #[schema(default = 10.0, maximum = 100.0)]
         speed_percent: f64,
     },
-    /// Loads another program.
+    /// Chooses another program.
     SwitchProgram {
         /// Its name.
         #[schema(example = "remote")]

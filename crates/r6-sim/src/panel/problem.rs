@@ -68,8 +68,11 @@ impl From<Refused> for Problem {
             | Refused::Moving
             | Refused::NoGlobalSpeed
             | Refused::Program { .. }
+            | Refused::ProgramRuns { .. }
+            | Refused::NoRoom { .. }
             | Refused::NoPath { .. } => StatusCode::CONFLICT,
-            Refused::NoSuchInput { .. }
+            Refused::BadProgram { .. }
+            | Refused::NoSuchInput { .. }
             | Refused::NoSuchAxis { .. }
             | Refused::NoDistance
             | Refused::BadSpeed

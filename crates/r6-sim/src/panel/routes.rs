@@ -12,9 +12,10 @@ use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::{Json, Router};
-use r6_controller::PanelAction;
+use r6_controller::program::MAX_TEXT_BYTES;
+use r6_controller::{PanelAction, Refused};
 use utoipa::OpenApi;
-use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouterExt};
 use utoipa_axum::routes;
 
 use super::dto::{ActionDto, ControllerDto, ControllersDto, SnapshotDto};
@@ -47,6 +48,7 @@ pub(super) fn routes() -> OpenApiRouter<Controllers> {
         .routes(routes!(list))
         .routes(routes!(show))
         .routes(routes!(act))
+        .routes(routes!(load).layer(DefaultBodyLimit::max(MAX_TEXT_BYTES)))
         .routes(routes!(describe))
 }
 
@@ -137,17 +139,58 @@ async fn act(
             "send JSON, with `Content-Type: application/json`",
         ));
     }
-    let body = body.map_err(|rejection| match rejection.status() {
-        StatusCode::PAYLOAD_TOO_LARGE => {
-            let most = format!("the body is longer than {MAX_BODY_BYTES} bytes");
-            Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "too_long", most)
-        }
-        _ => Problem::new(StatusCode::BAD_REQUEST, "bad_body", rejection.body_text()),
-    })?;
+    let body = whole(body, MAX_BODY_BYTES)?;
     let action: ActionDto = serde_json::from_slice(&body).map_err(|error| Problem::of_json(&error))?;
     let action = PanelAction::try_from(action).map_err(Problem::bad_action)?;
     controller.operate(&action)?;
     Ok(Json(SnapshotDto::of(number, controller)))
+}
+
+/// Loads a program, in place of one with the same name; `switch_program` chooses it. The answer is what a person would then see; the program
+/// then survives a power cut, where the controllers keep their state.
+#[utoipa::path(
+    put,
+    path = "/v1/controllers/{n}/programs/{name}",
+    params(
+        ("n" = usize, Path, description = "The number of the controller, from 1"),
+        ("name" = String, Path, description = "How the program is called: 1 to 64 bytes"),
+    ),
+    request_body(content = String, content_type = "application/toml", description = "Its text, TOML or JSON"),
+    responses(
+        (status = 200, description = "Loaded", body = SnapshotDto),
+        (status = 400, description = "`bad_body`", body = ProblemDto),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = ProblemDto),
+        (status = 404, description = "`no_such_controller`", body = ProblemDto),
+        (status = 408, description = "`too_slow`: the body, or the disk that keeps it", body = ProblemDto),
+        (status = 409, description = "`program_running`, `moving`, `no_room`", body = ProblemDto),
+        (status = 413, description = "`too_long`", body = ProblemDto),
+        (status = 422, description = "`bad_program`, with the step that is wrong", body = ProblemDto),
+    )
+)]
+async fn load(
+    State(controllers): State<Controllers>,
+    Path((number, name)): Path<(String, String)>,
+    body: Result<Bytes, BytesRejection>,
+) -> Result<Json<SnapshotDto>, Problem> {
+    let (number, controller) = find(&controllers, &number)?;
+    let body = whole(body, MAX_TEXT_BYTES)?;
+    let text = String::from_utf8(body.into()).map_err(|error| {
+        let reason = format!("program `{name}`: the text is no UTF-8: {}", error.utf8_error());
+        Problem::from(Refused::BadProgram { reason })
+    })?;
+    controller.operate_and_keep(&PanelAction::LoadProgram { name, text }).await?;
+    Ok(Json(SnapshotDto::of(number, controller)))
+}
+
+/// A body that was read to its end.
+fn whole(body: Result<Bytes, BytesRejection>, most: usize) -> Result<Bytes, Problem> {
+    body.map_err(|rejection| match rejection.status() {
+        StatusCode::PAYLOAD_TOO_LARGE => {
+            let most = format!("the body is longer than {most} bytes");
+            Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "too_long", most)
+        }
+        _ => Problem::new(StatusCode::BAD_REQUEST, "bad_body", rejection.body_text()),
+    })
 }
 
 /// This description.
@@ -158,7 +201,13 @@ async fn describe() -> impl IntoResponse {
 
 async fn no_such_path(uri: Uri) -> Problem {
     let path = uri.path();
-    let known = ["/v1/controllers", "/v1/controllers/1", "/v1/controllers/1/actions", "/v1/openapi.json"];
+    let known = [
+        "/v1/controllers",
+        "/v1/controllers/1",
+        "/v1/controllers/1/actions",
+        "/v1/controllers/1/programs/cell",
+        "/v1/openapi.json",
+    ];
     let message = match r6_proto::nearest(path, known) {
         Some(near) => format!("there is no `{path}`; nearest: `{near}`"),
         None => format!("there is no such path; there are: {}", known.join(", ")),
@@ -167,7 +216,7 @@ async fn no_such_path(uri: Uri) -> Problem {
 }
 
 async fn no_such_method() -> Problem {
-    let message = "an action is a POST, everything else a GET";
+    let message = "an action is a POST, a program is loaded with PUT, everything else is a GET";
     Problem::new(StatusCode::METHOD_NOT_ALLOWED, "no_such_method", message)
 }
 

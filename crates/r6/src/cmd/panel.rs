@@ -2,13 +2,17 @@
 
 mod http;
 
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
 use clap::{Args, Subcommand, ValueEnum};
+use r6_controller::program::MAX_TEXT_BYTES;
 use r6_proto::AxisIndex;
 use r6_proto::io_point::{IoPoint, PointKind};
 use r6_sim::panel::{ActionDto, ButtonDto, KeyDto};
 
 use crate::exit::{Exit, Failure};
-use crate::output::{self, panel};
+use crate::output::{self, alarm, panel};
 use crate::units;
 use http::Panel;
 
@@ -34,6 +38,7 @@ Examples:
   r6 panel alarm 850
   r6 panel clear
   r6 panel program register-move
+  r6 panel load cell.toml                       then: program cell, button start
   r6 panel --panel 127.0.0.1:9771 --controller 2 status --json"
 )]
 pub struct PanelArgs {
@@ -117,10 +122,25 @@ Examples:
     },
     /// Move all axes to 0, where the machine is homed; in manual
     Home,
-    /// Load another program
+    /// Choose another program
     Program {
         /// Its name
         name: String,
+    },
+    /// Load a program out of a file, in place of one with the same name
+    #[command(after_help = "\
+The program is then there (`moldList`), and with `--state` it survives a restart; `r6 panel program` chooses it. One that runs, or \
+that the running one may call, is not replaced: stop it first.
+
+Examples:
+  r6 panel load cell.toml                       it is called `cell`
+  r6 panel load cell.json --name cell-2")]
+    Load {
+        /// A .toml or .json file (docs/PROGRAMS.md)
+        file: PathBuf,
+        /// How it is called, 1 to 64 bytes [default: as the file, without its ending]
+        #[arg(long)]
+        name: Option<String>,
     },
 }
 
@@ -157,26 +177,55 @@ enum KeyWord {
 /// Asks the panel, and prints what a person then sees.
 pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
     let panel = Panel::at(&args.panel)?;
-    let action = args.what.action();
-    let state = match &action {
-        None => panel.state(args.controller).await?,
-        Some(action) => panel.act(args.controller, action).await?,
+    let starts = args.what.starts();
+    let looks = matches!(args.what, What::Status);
+    let state = match args.what.wish()? {
+        Wish::Look => panel.state(args.controller).await?,
+        Wish::Act(action) => panel.act(args.controller, &action).await?,
+        Wish::Load { file, name, text } => panel
+            .load(args.controller, &name, text)
+            .await
+            .map_err(|failure| failure.while_doing(file.display()))?,
     };
     if args.json {
         output::json_pretty(&state);
-    } else if action.is_some() {
-        output::line(panel::summary(&state));
-    } else {
+    } else if looks {
         output::line(panel::text(&state));
+    } else {
+        output::line(panel::summary(&state));
+    }
+    // A start is refused while there is an alarm: this one is new.
+    if starts && state.alarm != 0 {
+        let code = i64::from(state.alarm);
+        return Err(Failure::refused(format!("the program ended at once with alarm {}", alarm::short(code)))
+            .advise(alarm::advice(code)));
     }
     Ok(Exit::Done)
 }
 
+/// What is asked of the panel.
+enum Wish {
+    Look,
+    Act(ActionDto),
+    Load { file: PathBuf, name: String, text: String },
+}
+
 impl What {
-    /// What is done; `None`: it is only looked.
-    fn action(self) -> Option<ActionDto> {
-        Some(match self {
-            Self::Status => return None,
+    /// Whether a program runs after it.
+    fn starts(&self) -> bool {
+        match self {
+            Self::Button { button } => match button {
+                ButtonWord::Start | ButtonWord::SingleCycle | ButtonWord::SingleStep => true,
+                ButtonWord::Stop | ButtonWord::Pause => false,
+            },
+            _ => false,
+        }
+    }
+
+    fn wish(self) -> Result<Wish, Failure> {
+        Ok(Wish::Act(match self {
+            Self::Status => return Ok(Wish::Look),
+            Self::Load { file, name } => return load(file, name),
             Self::Input { point, level } => ActionDto::SetInput { point, on: level == Level::On },
             Self::Button { button } => ActionDto::Press {
                 button: match button {
@@ -201,8 +250,31 @@ impl What {
             Self::Jog { axis, by, speed } => ActionDto::Jog { axis, by, speed_percent: speed },
             Self::Home => ActionDto::Home {},
             Self::Program { name } => ActionDto::SwitchProgram { program: name },
-        })
+        }))
     }
+}
+
+/// The program of a file; whether it is one, the controller says.
+fn load(file: PathBuf, name: Option<String>) -> Result<Wish, Failure> {
+    let text = read_program(&file).map_err(|problem| Failure::usage(problem).while_doing(file.display()))?;
+    let stem = || file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    let name = name.or_else(stem).unwrap_or_default();
+    if name.is_empty() {
+        return Err(Failure::usage("--name: a program's name has 1 to 64 bytes"));
+    }
+    Ok(Wish::Load { file, name, text })
+}
+
+fn read_program(file: &Path) -> Result<String, String> {
+    let unread = |error: std::io::Error| format!("the file cannot be read: {error}");
+    // One byte more than is possible tells that it is too long.
+    let most = u64::try_from(MAX_TEXT_BYTES).unwrap_or(u64::MAX);
+    let mut text = String::new();
+    std::fs::File::open(file).map_err(unread)?.take(most + 1).read_to_string(&mut text).map_err(unread)?;
+    if text.len() > MAX_TEXT_BYTES {
+        return Err(format!("the file is too long: a program has {MAX_TEXT_BYTES} bytes at most"));
+    }
+    Ok(text)
 }
 
 /// The name of an input, as it is sent.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use r6_controller::{LogLine, Profile, RobotModel, StartState};
-use r6_sim::{Clock, ControllerHandle, SimSettings, Simulation};
+use r6_sim::{Camera, Clock, ControllerHandle, SimSettings, Simulation};
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::task::JoinSet;
@@ -36,6 +36,10 @@ pub struct CellArgs {
     /// palletise, default), or a .toml or .json file; may be given several times: the first one runs, all are there
     #[arg(long, value_name = "NAME|FILE", value_parser = programs::read)]
     program: Vec<programs::Given>,
+    /// A camera that listens: the controller dials it, and dials again whenever the connection is lost; 1=ADDR:PORT,
+    /// several times, for cameras with a camID of their own
+    #[arg(long, value_name = "[ID=]ADDR:PORT")]
+    camera: Vec<Camera>,
     /// How fast time goes: real, 10x (0.01x to 1000x), or max: it jumps from event to event, and stands while
     /// nobody says anything
     #[arg(long, value_name = "real|Nx|max", default_value = "real")]
@@ -84,6 +88,7 @@ Examples:
   r6 sim --model GENERIC-SCARA
   r6 sim --model my-arm.toml
   r6 sim --program cell.toml                    a program of your own (docs/PROGRAMS.md)
+  r6 sim --program pick-and-place --camera 127.0.0.1:9000    dials a camera that listens
   r6 sim --clock max                            moves take no time; the same requests, the same bytes
   r6 sim --state my-cell                        counters, tools and the like survive a restart
   echo input 0 3 on | r6 sim                    input 3 is on from the start
@@ -139,7 +144,7 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
 impl CellArgs {
     /// One controller of this kind.
     pub fn settings(self) -> Result<SimSettings, Failure> {
-        let Self { model, profile, start, program, clock, seed, state } = self;
+        let Self { model, profile, start, program, camera, clock, seed, state } = self;
         let (library, mold) = programs::library(program).map_err(|error| Failure::usage(&error))?;
         let start = match start {
             Start::Waiting => StartState::Waiting,
@@ -147,7 +152,18 @@ impl CellArgs {
             Start::Manual => StartState::Manual,
             Start::Auto => StartState::Auto,
         };
-        Ok(SimSettings { profile, model, start, library, mold, clock, seed, state, ..SimSettings::default() })
+        Ok(SimSettings {
+            profile,
+            model,
+            start,
+            library,
+            mold,
+            cameras: camera,
+            clock,
+            seed,
+            state,
+            ..SimSettings::default()
+        })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::net::TcpListener;
 
-use crate::support::{Outcome, Running, r6};
+use crate::support::{Outcome, Running, TempFile, r6};
 
 /// Virtual controllers with a panel.
 struct Cell {
@@ -104,6 +104,60 @@ fn an_axis_is_moved_by_hand() {
     cell.done(&["key", "auto"]);
     let refused = cell.panel(&["jog", "J1", "+10"]);
     assert!(refused.code == 1 && refused.err.contains("turn the key to manual"), "{refused:?}");
+}
+
+#[test]
+fn a_program_is_loaded_out_of_a_file() {
+    let cell = Cell::start(&[]);
+    let good = TempFile::new(
+        "load.toml",
+        "[[step]]\ndo = \"counter\"\nnumber = 0\nby = 1\n[[step]]\ndo = \"wait\"\nseconds = 3600\n",
+    );
+    assert_eq!(
+        cell.done(&["load", good.path(), "--name", "my cell"]).out,
+        "mode running (7), no alarm, at rest\n"
+    );
+    cell.done(&["program", "my cell"]);
+    assert_eq!(cell.done(&["status", "--json"]).json()["program"], "my cell");
+    assert_eq!(
+        r6(&["-r", &cell.robot, "query", "counter-0", "--json"]).json()["values"]["counter-0"]["current"],
+        1
+    );
+    // Without a name it is called as the file.
+    let state = cell.done(&["load", good.path(), "--json"]).json();
+    let stem = std::path::Path::new(good.path()).file_stem().unwrap().to_str().unwrap();
+    assert!(state["programs"].as_array().unwrap().iter().any(|name| name == stem), "{state}");
+
+    let bad = TempFile::new("bad.toml", "[[step]]\ndo = \"remote\"\n[[step]]\ndo = \"wiat\"\n");
+    for (args, code, parts) in [
+        (&["load", bad.path(), "--name", "bad"][..], 2, &[bad.path(), "program `bad`, step 2", "`wait`"][..]),
+        (&["load", good.path(), "--name", "my cell"], 1, &[good.path(), "`my cell` runs", "stop it first"]),
+        (&["load", good.path(), "--name", ""], 2, &["--name"]),
+        (&["load", "no-such.toml"], 2, &["no-such.toml", "cannot be read"]),
+    ] {
+        let outcome = cell.panel(args);
+        assert_eq!(outcome.code, code, "{outcome:?}");
+        for part in parts {
+            assert!(outcome.err.contains(part), "{part}: {}", outcome.err);
+        }
+    }
+}
+
+#[test]
+fn a_start_that_ends_at_once_in_an_alarm_is_no_success() {
+    let file = TempFile::new("alarm.toml", "[[step]]\ndo = \"alarm\"\nnumber = 5007\n");
+    let cell = Cell::start(&["--program", file.path()]);
+    for button in ["start", "single-cycle", "single-step"] {
+        cell.done(&["clear"]);
+        let outcome = cell.panel(&["button", button]);
+        assert_eq!(outcome.code, 1, "{outcome:?}");
+        assert!(outcome.err.contains("5007") && outcome.out.contains("5007"), "{outcome:?}");
+    }
+    cell.done(&["clear"]);
+    let outcome = cell.panel(&["button", "start", "--json"]);
+    assert_eq!((outcome.code, &outcome.json()["alarm"]), (1, &5007.into()));
+    // A press that starts nothing is done all the same.
+    assert_eq!(cell.panel(&["button", "stop"]).code, 0);
 }
 
 #[test]

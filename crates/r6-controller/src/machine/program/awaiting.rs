@@ -55,7 +55,7 @@ impl Machine {
         let found = self.position_of_point(camera, model).and_then(|at| self.points.remove(at));
         match (found, or_else) {
             (Some((_, point)), _) => {
-                self.program.point = Some(point);
+                self.program.point = Some(self.place_of(&point));
                 self.program.awaiting = None;
                 self.program.next();
             }

@@ -47,11 +47,16 @@ impl Machine {
         if pose { line_to(target, manner) } else { Action::AxisMove(Move { target, manner }) }
     }
 
-    /// The point that was taken: a place in the world, or a way from where the tool is.
+    /// The point that was taken.
     fn move_to_point(&self, above: f64, manner: Manner) -> Result<Action, (u32, String)> {
-        let point = self.program.point;
-        let point = point.ok_or_else(|| (PROGRAM_ERROR, "no point was taken".to_owned()))?;
-        let mut target = self.coordinates_of(&point);
+        let point = self.program.point.ok_or_else(|| (PROGRAM_ERROR, "no point was taken".to_owned()))?;
+        Ok(line_to(shifted(&point, [0.0; 3], above), manner))
+    }
+
+    /// Where a point is: a place in the work frame, or a way from where the tool is now (`Rel`). The program takes a point before it
+    /// moves there, so that all moves to one point, above it and down to it, mean the same place.
+    pub(super) fn place_of(&self, point: &Point) -> Coordinates {
+        let mut target = self.coordinates_of(point);
         if point.relative {
             let here = self.pose_of(&self.axes).components();
             for (axis, here) in AxisIndex::ALL.into_iter().zip(here) {
@@ -60,8 +65,7 @@ impl Machine {
                 }
             }
         }
-        target.set(Z, target.at(Z).unwrap_or(0.0) + above);
-        Ok(line_to(target, manner))
+        target
     }
 
     /// X, Y, Z, and the angles that were given; `Angel` is W, on a machine of four axes U (manual 5.2).

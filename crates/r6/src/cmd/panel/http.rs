@@ -58,14 +58,21 @@ impl Panel {
         self.ask(Method::POST, &path, body.into(), Exit::Unknown).await
     }
 
+    /// Loads a program, and tells what a person would then see.
+    pub async fn load(&self, controller: usize, name: &str, text: String) -> Result<SnapshotDto, Failure> {
+        let path = format!("/v1/controllers/{controller}/programs/{}", in_path(name));
+        self.ask(Method::PUT, &path, text.into(), Exit::Unknown).await
+    }
+
     /// Sends a request; `lost` is how the run ends where no reply comes.
     async fn ask(&self, method: Method, path: &str, body: Bytes, lost: Exit) -> Result<SnapshotDto, Failure> {
         let stream = self.connect().await?;
+        let kind = if method == Method::PUT { "text/plain; charset=utf-8" } else { "application/json" };
         let request = Request::builder()
             .method(method)
             .uri(path)
             .header(HOST, &self.address)
-            .header(CONTENT_TYPE, "application/json")
+            .header(CONTENT_TYPE, kind)
             .body(Full::new(body))
             .map_err(|error| Failure::usage(format!("no such request: {error}")))?;
         let exchange = exchange(stream, request);
@@ -103,6 +110,18 @@ impl Panel {
             Err(_) => Err(unreachable(format!("no connection within {PATIENCE:?}"))),
         }
     }
+}
+
+/// A name as one part of a path.
+fn in_path(name: &str) -> String {
+    name.bytes().fold(String::new(), |mut path, byte| {
+        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
+            path.push(char::from(byte));
+        } else {
+            path.push_str(&format!("%{byte:02X}"));
+        }
+        path
+    })
 }
 
 /// One request and its reply on a connection of its own.

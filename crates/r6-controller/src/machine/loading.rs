@@ -1,0 +1,71 @@
+//! Programs that a person loads at the machine, and what a power cut leaves of them.
+
+use std::collections::BTreeMap;
+
+use super::Machine;
+use crate::panel::Refused;
+use crate::program::{Library, LibraryError, MAX_LOADED_BYTES, Program};
+
+impl Machine {
+    /// Takes a program, in place of one with the same name. A program that runs, or that the running one may call, stays as it is; one
+    /// that is in use at rest begins at its first step, as after `switchMold`.
+    pub(super) fn load_program(&mut self, name: &str, text: &str) -> Result<(), Refused> {
+        let bad = |reason: String| Refused::BadProgram { reason };
+        let program = Program::read(name, text).map_err(|error| bad(error.to_string()))?;
+        let in_use = self.library.reaches(&self.mold, name);
+        if in_use && self.mode.may_run() {
+            return Err(Refused::ProgramRuns { name: name.to_owned() });
+        }
+        if in_use && self.is_moving() {
+            return Err(Refused::Moving);
+        }
+        self.check_room(name, text)?;
+        let steps = program.steps().len();
+        let mut library = self.library.clone();
+        library.insert(program.clone()).map_err(|error| match error {
+            LibraryError::Full => Refused::NoRoom { reason: format!("{error}: replace one of them") },
+            LibraryError::Program(error) => bad(error.to_string()),
+        })?;
+        if let Some(missing) = library.missing_call(&program) {
+            return Err(bad(format!("program `{name}`: {missing}; load that one first")));
+        }
+        self.library = library;
+        self.loaded.insert(name.to_owned(), text.to_owned());
+        self.note(format!("program `{name}` was loaded: {steps} steps"));
+        if in_use {
+            let mold = self.mold.clone();
+            self.switch_mold(&mold).map_err(|reason| Refused::Program { reason })?;
+        }
+        Ok(())
+    }
+
+    fn check_room(&self, name: &str, text: &str) -> Result<(), Refused> {
+        let others = self.loaded.iter().filter(|(other, _)| *other != name);
+        let bytes = others.map(|(_, text)| text.len()).sum::<usize>() + text.len();
+        if bytes <= MAX_LOADED_BYTES {
+            return Ok(());
+        }
+        let reason = format!(
+            "all loaded programs together would have {bytes} bytes; {MAX_LOADED_BYTES} are possible: replace a longer one"
+        );
+        Err(Refused::NoRoom { reason })
+    }
+
+    /// Takes the programs that were loaded before a power cut. One that the controller was now given under the same name counts, and the
+    /// loaded one is kept for a start without it.
+    pub(crate) fn restore_programs(&mut self, loaded: &BTreeMap<String, String>) {
+        (*self.loaded).clone_from(loaded);
+        for (name, text) in loaded {
+            let given = self.library.named(name).filter(|given| !Library::is_shipped(given));
+            if given.is_some_and(|given| given.text() != text) {
+                self.note(format!(
+                    "program `{name}` is the one that was given at the start; the one that was loaded at the panel is kept"
+                ));
+            } else if given.is_none()
+                && let Err(error) = self.library.load(name, text)
+            {
+                self.note(format!("program `{name}` was loaded at the panel, but is not there now: {error}"));
+            }
+        }
+    }
+}

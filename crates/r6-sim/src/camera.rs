@@ -1,0 +1,217 @@
+//! Cameras that listen: each controller dials them, and dials again whenever the connection is lost.
+
+use std::fmt;
+use std::net::SocketAddr;
+use std::str::FromStr;
+use std::time::Duration;
+
+use r6_controller::Level;
+use socket2::{SockRef, TcpKeepalive};
+use tokio::net::TcpStream;
+use tokio::time::Instant;
+use tracing::debug;
+
+use crate::connection;
+use crate::handle::ControllerHandle;
+
+/// The most cameras that one controller dials. Each takes a task and an open file; a cell has a few.
+pub const MAX_CAMERAS: usize = 16;
+
+/// How long an attempt to connect may take: a camera in the cell answers within milliseconds, one that is switched off never.
+const CONNECT_TIME: Duration = Duration::from_secs(3);
+
+/// The wait after the first failure or loss: a camera program that is started again listens at once.
+const FIRST_WAIT: Duration = Duration::from_millis(100);
+
+/// How many times as long each further wait is.
+const GROWTH: u32 = 2;
+
+/// The longest wait: somebody who has switched the camera on again does not wait longer than that, and a camera that is gone
+/// for good costs one small packet in that time.
+const LONGEST_WAIT: Duration = Duration::from_secs(5);
+
+/// How silent a connection may be before the system asks whether the camera is still there, and how often it asks again: one that has
+/// lost its power says nothing. The system gives up after some such questions (on Linux nine).
+const ASK_AFTER: Duration = Duration::from_secs(10);
+const ASK_AGAIN: Duration = Duration::from_secs(2);
+
+/// How long what was sent may stay without the other system's acknowledgement: as long as those questions take. Without this a photo
+/// request on its way to a camera without power would keep the connection for a quarter of an hour.
+#[cfg(target_os = "linux")]
+const UNACKNOWLEDGED: Duration = Duration::from_secs(28);
+
+/// A camera that listens, and that each controller dials: `ADDR:PORT`, or `ID=ADDR:PORT` for one of several.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Camera {
+    /// Its `camID`; `None`: it is every camera that has no address of its own.
+    pub cam_id: Option<i64>,
+    /// Where it listens.
+    pub address: SocketAddr,
+}
+
+/// A text that is no [`Camera`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BadCamera(&'static str);
+
+impl fmt::Display for BadCamera {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.0)
+    }
+}
+
+impl std::error::Error for BadCamera {}
+
+impl FromStr for Camera {
+    type Err = BadCamera;
+
+    fn from_str(text: &str) -> Result<Self, BadCamera> {
+        const BAD_ID: BadCamera = BadCamera("the camID is a whole number: 1=127.0.0.1:9000");
+        const BAD_ADDRESS: BadCamera = BadCamera(
+            "write an address and a port other than 0, as 127.0.0.1:9000, or 1=127.0.0.1:9000 for camera 1",
+        );
+        let (cam_id, address) = match text.split_once('=') {
+            Some((cam_id, address)) => (Some(cam_id.parse().map_err(|_| BAD_ID)?), address),
+            None => (None, text),
+        };
+        let address: SocketAddr = address.parse().map_err(|_| BAD_ADDRESS)?;
+        if address.port() == 0 { Err(BAD_ADDRESS) } else { Ok(Self { cam_id, address }) }
+    }
+}
+
+impl fmt::Display for Camera {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.cam_id {
+            Some(cam_id) => write!(f, "camera {cam_id} at {}", self.address),
+            None => write!(f, "the camera at {}", self.address),
+        }
+    }
+}
+
+/// Keeps a connection to a camera for as long as this runs, one attempt at a time. Real time counts, whatever the controller's
+/// clock does: the camera is no part of it.
+pub(crate) async fn dial(controller: ControllerHandle, camera: Camera, seed: u64) {
+    let mut waits = Waits::new(seed);
+    let mut failing = false;
+    loop {
+        match connect(camera.address).await {
+            Ok(stream) => {
+                failing = false;
+                let begun = Instant::now();
+                connection::serve_camera(&controller, stream, camera).await;
+                // One that accepts and hangs up at once is asked ever more seldom.
+                if begun.elapsed() > LONGEST_WAIT {
+                    waits.begin_anew();
+                }
+            }
+            Err(why) if failing => debug!(%camera, why, "still not reached"),
+            Err(why) => {
+                failing = true;
+                let text = format!("{camera} cannot be reached: {why}; it is tried again until it is there");
+                controller.tell(None, Level::Warning, text);
+            }
+        }
+        tokio::time::sleep(waits.next()).await;
+    }
+}
+
+async fn connect(address: SocketAddr) -> Result<TcpStream, String> {
+    let stream = match tokio::time::timeout(CONNECT_TIME, TcpStream::connect(address)).await {
+        Ok(connected) => connected.map_err(|error| error.to_string())?,
+        Err(_) => return Err(format!("no answer within {CONNECT_TIME:?}")),
+    };
+    if let Err(error) = watch(&SockRef::from(&stream)) {
+        debug!(%error, "a camera that loses its power will not be noticed soon");
+    }
+    Ok(stream)
+}
+
+/// Lets the system notice that the camera has lost its power, whether something is on its way to it or not.
+fn watch(socket: &SockRef<'_>) -> std::io::Result<()> {
+    #[cfg(target_os = "linux")]
+    socket.set_tcp_user_timeout(Some(UNACKNOWLEDGED))?;
+    socket.set_tcp_keepalive(&TcpKeepalive::new().with_time(ASK_AFTER).with_interval(ASK_AGAIN))
+}
+
+/// The waits between attempts: each longer than the one before, up to a longest, and each drawn from its upper half, so that
+/// many controllers do not dial all at once.
+#[derive(Debug)]
+struct Waits {
+    next: Duration,
+    /// A word of state, from the seed (xorshift64*).
+    state: u64,
+}
+
+impl Waits {
+    fn new(seed: u64) -> Self {
+        // Any word but 0 does; neighbouring seeds are spread.
+        Self { next: FIRST_WAIT, state: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1 }
+    }
+
+    fn begin_anew(&mut self) {
+        self.next = FIRST_WAIT;
+    }
+
+    fn next(&mut self) -> Duration {
+        let wait = self.next;
+        self.next = wait.saturating_mul(GROWTH).min(LONGEST_WAIT);
+        self.state ^= self.state >> 12;
+        self.state ^= self.state << 25;
+        self.state ^= self.state >> 27;
+        let drawn = self.state.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 32;
+        let fraction = f64::from(u32::try_from(drawn).unwrap_or(u32::MAX)) / f64::from(u32::MAX);
+        wait.mul_f64(0.5 + 0.5 * fraction)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_is_read_with_and_without_its_number() {
+        let address = "127.0.0.1:9000".parse().unwrap();
+        assert_eq!("127.0.0.1:9000".parse(), Ok(Camera { cam_id: None, address }));
+        assert_eq!("7=127.0.0.1:9000".parse(), Ok(Camera { cam_id: Some(7), address }));
+        assert_eq!("0=[::1]:1".parse::<Camera>().unwrap().to_string(), "camera 0 at [::1]:1");
+        for wrong in ["", "9000", "127.0.0.1", "127.0.0.1:0", "x=127.0.0.1:9000", "=127.0.0.1:9000", "1="] {
+            assert!(wrong.parse::<Camera>().is_err(), "{wrong}");
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[tokio::test]
+    async fn a_camera_that_loses_its_power_is_noticed() {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let stream = connect(listener.local_addr().unwrap()).await.unwrap();
+        let socket = SockRef::from(&stream);
+        assert_eq!(socket.tcp_user_timeout().unwrap(), Some(UNACKNOWLEDGED));
+        assert!(socket.keepalive().unwrap());
+        assert_eq!(socket.tcp_keepalive_time().unwrap(), ASK_AFTER);
+        assert_eq!(socket.tcp_keepalive_interval().unwrap(), ASK_AGAIN);
+    }
+
+    #[test]
+    fn waits_grow_to_the_longest_within_their_upper_half() {
+        let mut waits = Waits::new(3);
+        let mut full = FIRST_WAIT;
+        for _ in 0..20 {
+            let wait = waits.next();
+            assert!(wait >= full / 2 && wait <= full, "{wait:?} of {full:?}");
+            full = (full * GROWTH).min(LONGEST_WAIT);
+        }
+        assert_eq!(full, LONGEST_WAIT);
+        waits.begin_anew();
+        assert!(waits.next() <= FIRST_WAIT);
+    }
+
+    #[test]
+    fn the_seed_says_the_waits() {
+        let waits = |seed| {
+            let mut waits = Waits::new(seed);
+            std::array::from_fn::<_, 8, _>(|_| waits.next())
+        };
+        assert_eq!(waits(5), waits(5));
+        assert_ne!(waits(5), waits(6));
+        assert_ne!(waits(0), waits(1), "0 | 1 and 1 would be the same word");
+    }
+}
