@@ -20,6 +20,7 @@ use r6_proto::{Address, RequestType};
 
 use cameras::{Cameras, Route};
 
+use crate::fault::LinkFaultNow;
 use crate::io::OutputPoint;
 use crate::log::{Level, Log, LogLine};
 use crate::machine::Machine;
@@ -82,6 +83,8 @@ pub struct Controller {
     woken: VecDeque<ConnectionId>,
     /// How many frames were sent that nobody had asked for.
     pushes: u64,
+    /// What is wrong with the link now.
+    link_faults: Vec<LinkFaultNow>,
     log: Log,
 }
 
@@ -106,6 +109,7 @@ impl Controller {
             cameras: Cameras::default(),
             woken: VecDeque::new(),
             pushes: 0,
+            link_faults: Vec::new(),
             log: Log::default(),
         }
     }
@@ -273,6 +277,19 @@ impl Controller {
     /// A connection that has something to write, or has to be reset, although it sent nothing itself.
     pub fn poll_woken(&mut self) -> Option<ConnectionId> {
         self.woken.pop_front()
+    }
+
+    /// What is wrong with the link now: the shell that owns the sockets brings it about. Every connection is woken when it
+    /// changes.
+    #[must_use]
+    pub fn link_faults(&self) -> &[LinkFaultNow] {
+        &self.link_faults
+    }
+
+    /// Has the link be like this from now on.
+    pub fn set_link_faults(&mut self, faults: Vec<LinkFaultNow>) {
+        self.link_faults = faults;
+        self.woken.extend(self.connections.keys());
     }
 
     /// What happened, oldest first.

@@ -11,6 +11,7 @@
 mod answer;
 pub mod controller;
 pub mod fast_clock;
+pub mod fault;
 pub mod instruction_list;
 pub mod io;
 pub mod log;
