@@ -1,6 +1,7 @@
 //! Virtual controllers over real sockets.
 
 use std::io::ErrorKind;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use r6_controller::Profile;
@@ -138,6 +139,63 @@ async fn two_hundred_controllers_each_have_their_own_port_and_state() {
         assert_eq!(read(&mut stream, &value).await, value);
     }
     simulation.shutdown().await;
+}
+
+/// A port that is free on every loopback address, and that the system gives to nobody else while this lives: the socket
+/// is bound everywhere and does not listen, which lets others bind only by that number.
+fn reserved_port() -> (socket2::Socket, u16) {
+    let socket = socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::STREAM, None).unwrap();
+    socket.set_reuse_address(true).unwrap();
+    socket.bind(&SocketAddr::from(([0, 0, 0, 0], 0)).into()).unwrap();
+    let port = socket.local_addr().unwrap().as_socket_ipv4().unwrap().port();
+    (socket, port)
+}
+
+/// Writes a register of whatever answers there.
+async fn write_800(address: SocketAddr, value: u8) {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    let write = format!(r#"{{"reqType":"command","cmdData":["rewriteData","800","{value}","0"]}}"#);
+    stream.write_all(write.as_bytes()).await.unwrap();
+    let ok =
+        r#"{"cmdReply":["rewriteData","ok"],"dsID":"www.hc-system.com.RemoteMonitor","reqType":"command"}"#;
+    assert_eq!(read(&mut stream, ok).await, ok);
+}
+
+async fn assert_800(address: SocketAddr, value: u8) {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    stream.write_all(br#"{"reqType":"query","queryAddr":["Addr-800"]}"#).await.unwrap();
+    let reply = format!(
+        r#"{{"dsID":"www.hc-system.com.RemoteMonitor","queryAddr":["Addr-800"],"queryData":["{value}"],"reqType":"query"}}"#
+    );
+    assert_eq!(read(&mut stream, &reply).await, reply, "{address}");
+}
+
+#[tokio::test]
+async fn each_loopback_address_has_a_controller_of_its_own_on_one_port() {
+    let (_reserved, port) = reserved_port();
+    let listen: Vec<SocketAddr> = (2..=5).map(|host| SocketAddr::from(([127, 0, 0, host], port))).collect();
+    let simulation = start(SimSettings { listen: listen.clone(), ..SimSettings::default() }).await;
+    let addresses: Vec<_> = simulation.controllers().iter().map(|one| one.address()).collect();
+    assert_eq!(addresses, listen);
+    for (address, value) in listen.iter().zip(2..) {
+        write_800(*address, value).await;
+    }
+    for (address, value) in listen.iter().zip(2..) {
+        assert_800(*address, value).await;
+    }
+    assert!(TcpStream::connect((Ipv4Addr::LOCALHOST, port)).await.is_err(), "nobody asked for that one");
+}
+
+#[tokio::test]
+async fn one_controller_listens_on_every_address_of_the_machine() {
+    let (_reserved, port) = reserved_port();
+    let listen = vec![SocketAddr::from(([0, 0, 0, 0], port))];
+    let simulation = start(SimSettings { listen, ..SimSettings::default() }).await;
+    assert_eq!(simulation.controllers().len(), 1);
+    write_800(SocketAddr::from(([127, 0, 0, 1], port)), 9).await;
+    for host in [[127, 0, 0, 1], [127, 0, 0, 2], [127, 3, 2, 1]] {
+        assert_800(SocketAddr::from((host, port)), 9).await;
+    }
 }
 
 #[tokio::test]
