@@ -19,6 +19,25 @@ impl Random {
         mixed ^ (mixed >> 31)
     }
 
+    /// A number from 0, below `end`; 0 where `end` is 0.
+    pub fn below(&mut self, end: usize) -> usize {
+        let wide = (u128::from(self.next()) * u128::try_from(end).unwrap_or(0)) >> 64;
+        usize::try_from(wide).unwrap_or(0)
+    }
+
+    /// Whether something happens that does in this part of all cases, 0 to 1.
+    pub fn strikes(&mut self, chance: f64) -> bool {
+        // The upper 53 bits: every such number is an f64, and below 1.
+        #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
+        let part = (self.next() >> 11) as f64 / (1_u64 << 53) as f64;
+        part < chance
+    }
+
+    /// A time from 0 to `most`.
+    pub fn up_to(&mut self, most: Duration) -> Duration {
+        self.around(most / 2, most / 2).min(most)
+    }
+
     /// A time from `middle` − `spread` to `middle` + `spread`, each nanosecond as likely as any other; never negative.
     pub fn around(&mut self, middle: Duration, spread: Duration) -> Duration {
         if spread.is_zero() {
@@ -57,6 +76,19 @@ mod tests {
         assert!(drawn.iter().all(|time| (MIDDLE - SPREAD..=MIDDLE + SPREAD).contains(time)));
         let near = |edge: Duration| drawn.iter().any(|time| time.abs_diff(edge) < SPREAD / 20);
         assert!(near(MIDDLE - SPREAD) && near(MIDDLE) && near(MIDDLE + SPREAD));
+    }
+
+    #[test]
+    fn parts_and_places_are_as_likely_as_told() {
+        let mut random = Random::new(5);
+        let struck = (0..10_000).filter(|_| random.strikes(0.25)).count();
+        assert!((2300..2700).contains(&struck), "{struck}");
+        assert!((0..1000).all(|_| random.strikes(1.0) && !random.strikes(0.0)));
+        let mut places = [0; 3];
+        (0..3000).for_each(|_| places[random.below(3)] += 1);
+        assert!(places.iter().all(|count| (900..1100).contains(count)), "{places:?}");
+        assert_eq!((random.below(0), random.below(1)), (0, 0));
+        assert!((0..1000).all(|_| random.up_to(SPREAD) <= SPREAD));
     }
 
     #[test]
