@@ -203,6 +203,9 @@ impl Controller {
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.connections.remove(&id);
         self.cameras.disconnect(id);
+        if let Some(breakage) = &mut self.breakage {
+            breakage.disconnect(id);
+        }
     }
 
     /// Takes bytes from a connection and carries out what they ask.
@@ -328,6 +331,9 @@ impl Controller {
     }
 
     fn push_photo(&mut self, now: Instant, cam_id: i64) {
+        if self.is_off() {
+            return;
+        }
         let route = self.cameras.route(cam_id);
         let mut asked = 0;
         for (id, connection) in &mut self.connections {
@@ -337,7 +343,11 @@ impl Controller {
                 Route::Away => false,
             };
             if is_meant && connection.service == Service::Served {
-                connection.session.split().1.send(|out| encode_photo(cam_id, None, out));
+                let (_, outbox) = connection.session.split();
+                outbox.send(|out| encode_photo(cam_id, None, out));
+                if outbox.is_overfull() {
+                    connection.service = Service::Over;
+                }
                 self.woken.push_back(*id);
                 asked += 1;
             }

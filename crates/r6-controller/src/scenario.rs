@@ -6,6 +6,7 @@
 
 mod file;
 mod run;
+mod words;
 
 use std::fmt;
 use std::time::Duration;
@@ -142,6 +143,14 @@ pub struct Window {
     pub lasts: Option<Duration>,
     /// How likely it strikes, 0 to 1, each time it could.
     pub chance: f64,
+}
+
+impl Window {
+    /// Whether the fault is in force this long after the controller was switched on: from its first moment, up to its last.
+    #[must_use]
+    pub fn is_in_force(&self, since: Duration) -> bool {
+        since >= self.from && self.lasts.is_none_or(|lasts| since < self.from.saturating_add(lasts))
+    }
 }
 
 /// Why a text is no scenario.
