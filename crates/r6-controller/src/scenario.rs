@@ -15,6 +15,7 @@ use crate::fault::Fault;
 use crate::io::OutputPoint;
 use crate::panel::PanelAction;
 
+pub use file::HAPPENINGS;
 pub(crate) use run::{ScenarioRun, Turn};
 
 /// No list of a scenario is longer.

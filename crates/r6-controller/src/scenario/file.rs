@@ -16,8 +16,8 @@ use crate::mode::Key;
 use crate::panel::{Button, LAST_ALARM, PanelAction};
 use crate::saved::MAX_COUNT;
 
-/// What can happen, in the order in which the page tells it.
-pub(super) const HAPPENINGS: [&str; 15] = [
+/// The words of what can happen (`do`), in the order in which `docs/SCENARIOS.md` tells them.
+pub const HAPPENINGS: [&str; 15] = [
     "input",
     "bounce",
     "output",
