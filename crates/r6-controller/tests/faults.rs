@@ -17,6 +17,7 @@ use r6_controller::scenario::{Happening, Scenario};
 use r6_controller::{Button, PanelAction};
 use r6_proto::time::Instant;
 
+use client::Client;
 use world::{World, end_of};
 
 const SEEDS: [u64; 3] = [0, 1, 77];
@@ -131,7 +132,11 @@ fn run(name: &str, seed: u64) -> World {
     let later = world.client.seen.timeouts + world.other.seen.timeouts;
     assert_eq!(later, timeouts, "a request is not answered although all is over");
     for motion in &world.client.motions {
-        assert!(world.visits(motion.target) <= 1 && world.visits(motion.half) <= 1, "twice: {motion:?}");
+        assert!(
+            world.visits(motion.target) <= 1 && world.visits(motion.half) <= 1,
+            "twice: {motion:?}, rests {:?}",
+            world.rests
+        );
     }
     let frozen = name == "C9-frozen-values";
     assert!(world.stale == 0 || frozen || shifted, "the client believes in {} wrong places", world.stale);
@@ -290,6 +295,17 @@ proptest! {
         (world.client.trusts_values, world.other.trusts_values) = (false, false);
         world.run_to(Instant::ORIGIN + end);
         prop_assert!(world.growth() < 200_000);
+    }
+}
+
+/// Where two clients count alike, the question tells whose reply it is.
+#[test]
+fn crossed_replies_with_the_same_numbers() {
+    for seed in SEEDS {
+        let mut world = World::new(scenario("P4-crossed-reply"), seed);
+        world.other = Client::new(world.other.id, false, 1, world.now);
+        world.run_to(Instant::ORIGIN + Duration::from_secs(20));
+        assert!(world.other.seen.strays("contradiction") > 5, "{:?}", world.other.seen);
     }
 }
 

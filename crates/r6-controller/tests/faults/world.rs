@@ -41,6 +41,8 @@ pub struct World {
     halted: Option<(Instant, bool)>,
     /// Where J1 came to rest, each time anew.
     pub rests: Vec<f64>,
+    /// Whether it has left the last of them.
+    left: bool,
     /// Since when it rests there.
     rests_since: Instant,
     /// How often the client had just read that J1 is where it is not.
@@ -94,6 +96,7 @@ impl World {
             now,
             halted: None,
             rests: Vec::new(),
+            left: false,
             rests_since: now,
             stale: 0,
             log: Vec::new(),
@@ -191,6 +194,7 @@ impl World {
         if after.runs && !before.runs {
             assert!(told_to, "it runs, and nobody started it: {told}");
         }
+        assert!(!(after.runs && told.ends_with("the mains fail")), "it runs without mains");
         if after.runs || told_to {
             self.halted = None;
         } else if told.contains("the mains fail") {
@@ -207,7 +211,10 @@ impl World {
                 after.axes
             );
         }
-        if !after.moves && self.rests.last().is_none_or(|last| (last - after.axes[0]).abs() > 1e-6) {
+        let elsewhere = self.rests.last().is_none_or(|last| (last - after.axes[0]).abs() > 1e-6);
+        self.left |= elsewhere;
+        if !after.moves && self.left {
+            self.left = false;
             self.rests.push(after.axes[0]);
         }
         if after.moves {

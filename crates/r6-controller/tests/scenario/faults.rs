@@ -255,6 +255,16 @@ fn values_stay_as_they_were() {
 }
 
 #[test]
+fn values_that_are_frozen_again_are_those_of_then() {
+    let mut cell =
+        cell(&(fault("frozen-values", "from = 1\nfor = 1") + &fault("frozen-values", "from = 5\nfor = 10")));
+    cell.pass(3.0);
+    cell.ok(&["modifyOutput", "0", "0", "1"]);
+    cell.pass(3.0);
+    assert_eq!(cell.text("output-0"), "1");
+}
+
+#[test]
 fn a_dead_task_answers_heartbreaks() {
     let mut cell = cell(&fault("task-dead", ""));
     cell.send(ASK);
