@@ -19,6 +19,27 @@ impl Random {
         mixed ^ (mixed >> 31)
     }
 
+    /// A number from 0 to below `end`, each as likely as any other; 0 where there is none.
+    pub fn below(&mut self, end: u64) -> u64 {
+        // The upper half of a product.
+        u64::try_from((u128::from(self.next()) * u128::from(end)) >> 64).unwrap_or_default()
+    }
+
+    /// Whether something happens that is as likely as `chance`: never at 0, always at 1.
+    pub fn happens(&mut self, chance: f64) -> bool {
+        /// How many numbers below 1 are drawn from: as many as a float tells apart.
+        const PARTS: u64 = 1 << 53;
+        #[expect(clippy::cast_precision_loss, reason = "both are at most 2^53, which a float holds exactly")]
+        let part = self.below(PARTS) as f64 / PARTS as f64;
+        part < chance
+    }
+
+    /// A time from zero to `longest`, each nanosecond as likely as any other.
+    pub fn up_to(&mut self, longest: Duration) -> Duration {
+        let nanos = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX - 1);
+        Duration::from_nanos(self.below(nanos.saturating_add(1)))
+    }
+
     /// A time from `middle` − `spread` to `middle` + `spread`, each nanosecond as likely as any other; never negative.
     pub fn around(&mut self, middle: Duration, spread: Duration) -> Duration {
         if spread.is_zero() {
@@ -66,5 +87,30 @@ mod tests {
         for _ in 0..1000 {
             assert!(random.around(SPREAD, MIDDLE) <= MIDDLE + SPREAD);
         }
+    }
+
+    #[test]
+    fn numbers_fill_their_range_and_stay_in_it() {
+        let mut random = Random::new(4);
+        let mut seen = [0_u32; 7];
+        for _ in 0..7000 {
+            seen[usize::try_from(random.below(7)).unwrap()] += 1;
+        }
+        assert!(seen.iter().all(|count| (850..1150).contains(count)), "{seen:?}");
+        assert_eq!((random.below(0), random.below(1)), (0, 0));
+        let drawn: Vec<_> = (0..1000).map(|_| random.up_to(SPREAD)).collect();
+        assert!(drawn.iter().all(|time| *time <= SPREAD));
+        assert!(
+            drawn.iter().any(|time| *time < SPREAD / 20) && drawn.iter().any(|time| *time > SPREAD / 20 * 19)
+        );
+        assert_eq!(random.up_to(Duration::ZERO), Duration::ZERO);
+    }
+
+    #[test]
+    fn what_has_a_chance_happens_that_often() {
+        let mut random = Random::new(5);
+        let mut count = |chance| (0..10_000).filter(|_| random.happens(chance)).count();
+        assert_eq!((count(0.0), count(1.0), count(f64::NAN)), (0, 10_000, 0));
+        assert!((2800..3200).contains(&count(0.3)));
     }
 }
