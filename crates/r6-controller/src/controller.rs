@@ -7,18 +7,20 @@
 //! ```
 
 mod cameras;
+mod desk;
 pub(crate) mod pace;
+mod scenario;
 
 use std::collections::{BTreeMap, VecDeque};
 
 use r6_proto::frame::Limits;
-use r6_proto::message::{AddPoints, AddRcc, Body, CommandWords, Header, Message, Query, Rejection};
-use r6_proto::reply::{ReplyWriter, Verdict, encode_photo};
-use r6_proto::server::{Inbox, InputError, Outbox, ServerSession};
+use r6_proto::reply::encode_photo;
+use r6_proto::server::ServerSession;
 use r6_proto::time::Instant;
-use r6_proto::{Address, RequestType};
 
 use cameras::{Cameras, Route};
+use desk::Desk;
+use scenario::{Breakage, Strikes};
 
 use crate::fault::LinkFaultNow;
 use crate::io::OutputPoint;
@@ -38,9 +40,6 @@ const LIMITS: Limits = Limits { max_frame_bytes: 65_536, max_depth: r6_proto::MA
 /// How many connections are accepted at all, served or not. Beyond, the oldest that is not served is closed.
 /// A cabinet's sockets are few; this bound only keeps a flood from filling the memory.
 pub const MAX_ACCEPTED: usize = 1024;
-
-/// How many oddities of one message are explained, each with its nearest right word.
-const MAX_EXPLAINED: usize = 8;
 
 /// One connection of a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -92,6 +91,8 @@ pub struct Controller {
     woken: VecDeque<ConnectionId>,
     /// How many frames were sent that nobody had asked for.
     pushes: u64,
+    /// Its scenario.
+    breakage: Option<Box<Breakage>>,
     /// What is wrong with the link now.
     link_faults: Vec<LinkFaultNow>,
     /// How often that has changed.
@@ -103,13 +104,26 @@ impl Controller {
     /// A controller that was just switched on, without connections.
     #[must_use]
     pub fn new(settings: ControllerSettings, now: Instant) -> Self {
-        Self::of(Machine::new(settings, now))
+        let breakage = Self::breakage(&settings, now);
+        Self { breakage, ..Self::of(Machine::new(settings, now)) }.begun(now)
     }
 
     /// A controller that was just switched on, with what a power cut left in place of what the settings say of it.
     #[must_use]
     pub fn restored(settings: ControllerSettings, saved: &SavedState, now: Instant) -> Self {
-        Self::of(Machine::restored(settings, saved, now))
+        let breakage = Self::breakage(&settings, now);
+        Self { breakage, ..Self::of(Machine::restored(settings, saved, now)) }.begun(now)
+    }
+
+    fn breakage(settings: &ControllerSettings, now: Instant) -> Option<Box<Breakage>> {
+        let scenario = settings.scenario.clone()?;
+        Some(Box::new(Breakage::new(scenario, settings, now)))
+    }
+
+    /// What the scenario has happen at once has happened.
+    fn begun(mut self, now: Instant) -> Self {
+        self.advance(now);
+        self
     }
 
     fn of(machine: Machine) -> Self {
@@ -120,6 +134,7 @@ impl Controller {
             cameras: Cameras::default(),
             woken: VecDeque::new(),
             pushes: 0,
+            breakage: None,
             link_faults: Vec::new(),
             link_changes: 0,
             log: Log::default(),
@@ -128,14 +143,14 @@ impl Controller {
 
     /// Raises an alarm: something is wrong in the cabinet, or a person wants to see what happens then.
     pub fn raise(&mut self, now: Instant, alarm: u32, why: String) {
-        self.machine.advance(now);
+        self.advance(now);
         self.machine.raise(alarm, why);
         self.collect_machine_events();
     }
 
     /// Takes a new connection. Beyond the profile's limit it is accepted, but never answered.
     pub fn connect(&mut self, now: Instant) -> ConnectionId {
-        self.machine.advance(now);
+        self.advance(now);
         if self.connections.len() >= MAX_ACCEPTED {
             self.drop_an_ignored_one();
         }
@@ -162,7 +177,7 @@ impl Controller {
     /// sockets that accept, and gets the photo requests for this camera, or with `None` for every one that has no connection of
     /// its own.
     pub fn connect_camera(&mut self, now: Instant, cam_id: Option<i64>) -> ConnectionId {
-        self.machine.advance(now);
+        self.advance(now);
         let id = self.next_id();
         self.insert(id, Service::Served, true);
         self.cameras.connect(id, cam_id);
@@ -219,7 +234,7 @@ impl Controller {
 
     /// Takes bytes from a connection and carries out what they ask.
     pub fn handle_input(&mut self, now: Instant, id: ConnectionId, bytes: &[u8]) {
-        self.machine.advance(now);
+        self.advance(now);
         let mut rest = bytes;
         while !rest.is_empty() {
             let taken = self.take_input(now, id, rest);
@@ -233,8 +248,9 @@ impl Controller {
 
     /// Takes as many bytes from a connection as there is room for; none once it is not served.
     pub(crate) fn take_input(&mut self, now: Instant, id: ConnectionId, bytes: &[u8]) -> usize {
+        let is_off = self.is_off();
         match self.connections.get_mut(&id) {
-            Some(connection) if connection.service == Service::Served => {
+            Some(connection) if connection.service == Service::Served && !is_off => {
                 connection.session.split().0.push(now, bytes)
             }
             Some(_) | None => 0,
@@ -247,6 +263,9 @@ impl Controller {
         if connection.service != Service::Served {
             return false;
         }
+        if self.breakage.as_ref().is_some_and(|breakage| breakage.is_in_the_way()) {
+            return self.serve_broken(now, id);
+        }
         let (inbox, outbox) = connection.session.split();
         let mut desk = Desk {
             now,
@@ -255,18 +274,22 @@ impl Controller {
             log: &mut self.log,
             cameras: &mut self.cameras,
             reset: false,
+            strikes: Strikes::default(),
+            frozen: None,
+            asked: None,
         };
         let served = desk.serve_next(inbox, outbox);
         if desk.reset || outbox.is_overfull() {
             connection.service = Service::Over;
         }
         self.collect_machine_events();
+        self.react(now);
         served
     }
 
     /// Lets time pass: what is due happens.
     pub fn handle_timeout(&mut self, now: Instant) {
-        self.machine.advance(now);
+        self.advance(now);
         for (id, connection) in &mut self.connections {
             let (inbox, _) = connection.session.split();
             if let Some(error) = inbox.handle_timeout(now) {
@@ -281,7 +304,7 @@ impl Controller {
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Instant> {
         let sessions = self.connections.values().filter_map(|connection| connection.session.poll_timeout());
-        sessions.chain(self.machine.next_event()).min()
+        sessions.chain(self.machine.next_event()).chain(self.next_of_scenario()).min()
     }
 
     /// The next frame for a connection, to be written as one piece.
@@ -334,7 +357,7 @@ impl Controller {
     /// Asks a camera for a photo: over the connection that was opened to it; else over the one that last spoke as it; else over
     /// the one that last spoke as any camera; else over all. A request that reaches nobody is told in the log.
     pub fn request_photo(&mut self, now: Instant, cam_id: i64) {
-        self.machine.advance(now);
+        self.advance(now);
         self.push_photo(now, cam_id);
     }
 
@@ -373,9 +396,13 @@ impl Controller {
     /// # Errors
     /// Why the machine did not do it, and what to do; nothing has changed.
     pub fn operate(&mut self, now: Instant, action: &PanelAction) -> Result<(), Refused> {
-        self.machine.advance(now);
+        self.advance(now);
+        if self.is_off() {
+            return Err(Refused::PowerOff);
+        }
         let done = self.machine.operate(action);
         self.collect_machine_events();
+        self.react(now);
         done
     }
 
@@ -391,7 +418,7 @@ impl Controller {
 
     /// Whether an output is on.
     pub fn output(&mut self, now: Instant, point: OutputPoint) -> bool {
-        self.machine.advance(now);
+        self.advance(now);
         self.machine.io().is_set(point)
     }
 
@@ -409,7 +436,7 @@ impl Controller {
 
     /// What a person would see at the machine, now.
     pub fn snapshot(&mut self, now: Instant) -> ControllerSnapshot {
-        self.machine.advance(now);
+        self.advance(now);
         self.collect_machine_events();
         ControllerSnapshot::of(&self.machine, self.served())
     }
@@ -422,238 +449,4 @@ impl Controller {
             self.log.add(event.at, None, Level::Info, event.text);
         }
     }
-}
-
-/// Where the messages of one connection are dealt with.
-struct Desk<'c> {
-    now: Instant,
-    id: ConnectionId,
-    machine: &'c mut Machine,
-    log: &'c mut Log,
-    cameras: &'c mut Cameras,
-    reset: bool,
-}
-
-impl Desk<'_> {
-    /// Deals with the next message that is complete; false if there is none.
-    fn serve_next(&mut self, inbox: &mut Inbox, outbox: &mut Outbox) -> bool {
-        match inbox.next_message() {
-            Some(Ok(message)) => self.handle(&message, outbox),
-            Some(Err(error)) => self.malformed(&error),
-            None => return false,
-        }
-        true
-    }
-
-    /// Logs what is odd about a message: the first few with the nearest right word, the rest by their number. A hostile
-    /// peer can put thousands of wrong words into one frame, and each explanation costs a search.
-    fn explain(&mut self, oddities: impl Iterator<Item = impl std::fmt::Display>) {
-        let mut oddities = oddities;
-        for oddity in oddities.by_ref().take(MAX_EXPLAINED) {
-            self.warn(oddity.to_string());
-        }
-        match oddities.count() {
-            0 => {}
-            more => self.warn(format!("and {more} more of the kind")),
-        }
-    }
-
-    fn info(&mut self, text: String) {
-        self.log.add(self.now, Some(self.id), Level::Info, text);
-    }
-
-    fn warn(&mut self, text: String) {
-        self.log.add(self.now, Some(self.id), Level::Warning, text);
-    }
-
-    /// Malformed input gets silence and a log line.
-    fn malformed(&mut self, error: &InputError) {
-        self.warn(format!("{error}; not answered"));
-    }
-
-    fn handle(&mut self, message: &Message<'_>, outbox: &mut Outbox) {
-        self.explain(message.extras());
-        let header = &message.header;
-        match &message.body {
-            Body::Query(query) => self.query(header, query, outbox),
-            Body::Command(words) => self.command(header, words, outbox),
-            Body::Heartbreak => self.heartbreak(header, outbox),
-            Body::PhotoAnswer(answer) => {
-                self.speaks_as(answer.cam_id);
-                self.info(format!("camera {} answers: ret {}", answer.cam_id, answer.ret));
-                self.machine.photo_answered(answer.cam_id, answer.ret == 1);
-            }
-            Body::AddPoints(points) => self.add_points(header, points, outbox),
-            Body::AddRcc(list) => self.add_rcc(message, list, outbox),
-            Body::Rejected(rejection) => self.rejected(message, rejection, outbox),
-            Body::Unknown(unknown) => self.warn(format!("{unknown}; not answered")),
-            Body::QueryReply(_) | Body::CommandReply(_) | Body::Photo(_) => {
-                self.warn("a reply came, but a controller asks nothing; not answered".to_owned());
-            }
-        }
-    }
-
-    /// Lets `write` append a reply, unless the request had no type (manual 5.2, 6: no reply without it).
-    fn reply(
-        &mut self,
-        header: &Header<'_>,
-        request: RequestType,
-        outbox: &mut Outbox,
-        write: impl FnOnce(&ReplyWriter<'_>, &Machine, &mut Vec<u8>),
-    ) {
-        if header.type_word.is_none() {
-            self.warn(format!("{request} without `reqType`: carried out, not answered"));
-            return;
-        }
-        let writer = ReplyWriter::new(self.machine.profile.dialect, *header, request);
-        let Profile { add_rcc_ack: ack, add_rcc_ack_spread: spread, .. } = self.machine.profile;
-        let delay = (request == RequestType::AddRcc && !ack.is_zero())
-            .then(|| self.machine.random.around(ack, spread));
-        let machine = &*self.machine;
-        if let Some(delay) = delay {
-            outbox.send_in_turn(self.now + delay, |out| write(&writer, machine, out));
-        } else {
-            outbox.send(|out| write(&writer, machine, out));
-        }
-    }
-
-    fn verdict(
-        &mut self,
-        header: &Header<'_>,
-        request: RequestType,
-        word: &str,
-        verdict: Verdict<'_>,
-        outbox: &mut Outbox,
-    ) {
-        self.reply(header, request, outbox, |writer, _, out| writer.verdict(word, verdict, out));
-    }
-
-    fn query(&mut self, header: &Header<'_>, query: &Query<'_>, outbox: &mut Outbox) {
-        self.explain(query.resolved().filter_map(|(_, address)| address.err()));
-        self.reply(header, RequestType::Query, outbox, |writer, machine, out| {
-            writer.query(query.addresses, out, |data| {
-                for word in query.addresses.iter() {
-                    if let Some(address) = known(word) {
-                        machine.answer(address, data);
-                    }
-                }
-            });
-        });
-    }
-
-    fn command(&mut self, header: &Header<'_>, words: &CommandWords<'_>, outbox: &mut Outbox) {
-        let word = words.word();
-        match self.machine.execute(words) {
-            Ok(()) => {
-                let arguments = words.arguments();
-                let text =
-                    if arguments.is_empty() { word.to_string() } else { format!("{word} {arguments:?}") };
-                self.info(text);
-                self.verdict(header, RequestType::Command, &word, Verdict::Ok, outbox);
-            }
-            Err(reason) => {
-                self.warn(format!("command {word} refused: {reason}"));
-                self.verdict(header, RequestType::Command, &word, Verdict::Err(&reason), outbox);
-            }
-        }
-    }
-
-    fn heartbreak(&mut self, header: &Header<'_>, outbox: &mut Outbox) {
-        self.machine.watchdog.feed(self.now);
-        if self.machine.profile.answers_heartbreak {
-            self.verdict(header, RequestType::Heartbreak, "heartbreak", Verdict::Ok, outbox);
-        }
-    }
-
-    /// This connection is a camera's.
-    fn speaks_as(&mut self, cam_id: i64) {
-        if let Some(oddity) = self.cameras.spoke(self.id, cam_id) {
-            self.warn(oddity);
-        }
-    }
-
-    fn add_points(&mut self, header: &Header<'_>, points: &AddPoints<'_>, outbox: &mut Outbox) {
-        for (cam_id, points) in points.sets() {
-            self.speaks_as(cam_id);
-            self.machine.take_points(cam_id, points);
-        }
-        self.verdict(header, RequestType::AddPoints, "AddPoints", Verdict::Points(points.len()), outbox);
-    }
-
-    fn add_rcc(&mut self, message: &Message<'_>, list: &AddRcc<'_>, outbox: &mut Outbox) {
-        if !self.fits(message) {
-            return;
-        }
-        for step in list.instructions {
-            if let r6_proto::message::Action::Unknown(unknown) = &step.action {
-                self.warn(format!("AddRCC refused: action {} is not known", unknown.number()));
-                self.verdict(&message.header, RequestType::AddRcc, "AddRCC", Verdict::BareErr, outbox);
-                return;
-            }
-        }
-        let taken = self.machine.add_instructions(list.empty_list.unwrap_or(false), list.instructions);
-        let verdict = match taken {
-            Ok(()) => {
-                let how = if list.empty_list == Some(true) { "replaced" } else { "appended to" };
-                self.info(format!("AddRCC: {} instructions, list {how}", list.instructions.len()));
-                Verdict::Ok
-            }
-            Err(crate::machine::NotTaken::Refused(reason)) => {
-                self.warn(format!("AddRCC refused: {reason}"));
-                Verdict::BareErr
-            }
-            Err(crate::machine::NotTaken::Silent(reason)) => {
-                self.warn(format!("AddRCC neither executed nor answered: {reason}"));
-                return;
-            }
-        };
-        self.verdict(&message.header, RequestType::AddRcc, "AddRCC", verdict, outbox);
-    }
-
-    /// Whether an AddRCC is short enough to be looked at at all.
-    fn fits(&mut self, message: &Message<'_>) -> bool {
-        let bytes = message.frame().len();
-        let profile = &self.machine.profile;
-        let over = |limit: Option<usize>| limit.is_some_and(|limit| bytes > limit);
-        if over(profile.add_rcc_reset_over) {
-            self.reset = true;
-            self.warn(format!("AddRCC of {bytes} bytes: the connection is reset, as real controllers do"));
-            return false;
-        }
-        if over(profile.add_rcc_silent_over) {
-            self.warn(format!(
-                "AddRCC of {bytes} bytes: neither executed nor answered, as real controllers do; send fewer \
-                 instructions in one list and append the rest"
-            ));
-            return false;
-        }
-        true
-    }
-
-    /// A known type with a wrong field: what the protocol lets us say is `err`.
-    fn rejected(&mut self, message: &Message<'_>, rejection: &Rejection<'_>, outbox: &mut Outbox) {
-        let reason = rejection.error.to_string();
-        self.warn(format!("{} refused: {reason}", rejection.request));
-        let header = &message.header;
-        match rejection.request {
-            RequestType::AddRcc if !self.fits(message) => {}
-            RequestType::AddRcc => {
-                self.verdict(header, RequestType::AddRcc, "AddRCC", Verdict::BareErr, outbox);
-            }
-            RequestType::AddPoints => {
-                self.verdict(header, RequestType::AddPoints, "AddPoints", Verdict::BareErr, outbox);
-            }
-            RequestType::Command => {
-                self.verdict(header, RequestType::Command, "", Verdict::Err(&reason), outbox);
-            }
-            RequestType::Query => self.reply(header, RequestType::Query, outbox, |writer, _, out| {
-                writer.query(r6_proto::value::Values::EMPTY, out, |_| {});
-            }),
-            RequestType::Heartbreak | RequestType::Photo => {}
-        }
-    }
-}
-
-fn known(word: r6_proto::value::Value<'_>) -> Option<Address> {
-    Address::parse(&word.text()).ok()
 }

@@ -2,7 +2,9 @@
 //!
 //! Each fault has a word, by which a scenario names it, and the class it belongs to (`docs/SCENARIOS.md`).
 
+pub mod file;
 pub mod link;
+pub(crate) mod reply;
 
 use std::time::Duration;
 

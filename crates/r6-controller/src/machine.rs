@@ -118,6 +118,8 @@ pub struct Machine {
     pub(crate) account: String,
     pub(crate) io_boards: u8,
     pub(crate) list: InstructionList,
+    /// The list begins no instruction, for a fault's sake.
+    pub(crate) list_frozen: bool,
     pub(crate) activity: Activity,
     /// A move by hand, while no program runs.
     hand: Option<hand::HandMove>,
@@ -211,6 +213,7 @@ impl Machine {
             account: settings.account,
             io_boards: settings.io_boards,
             list: InstructionList::default(),
+            list_frozen: false,
             activity: Activity::Idle,
             hand: None,
             emergency_stop: false,

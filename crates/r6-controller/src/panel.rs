@@ -87,6 +87,8 @@ pub enum Refused {
         /// The point that was named.
         point: u8,
     },
+    /// The mains have failed.
+    PowerOff,
     /// The emergency stop is pressed.
     EmergencyStop,
     /// An alarm is present.
@@ -159,6 +161,7 @@ impl Refused {
     pub fn code(&self) -> &'static str {
         match self {
             Self::NoSuchInput { .. } => "no_such_input",
+            Self::PowerOff => "power_off",
             Self::EmergencyStop => "emergency_stop",
             Self::Alarm { .. } => "alarm",
             Self::NotHomed => "not_homed",
@@ -183,6 +186,7 @@ impl Refused {
     pub fn reason(&self) -> &'static str {
         match self {
             Self::NoSuchInput { .. } => "there is no such input: boards 0 to 7 have points 0 to 31",
+            Self::PowerOff => "the mains have failed: wait until they are back",
             Self::EmergencyStop => {
                 "the emergency stop is pressed: make the cell safe, release it, then clear the alarm"
             }
@@ -234,7 +238,8 @@ impl fmt::Display for Refused {
             | Self::BadProgram { reason }
             | Self::NoRoom { reason }
             | Self::NoPath { reason } => f.write_str(reason),
-            Self::EmergencyStop
+            Self::PowerOff
+            | Self::EmergencyStop
             | Self::Alarm { .. }
             | Self::NotHomed
             | Self::NotAuto { .. }

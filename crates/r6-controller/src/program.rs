@@ -4,7 +4,6 @@
 //! sends, and those that only a taught program has: waits for remote commands, photos, points, stacks, counters,
 //! registers, jumps and calls.
 
-mod fields;
 mod file;
 mod library;
 

@@ -19,25 +19,23 @@ impl Random {
         mixed ^ (mixed >> 31)
     }
 
-    /// A number from 0 to below `end`, each as likely as any other; 0 where there is none.
-    pub fn below(&mut self, end: u64) -> u64 {
-        // The upper half of a product.
-        u64::try_from((u128::from(self.next()) * u128::from(end)) >> 64).unwrap_or_default()
+    /// A number from 0, below `end`; 0 where `end` is 0.
+    pub fn below(&mut self, end: usize) -> usize {
+        let wide = (u128::from(self.next()) * u128::try_from(end).unwrap_or(0)) >> 64;
+        usize::try_from(wide).unwrap_or(0)
     }
 
-    /// Whether something happens that is as likely as `chance`: never at 0, always at 1.
-    pub fn happens(&mut self, chance: f64) -> bool {
-        /// How many numbers below 1 are drawn from: as many as a float tells apart.
-        const PARTS: u64 = 1 << 53;
-        #[expect(clippy::cast_precision_loss, reason = "both are at most 2^53, which a float holds exactly")]
-        let part = self.below(PARTS) as f64 / PARTS as f64;
+    /// Whether something happens that does in this part of all cases, 0 to 1.
+    pub fn strikes(&mut self, chance: f64) -> bool {
+        // The upper 53 bits: every such number is an f64, and below 1.
+        #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
+        let part = (self.next() >> 11) as f64 / (1_u64 << 53) as f64;
         part < chance
     }
 
-    /// A time from zero to `longest`, each nanosecond as likely as any other.
-    pub fn up_to(&mut self, longest: Duration) -> Duration {
-        let nanos = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX - 1);
-        Duration::from_nanos(self.below(nanos.saturating_add(1)))
+    /// A time from 0 to `most`.
+    pub fn up_to(&mut self, most: Duration) -> Duration {
+        self.around(most / 2, most / 2).min(most)
     }
 
     /// A time from `middle` − `spread` to `middle` + `spread`, each nanosecond as likely as any other; never negative.
@@ -81,6 +79,19 @@ mod tests {
     }
 
     #[test]
+    fn parts_and_places_are_as_likely_as_told() {
+        let mut random = Random::new(5);
+        let struck = (0..10_000).filter(|_| random.strikes(0.25)).count();
+        assert!((2300..2700).contains(&struck), "{struck}");
+        assert!((0..1000).all(|_| random.strikes(1.0) && !random.strikes(0.0)));
+        let mut places = [0; 3];
+        (0..3000).for_each(|_| places[random.below(3)] += 1);
+        assert!(places.iter().all(|count| (900..1100).contains(count)), "{places:?}");
+        assert_eq!((random.below(0), random.below(1)), (0, 0));
+        assert!((0..1000).all(|_| random.up_to(SPREAD) <= SPREAD));
+    }
+
+    #[test]
     fn nothing_is_drawn_below_zero_or_without_a_spread() {
         let mut random = Random::new(3);
         assert_eq!(random.around(MIDDLE, Duration::ZERO), MIDDLE);
@@ -94,7 +105,7 @@ mod tests {
         let mut random = Random::new(4);
         let mut seen = [0_u32; 7];
         for _ in 0..7000 {
-            seen[usize::try_from(random.below(7)).unwrap()] += 1;
+            seen[random.below(7)] += 1;
         }
         assert!(seen.iter().all(|count| (850..1150).contains(count)), "{seen:?}");
         assert_eq!((random.below(0), random.below(1)), (0, 0));
@@ -109,7 +120,7 @@ mod tests {
     #[test]
     fn what_has_a_chance_happens_that_often() {
         let mut random = Random::new(5);
-        let mut count = |chance| (0..10_000).filter(|_| random.happens(chance)).count();
+        let mut count = |chance| (0..10_000).filter(|_| random.strikes(chance)).count();
         assert_eq!((count(0.0), count(1.0), count(f64::NAN)), (0, 10_000, 0));
         assert!((2800..3200).contains(&count(0.3)));
     }

@@ -1,10 +1,12 @@
 //! What a virtual controller has when it is switched on, besides its profile.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use crate::mode::StartState;
 use crate::profile::Profile;
 use crate::program::Library;
+use crate::scenario::Scenario;
 use r6_motion::RobotModel;
 
 /// The program that waits for remote commands: what a controller runs unless it is told otherwise.
@@ -35,8 +37,10 @@ pub struct ControllerSettings {
     pub io_boards: u8,
     /// The global speed, percent.
     pub global_speed: f64,
-    /// The seed of whatever is random: how long AddRCC takes to be acknowledged.
+    /// The seed of whatever is random: how long AddRCC takes to be acknowledged, what a scenario leaves open.
     pub seed: u64,
+    /// What happens to it by itself.
+    pub scenario: Option<Arc<Scenario>>,
 }
 
 impl ControllerSettings {
@@ -56,6 +60,7 @@ impl ControllerSettings {
             io_boards: 2,
             global_speed: 100.0,
             seed: 0,
+            scenario: None,
         }
     }
 }

@@ -182,6 +182,19 @@ impl Outbox {
         self.ready.get(start..end)
     }
 
+    /// Every frame that was not taken, in order, with the time at which it may leave where that is not at once.
+    #[must_use]
+    pub fn into_frames(mut self) -> Vec<(Option<Instant>, Vec<u8>)> {
+        let mut frames = Vec::with_capacity(self.ends.len() + self.delayed.len());
+        let mut start = self.taken;
+        for end in self.ends.drain(..) {
+            frames.push((None, self.ready.get(start..end).unwrap_or_default().to_vec()));
+            start = end;
+        }
+        frames.extend(self.delayed.into_iter().map(|(due, frame)| (Some(due), frame)));
+        frames
+    }
+
     /// Whether the peer is so far behind that the connection has to be given up ([`MAX_UNSENT_BYTES`]).
     #[must_use]
     pub fn is_overfull(&self) -> bool {
@@ -214,6 +227,18 @@ mod tests {
         assert_eq!(session.next_transmit(), Some(at(18)));
         assert_eq!(session.split().1.poll_transmit(at(18)), Some(&b"{\"late\":1}"[..]));
         assert_eq!(session.next_transmit(), None);
+    }
+
+    #[test]
+    fn frames_are_taken_out_with_their_times() {
+        let mut session = session();
+        let (_, out) = session.split();
+        out.send(|out| out.extend_from_slice(b"{\"a\":1}"));
+        out.send(|out| out.extend_from_slice(b"{\"b\":1}"));
+        out.send_at(at(18), |out| out.extend_from_slice(b"{\"late\":1}"));
+        assert_eq!(out.poll_transmit(at(0)), Some(&b"{\"a\":1}"[..]));
+        let frames = std::mem::take(out).into_frames();
+        assert_eq!(frames, [(None, b"{\"b\":1}".to_vec()), (Some(at(18)), b"{\"late\":1}".to_vec())]);
     }
 
     #[test]

@@ -69,9 +69,10 @@ impl ControllerHandle {
         // That it was switched on is the first change.
         let changes = Changes { number: 1, mark: controller.machine().saved_mark() };
         let connections = BTreeMap::new();
-        let state = Mutex::new(State { controller, pace, changes, connections, link_changes: 0 });
+        let door = watch::Sender::new(Door::of(controller.link_faults()));
+        let link_changes = controller.link_changes();
+        let state = Mutex::new(State { controller, pace, changes, connections, link_changes });
         let log = broadcast::Sender::new(LOG_BACKLOG);
-        let door = watch::Sender::new(Door::Open);
         Self { shared: Arc::new(Shared { address, state, keeper, timers: Notify::new(), log, door, seed }) }
     }
 

@@ -112,6 +112,7 @@ fn switch_on(settings: &SimSettings, number: u64, file: Option<&StateFile>) -> R
         library: settings.library.clone(),
         mold: settings.mold.clone(),
         seed: settings.seed.wrapping_add(number),
+        scenario: settings.scenario.clone(),
         ..ControllerSettings::new(settings.profile.clone(), settings.model.clone())
     };
     Ok(match file.map(StateFile::read).transpose().map_err(SimError::State)? {

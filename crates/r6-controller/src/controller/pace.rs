@@ -12,10 +12,14 @@ pub(crate) struct Progress {
 }
 
 impl Controller {
-    /// When the controller does something next: its machine (`Machine::next_own_event`), or a reply leaves that is held back.
+    /// When the controller does something next: its machine (`Machine::next_own_event`), an input follows an output,
+    /// or a reply leaves that is held back.
     #[must_use]
     pub fn next_own_event(&self) -> Option<Instant> {
-        self.next_reply().into_iter().chain(self.machine.next_own_event()).min()
+        // An input that follows too late for a step that waits for it leaves that step its time.
+        let limit = self.machine.signal_limit();
+        let reaction = self.next_reaction().filter(|due| limit.is_none_or(|limit| *due <= limit));
+        self.next_reply().into_iter().chain(self.machine.next_own_event()).chain(reaction).min()
     }
 
     /// When the next reply leaves, on any connection, that is held back now.
@@ -24,18 +28,20 @@ impl Controller {
         self.connections.values().filter_map(|connection| connection.session.next_transmit()).min()
     }
 
-    /// When somebody has been silent for too long: a heartbreak or a signal is missed, a frame stays incomplete.
+    /// When somebody has been silent for too long: a heartbreak or a signal is missed, a frame stays incomplete. What a
+    /// scenario has happen at a time of its own counts too: nobody waits for it.
     #[must_use]
     pub fn next_silence(&self) -> Option<Instant> {
         let sessions = self.connections.values().filter_map(|connection| connection.session.poll_timeout());
-        sessions.chain(self.machine.next_silence()).min()
+        sessions.chain(self.machine.next_silence()).chain(self.next_of_scenario()).min()
     }
 
     /// Brings the controller to a point in time at once: nobody had the time to say anything in between, so nobody's
     /// silence counts.
     pub(crate) fn jump(&mut self, to: Instant) {
         let over = to.since(self.machine.now());
-        self.machine.jump(to);
+        self.machine.watchdog.postpone(over);
+        self.advance(to);
         for (id, connection) in &mut self.connections {
             connection.session.postpone(over);
             if connection.session.next_transmit().is_some_and(|due| due <= to) {

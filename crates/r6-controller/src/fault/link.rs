@@ -167,7 +167,7 @@ impl Link {
         for fault in faults {
             let known = before.iter().find(|one| one.now == *fault).copied();
             let one = known.unwrap_or_else(|| {
-                let strikes = self.random.happens(fault.chance);
+                let strikes = self.random.strikes(fault.chance);
                 begun.extend(strikes.then_some(fault.fault));
                 InForce { now: *fault, strikes }
             });
@@ -269,16 +269,15 @@ impl Link {
         let random = &mut self.client_random;
         let mut fate = Fate::default();
         for one in &self.in_force {
-            if drawn_for(one.now.fault) != DrawnFor::Frame || !random.happens(one.now.chance) {
+            if drawn_for(one.now.fault) != DrawnFor::Frame || !random.strikes(one.now.chance) {
                 continue;
             }
             match one.now.fault {
                 LinkFault::CloseBeforeReply => fate.close = true,
                 LinkFault::ResetMidFrame { after } => {
                     let most = length.saturating_sub(1);
-                    let drawn = 1 + random.below(u64::try_from(most).unwrap_or(u64::MAX));
-                    let after = after.unwrap_or_else(|| usize::try_from(drawn).unwrap_or(most));
-                    fate.cut.get_or_insert(after.min(most));
+                    let drawn = 1 + random.below(most);
+                    fate.cut.get_or_insert(after.unwrap_or(drawn).min(most));
                 }
                 LinkFault::Stall { delay } => _ = fate.stall.get_or_insert(delay),
                 LinkFault::Coalesce { frames, within } => _ = fate.gather.get_or_insert((frames, within)),
@@ -301,7 +300,7 @@ impl Link {
         for noise in self.in_force.iter().filter(|one| one.now.fault == LinkFault::Noise) {
             let mut heard = Vec::with_capacity(bytes.len());
             for byte in bytes {
-                match random.happens(noise.now.chance).then(|| random.below(3)) {
+                match random.strikes(noise.now.chance).then(|| random.below(3)) {
                     None => heard.push(byte),
                     Some(0) => {}
                     Some(1) => heard.extend([byte, drawn_byte(random, 0)]),
@@ -340,7 +339,7 @@ impl Link {
         let mut due = now;
         for one in &self.in_force {
             if let LinkFault::Latency { to_controller, spread, .. } = one.now.fault
-                && self.controller_random.happens(one.now.chance)
+                && self.controller_random.strikes(one.now.chance)
             {
                 due = due + to_controller + self.controller_random.up_to(spread);
             }
@@ -366,6 +365,6 @@ impl Link {
 
 /// A byte that is not below `least`.
 fn drawn_byte(random: &mut Random, least: u8) -> u8 {
-    let above = u8::try_from(random.below(u64::from(u8::MAX - least) + 1)).unwrap_or_default();
+    let above = u8::try_from(random.below(usize::from(u8::MAX - least) + 1)).unwrap_or_default();
     least.saturating_add(above)
 }

@@ -43,12 +43,6 @@ impl Machine {
         self.cycles
     }
 
-    /// Brings the machine to a point in time that nobody could use to feed the watchdog.
-    pub(crate) fn jump(&mut self, to: Instant) {
-        self.watchdog.postpone(to.since(self.now));
-        self.advance(to);
-    }
-
     fn next_pulse(&self) -> Option<Instant> {
         self.pulses.iter().map(|(due, _, _)| *due).min()
     }
@@ -67,7 +61,8 @@ impl Machine {
         }
     }
 
-    fn signal_limit(&self) -> Option<Instant> {
+    /// Until when a step waits for a signal, where it has a limit.
+    pub(crate) fn signal_limit(&self) -> Option<Instant> {
         self.activity.next_event().filter(|_| self.awaits_signal())
     }
 }

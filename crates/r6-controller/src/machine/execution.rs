@@ -162,6 +162,13 @@ impl Activity {
 }
 
 impl Machine {
+    /// Whether the list begins no instruction: a fault that somebody wants to see. What is under way goes on.
+    pub(crate) fn freeze_list(&mut self, frozen: bool) {
+        if std::mem::replace(&mut self.list_frozen, frozen) && !frozen {
+            self.run_list();
+        }
+    }
+
     /// Whether a program runs.
     pub(crate) fn runs(&self) -> bool {
         self.mode.may_run() && self.alarm == 0
@@ -174,6 +181,9 @@ impl Machine {
 
     /// Runs steps until one takes time, or none is left.
     pub(crate) fn run_list(&mut self) {
+        if self.list_frozen && self.is_remote() {
+            return;
+        }
         self.join_next();
         while self.runs() && matches!(self.activity, Activity::Idle) {
             self.begin_anew_if_asked();

@@ -11,10 +11,10 @@ use r6_proto::message::instruction::{
 use r6_proto::{AxisMask, RegisterIndex};
 use toml::{Table, Value};
 
-use super::fields::Fields;
 use super::{
     Change, Compare, Condition, MAX_NAME_BYTES, MAX_STEPS, MAX_TEXT_BYTES, Photo, Program, ProgramError, Step,
 };
+use crate::fields::{self, Fields};
 use crate::io::OutputPoint;
 use crate::machine::{MAX_FRAMES, MAX_STACKS, Stack};
 
@@ -70,13 +70,15 @@ pub(super) fn read(name: &str, text: &str) -> Result<Program, ProgramError> {
     if text.len() > MAX_TEXT_BYTES {
         return Err(wrong(format!("its text is longer than {MAX_TEXT_BYTES} bytes")));
     }
-    let table = table(text).map_err(wrong)?;
-    let fields = Fields::of(&table);
+    let table = fields::table(text).map_err(wrong)?;
+    let top = Fields::of(&table);
     let steps =
-        fields.optional("step", "a list of [[step]] tables", tables).map_err(wrong)?.unwrap_or_default();
-    let stacks =
-        fields.optional("stack", "a list of [[stack]] tables", tables).map_err(wrong)?.unwrap_or_default();
-    fields.nothing_else().map_err(wrong)?;
+        top.optional("step", "a list of [[step]] tables", fields::tables).map_err(wrong)?.unwrap_or_default();
+    let stacks = top
+        .optional("stack", "a list of [[stack]] tables", fields::tables)
+        .map_err(wrong)?
+        .unwrap_or_default();
+    top.nothing_else().map_err(wrong)?;
     if steps.len() > MAX_STEPS {
         return Err(wrong(format!("it has {} steps; {MAX_STEPS} are possible", steps.len())));
     }
@@ -88,22 +90,6 @@ pub(super) fn read(name: &str, text: &str) -> Result<Program, ProgramError> {
     }
     let stacks = stacks.iter().map(|table| stack(table).map_err(wrong)).collect::<Result<_, _>>()?;
     Ok(Program { name: name.to_owned(), text: text.to_owned(), steps: read, stacks })
-}
-
-/// The text as a table, whichever of the two it is.
-fn table(text: &str) -> Result<Table, String> {
-    if text.trim_start().starts_with('{') {
-        return serde_json::from_str(text).map_err(|error| format!("no JSON: {error}"));
-    }
-    text.parse::<Table>().map_err(|error| {
-        let line =
-            error.span().map_or(1, |span| text.get(..span.start).unwrap_or_default().lines().count().max(1));
-        format!("no TOML: line {line}: {}", error.message().replace('\n', " "))
-    })
-}
-
-fn tables(value: &Value) -> Option<Vec<&Table>> {
-    value.as_array()?.iter().map(Value::as_table).collect()
 }
 
 fn at_step(name: &str, number: usize, table: &Table, reason: String) -> ProgramError {
@@ -209,17 +195,10 @@ fn step(table: &Table, labels: &BTreeMap<&str, usize>) -> Result<Step, String> {
         "call" => Step::Call(fields.required("program", "the name of a program", Value::as_str)?.to_owned()),
         "return" => Step::Return,
         "end" => Step::End,
-        other => return Err(unknown_kind(other)),
+        other => return Err(fields::unknown("do", other, &KINDS)),
     };
     fields.nothing_else()?;
     Ok(step)
-}
-
-fn unknown_kind(kind: &str) -> String {
-    match r6_proto::nearest(kind, KINDS) {
-        Some(near) => format!("`do = \"{kind}\"` is not known; nearest: `{near}`"),
-        None => format!("`do = \"{kind}\"` is not known; there are: {}", KINDS.join(", ")),
-    }
 }
 
 fn motion(kind: &str, fields: &Fields<'_>) -> Result<Action, String> {

@@ -202,3 +202,30 @@ fn up_shows_one_controller() {
     assert_eq!(outcome.code, 2, "{outcome:?}");
     assert!(outcome.err.contains("cannot be used multiple times"), "{}", outcome.err);
 }
+
+#[test]
+fn a_camera_that_listens_is_dialled() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let camera = format!("3={}", listener.local_addr().unwrap());
+    let mut running = Running::start_with_pipes(&["sim", "--listen", "127.0.0.1:0", "--camera", &camera]);
+    let (mut stream, _) = listener.accept().unwrap();
+    let lines = [running.line(), running.line()];
+    assert!(
+        lines[0].starts_with("listening on ") && lines[1].contains("connected to camera 3 at"),
+        "{lines:?}"
+    );
+    running.say("photo 3");
+    let photo = r#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":3}"#;
+    let mut frame = vec![0; photo.len()];
+    stream.read_exact(&mut frame).unwrap();
+    assert_eq!(String::from_utf8(frame).unwrap(), photo);
+
+    for (cameras, part) in [
+        (&["--camera", "here"][..], "127.0.0.1:9000"),
+        (&["--camera", "x=127.0.0.1:9000"], "whole number"),
+        (&["--camera", "127.0.0.1:1", "--camera", "127.0.0.1:2"], "ID=ADDR:PORT"),
+    ] {
+        let outcome = r6(&[&["sim", "--listen", "127.0.0.1:0"], cameras].concat());
+        assert!(outcome.code == 2 && outcome.err.contains(part), "{outcome:?}");
+    }
+}

@@ -1,4 +1,4 @@
-//! The fields of one table of a program's text, each read once, none overlooked.
+//! The fields of one table of a file, each read once, none overlooked.
 
 use std::cell::RefCell;
 
@@ -7,13 +7,13 @@ use r6_proto::io_point::{IoPoint, PointKind};
 use toml::{Table, Value};
 
 /// A table whose fields are asked for by name.
-pub(super) struct Fields<'t> {
+pub(crate) struct Fields<'t> {
     table: &'t Table,
     asked: RefCell<Vec<&'static str>>,
 }
 
 impl<'t> Fields<'t> {
-    pub(super) fn of(table: &'t Table) -> Self {
+    pub(crate) fn of(table: &'t Table) -> Self {
         Self { table, asked: RefCell::new(Vec::new()) }
     }
 
@@ -23,7 +23,7 @@ impl<'t> Fields<'t> {
     }
 
     /// A field read by `read`, which says what it wants otherwise.
-    pub(super) fn optional<T>(
+    pub(crate) fn optional<T>(
         &self,
         name: &'static str,
         wanted: &str,
@@ -36,7 +36,7 @@ impl<'t> Fields<'t> {
         }
     }
 
-    pub(super) fn required<T>(
+    pub(crate) fn required<T>(
         &self,
         name: &'static str,
         wanted: &str,
@@ -46,12 +46,12 @@ impl<'t> Fields<'t> {
     }
 
     /// Whether the table has it, without reading it.
-    pub(super) fn has(&self, name: &str) -> bool {
+    pub(crate) fn has(&self, name: &str) -> bool {
         self.table.contains_key(name)
     }
 
     /// An error where the table has a field that nobody asked for.
-    pub(super) fn nothing_else(&self) -> Result<(), String> {
+    pub(crate) fn nothing_else(&self) -> Result<(), String> {
         let asked = self.asked.borrow();
         let Some(stray) = self.table.keys().find(|key| !asked.contains(&key.as_str())) else { return Ok(()) };
         Err(match r6_proto::nearest(stray, asked.iter().copied()) {
@@ -61,7 +61,7 @@ impl<'t> Fields<'t> {
     }
 
     /// A number within a range.
-    pub(super) fn number(
+    pub(crate) fn number(
         &self,
         name: &'static str,
         wanted: &str,
@@ -71,7 +71,7 @@ impl<'t> Fields<'t> {
     }
 
     /// A whole number within a range.
-    pub(super) fn whole<T: TryFrom<i64> + PartialOrd>(
+    pub(crate) fn whole<T: TryFrom<i64> + PartialOrd>(
         &self,
         name: &'static str,
         wanted: &str,
@@ -82,16 +82,32 @@ impl<'t> Fields<'t> {
         })
     }
 
-    pub(super) fn flag(&self, name: &'static str) -> Result<Option<bool>, String> {
+    pub(crate) fn flag(&self, name: &'static str) -> Result<Option<bool>, String> {
         self.optional(name, "true or false", Value::as_bool)
     }
 
-    pub(super) fn text(&self, name: &'static str, wanted: &str) -> Result<Option<&'t str>, String> {
+    pub(crate) fn text(&self, name: &'static str, wanted: &str) -> Result<Option<&'t str>, String> {
         self.optional(name, wanted, Value::as_str)
     }
 
+    /// One of these words.
+    pub(crate) fn word<T: Copy>(&self, name: &'static str, words: &[(&str, T)]) -> Result<Option<T>, String> {
+        let there: Vec<_> = words.iter().map(|(word, _)| *word).collect();
+        let Some(word) = self.text(name, &there.join(", "))? else { return Ok(None) };
+        match words.iter().find(|(known, _)| *known == word) {
+            Some((_, meant)) => Ok(Some(*meant)),
+            None => Err(unknown(name, word, &there)),
+        }
+    }
+
+    /// One of these words, which has to be there.
+    pub(crate) fn one_of<T: Copy>(&self, name: &'static str, words: &[(&str, T)]) -> Result<T, String> {
+        let there: Vec<_> = words.iter().map(|(word, _)| *word).collect();
+        self.word(name, words)?.ok_or_else(|| format!("`{name}` is missing: {}", there.join(", ")))
+    }
+
     /// A list of numbers, as many as one of `counts` says.
-    pub(super) fn numbers(&self, name: &'static str, counts: &[usize]) -> Result<Option<Vec<f64>>, String> {
+    pub(crate) fn numbers(&self, name: &'static str, counts: &[usize]) -> Result<Option<Vec<f64>>, String> {
         let said: Vec<_> = counts.iter().map(ToString::to_string).collect();
         let wanted = format!("{} finite numbers", said.join(" or "));
         self.optional(name, &wanted, |value| {
@@ -101,7 +117,7 @@ impl<'t> Fields<'t> {
     }
 
     /// A point by its name, such as `X010`, of one of these kinds.
-    pub(super) fn point(&self, name: &'static str, kinds: &[PointKind]) -> Result<Option<IoPoint>, String> {
+    pub(crate) fn point(&self, name: &'static str, kinds: &[PointKind]) -> Result<Option<IoPoint>, String> {
         let prefixes: Vec<_> = kinds.iter().map(|kind| kind.letters()).collect();
         let wanted =
             format!("a point as the pendant names it, {} and octal 010 to 047", prefixes.join(" or "));
@@ -110,14 +126,14 @@ impl<'t> Fields<'t> {
         })
     }
 
-    pub(super) fn register(&self, name: &'static str) -> Result<Option<RegisterIndex>, String> {
+    pub(crate) fn register(&self, name: &'static str) -> Result<Option<RegisterIndex>, String> {
         self.optional(name, "a register, 800 to 900", |value| {
             u16::try_from(value.as_integer()?).ok().and_then(RegisterIndex::new)
         })
     }
 
     /// A list of points by their names.
-    pub(super) fn points(&self, name: &'static str, kinds: &[PointKind]) -> Result<Vec<IoPoint>, String> {
+    pub(crate) fn points(&self, name: &'static str, kinds: &[PointKind]) -> Result<Vec<IoPoint>, String> {
         let read = |value: &Value| {
             let point = value.as_str()?.parse::<IoPoint>().ok()?;
             kinds.contains(&point.kind).then_some(point)
@@ -125,6 +141,31 @@ impl<'t> Fields<'t> {
         let wanted = "a list of points of one board, such as [\"Y010\", \"Y011\"]";
         let found = self.optional(name, wanted, |value| value.as_array()?.iter().map(read).collect())?;
         Ok(found.unwrap_or_default())
+    }
+}
+
+/// The text as a table, whichever of the two it is.
+pub(crate) fn table(text: &str) -> Result<Table, String> {
+    if text.trim_start().starts_with('{') {
+        return serde_json::from_str(text).map_err(|error| format!("no JSON: {error}"));
+    }
+    text.parse::<Table>().map_err(|error| {
+        let line =
+            error.span().map_or(1, |span| text.get(..span.start).unwrap_or_default().lines().count().max(1));
+        format!("no TOML: line {line}: {}", error.message().replace('\n', " "))
+    })
+}
+
+/// A list of tables.
+pub(crate) fn tables(value: &Value) -> Option<Vec<&Table>> {
+    value.as_array()?.iter().map(Value::as_table).collect()
+}
+
+/// What to say of a word that is none of these.
+pub(crate) fn unknown(field: &str, word: &str, known: &[&str]) -> String {
+    match r6_proto::nearest(word, known.iter().copied()) {
+        Some(near) => format!("`{field} = \"{word}\"` is not known; nearest: `{near}`"),
+        None => format!("`{field} = \"{word}\"` is not known; there are: {}", known.join(", ")),
     }
 }
 

@@ -1,0 +1,130 @@
+//! From a fault's word and fields to the fault.
+
+use std::time::Duration;
+
+use super::{BadField, BadJson, BadList, Fault, LinkFault, PackIdFault, ReplyFault, TaskFault};
+use crate::fields::{self, Fields};
+
+/// Every fault that has a word: the word, its class, and the promises that it must not break (`docs/SCENARIOS.md`).
+pub const FAULTS: [(&str, &str); 27] = [
+    ("refuse", "T1"),
+    ("black-hole", "T2"),
+    ("silence", "T3"),
+    ("reset-mid-frame", "T4"),
+    ("close-before-reply", "T5"),
+    ("half-open", "T6"),
+    ("pieces", "T7"),
+    ("coalesce", "T7"),
+    ("latency", "T8"),
+    ("slow", "T9"),
+    ("noise", "T11"),
+    ("stall", "T14"),
+    ("bad-json", "P1"),
+    ("bad-field", "P2"),
+    ("bad-pack-id", "P3"),
+    ("crossed-reply", "P4"),
+    ("bad-list", "P5"),
+    ("echo", "P6"),
+    ("unsolicited", "P7"),
+    ("not-executed", "P10"),
+    ("not-acknowledged", "P10"),
+    ("list-full", "P11"),
+    ("list-frozen", "P11"),
+    ("rejected-mid-batch", "P12"),
+    ("task-dead", "P13"),
+    ("frozen-values", "C9"),
+    ("late-reply", "P3"),
+];
+
+const JSON_KINDS: [(&str, BadJson); 9] = [
+    ("truncated", BadJson::Truncated),
+    ("oversized", BadJson::Oversized),
+    ("deep", BadJson::Deep),
+    ("duplicate-keys", BadJson::DuplicateKeys),
+    ("byte-order-mark", BadJson::ByteOrderMark),
+    ("bad-utf8", BadJson::BadUtf8),
+    ("nul", BadJson::Nul),
+    ("huge-number", BadJson::HugeNumber),
+    ("not-a-number", BadJson::NotANumber),
+];
+
+const FIELD_KINDS: [(&str, BadField); 4] = [
+    ("missing", BadField::Missing),
+    ("unknown", BadField::Unknown),
+    ("renamed", BadField::Renamed),
+    ("wrong-type", BadField::WrongType),
+];
+
+const PACK_ID_KINDS: [(&str, PackIdFault); 3] = [
+    ("wrong", PackIdFault::Wrong),
+    ("repeated", PackIdFault::Repeated),
+    ("reordered", PackIdFault::Reordered),
+];
+
+const LIST_KINDS: [(&str, BadList); 3] =
+    [("short", BadList::Short), ("long", BadList::Long), ("shifted", BadList::Shifted)];
+
+/// The longest that a fault delays anything, seconds: far beyond every time-out of a client.
+const LONGEST_DELAY: f64 = 3600.0;
+
+pub(crate) fn read(word: &str, fields: &Fields<'_>) -> Result<Fault, String> {
+    let link = match word {
+        "refuse" => Some(LinkFault::Refuse),
+        "black-hole" => Some(LinkFault::BlackHole),
+        "silence" => Some(LinkFault::Silence),
+        "reset-mid-frame" => Some(LinkFault::ResetMidFrame {
+            after: fields.whole("after", "how many bytes, from 0", 0..=usize::MAX)?,
+        }),
+        "close-before-reply" => Some(LinkFault::CloseBeforeReply),
+        "half-open" => Some(LinkFault::HalfOpen),
+        "pieces" => Some(LinkFault::Pieces {
+            bytes: fields.whole("bytes", "how many bytes, from 1", 1..=usize::MAX)?.unwrap_or(1),
+        }),
+        "coalesce" => Some(LinkFault::Coalesce {
+            frames: fields.whole("frames", "how many frames, 2 to 100", 2_usize..=100)?.unwrap_or(2),
+            within: delay(fields, "within")?.unwrap_or(Duration::from_millis(100)),
+        }),
+        "latency" => Some(LinkFault::Latency {
+            to_controller: delay(fields, "to_controller")?.unwrap_or_default(),
+            to_client: delay(fields, "to_client")?.unwrap_or_default(),
+            spread: delay(fields, "spread")?.unwrap_or_default(),
+        }),
+        "slow" => Some(LinkFault::Slow {
+            bytes_per_second: fields
+                .whole("bytes_per_second", "how many bytes, from 1", 1..=u32::MAX)?
+                .unwrap_or(1),
+        }),
+        "noise" => Some(LinkFault::Noise),
+        "stall" => {
+            Some(LinkFault::Stall { delay: delay(fields, "delay")?.unwrap_or(Duration::from_millis(190)) })
+        }
+        _ => None,
+    };
+    if let Some(link) = link {
+        return Ok(Fault::Link(link));
+    }
+    Ok(match word {
+        "bad-json" => Fault::Reply(ReplyFault::BadJson(fields.one_of("kind", &JSON_KINDS)?)),
+        "bad-field" => Fault::Reply(ReplyFault::BadField(fields.one_of("kind", &FIELD_KINDS)?)),
+        "bad-pack-id" => Fault::Reply(ReplyFault::PackId(fields.one_of("kind", &PACK_ID_KINDS)?)),
+        "late-reply" => Fault::Reply(ReplyFault::PackId(PackIdFault::Late(
+            delay(fields, "delay")?.unwrap_or(Duration::from_secs(3)),
+        ))),
+        "crossed-reply" => Fault::Reply(ReplyFault::CrossedReply),
+        "bad-list" => Fault::Reply(ReplyFault::BadList(fields.one_of("kind", &LIST_KINDS)?)),
+        "echo" => Fault::Reply(ReplyFault::Echo),
+        "unsolicited" => Fault::Reply(ReplyFault::Unsolicited),
+        "not-executed" => Fault::Task(TaskFault::NotExecuted),
+        "not-acknowledged" => Fault::Task(TaskFault::NotAcknowledged),
+        "list-full" => Fault::Task(TaskFault::ListFull),
+        "list-frozen" => Fault::Task(TaskFault::ListFrozen),
+        "rejected-mid-batch" => Fault::Task(TaskFault::RejectedMidBatch),
+        "task-dead" => Fault::Task(TaskFault::TaskDead),
+        "frozen-values" => Fault::Task(TaskFault::FrozenValues),
+        other => return Err(fields::unknown("fault", other, &FAULTS.map(|(word, _)| word))),
+    })
+}
+
+fn delay(fields: &Fields<'_>, name: &'static str) -> Result<Option<Duration>, String> {
+    Ok(fields.number(name, "seconds, 0 to 3600", 0.0..=LONGEST_DELAY)?.map(Duration::from_secs_f64))
+}
