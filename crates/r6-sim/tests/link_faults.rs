@@ -2,9 +2,11 @@
 //! again afterwards.
 
 use std::io::ErrorKind;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use r6_controller::fault::{LinkFault, LinkFaultNow};
+use r6_controller::scenario::Scenario;
 use r6_controller::{LogLine, Profile};
 use r6_proto::frame::{FrameBuffer, Limits};
 use r6_sim::{Clock, ControllerHandle, SimSettings, Simulation};
@@ -456,4 +458,34 @@ async fn t14_the_second_half_of_a_frame_comes_later() {
     assert_eq!([&first[..length], &second].concat(), REPLY.as_bytes());
     cell.assert_works_again().await;
     assert_answered(&mut stream).await;
+}
+
+#[tokio::test]
+async fn a_scenario_begins_and_ends_them() {
+    let scenario = "[[fault]]\nfault = \"refuse\"\nfor = 0.3\n\
+                    [[fault]]\nfault = \"close-before-reply\"\nfrom = 0.6\nfor = 0.3\n";
+    let scenario = Some(Arc::new(Scenario::read(scenario).unwrap()));
+    let cell = Cell::with(SimSettings { scenario, ..SimSettings::default() }).await;
+    let mut log = cell.broken().log();
+    told(&mut log, "connections are refused").await;
+    assert_eq!(soon(cell.try_connect()).await.unwrap_err().kind(), ErrorKind::ConnectionRefused);
+    told(&mut log, "connections are taken again").await;
+    // Each is served until the second fault closes it, and after that again.
+    let (mut closed, mut answered_after) = (0, false);
+    while !answered_after {
+        let mut stream = soon(cell.try_connect()).await.unwrap();
+        loop {
+            ask(&mut stream).await;
+            let mut came = vec![0; REPLY.len()];
+            if soon(stream.read_exact(&mut came)).await.is_err() {
+                closed += 1;
+                break;
+            }
+            assert_eq!(came, REPLY.as_bytes());
+            answered_after = closed > 0;
+            if answered_after {
+                break;
+            }
+        }
+    }
 }
