@@ -23,9 +23,8 @@
 //! is on its way when a fault ends keeps its time, but a group that is gathered leaves, and the speed is as before.
 
 mod door;
+mod fate;
 mod way;
-
-use std::time::Duration;
 
 use r6_proto::time::Instant;
 
@@ -33,6 +32,7 @@ use super::{LinkFault, LinkFaultNow};
 use crate::random::Random;
 
 pub use door::Door;
+use fate::{DrawnFor, Fate, InForce, disturbed, drawn_for, speed};
 use way::{Group, Parcel, Way};
 
 /// How many bytes wait in one direction; then a link takes no more. Three frames of the longest that is read, and one of
@@ -66,13 +66,6 @@ enum State {
     Over,
 }
 
-/// A fault, and what was drawn for this connection when it began.
-#[derive(Clone, Copy, Debug)]
-struct InForce {
-    now: LinkFaultNow,
-    strikes: bool,
-}
-
 /// One connection, as the faults of its link let it be.
 #[derive(Clone, Debug)]
 pub struct Link {
@@ -84,51 +77,6 @@ pub struct Link {
     random: Random,
     client_random: Random,
     controller_random: Random,
-}
-
-/// What it is drawn for whether a fault strikes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum DrawnFor {
-    /// For none: it is about attempts to connect ([`Door`]).
-    Door,
-    /// For each connection, when the fault begins.
-    Connection,
-    Frame,
-    Byte,
-}
-
-fn drawn_for(fault: LinkFault) -> DrawnFor {
-    match fault {
-        LinkFault::Refuse | LinkFault::BlackHole => DrawnFor::Door,
-        LinkFault::Silence | LinkFault::HalfOpen | LinkFault::Slow { .. } => DrawnFor::Connection,
-        LinkFault::ResetMidFrame { .. }
-        | LinkFault::CloseBeforeReply
-        | LinkFault::Pieces { .. }
-        | LinkFault::Coalesce { .. }
-        | LinkFault::Latency { .. }
-        | LinkFault::Stall { .. } => DrawnFor::Frame,
-        LinkFault::Noise => DrawnFor::Byte,
-    }
-}
-
-/// Bytes a second, where that is what the fault is.
-fn speed(one: &InForce) -> Option<u32> {
-    if let LinkFault::Slow { bytes_per_second } = one.now.fault {
-        Some(bytes_per_second.max(1))
-    } else {
-        None
-    }
-}
-
-/// What is to become of one frame.
-#[derive(Debug, Default)]
-struct Fate {
-    close: bool,
-    cut: Option<usize>,
-    stall: Option<Duration>,
-    gather: Option<(usize, Duration)>,
-    latency: Duration,
-    piece: Option<usize>,
 }
 
 impl Link {
@@ -241,13 +189,13 @@ impl Link {
         if !self.takes_frames() {
             return false;
         }
-        let fate = self.fate(frame.len());
+        let fate = Fate::draw(&self.in_force, &mut self.client_random, frame.len());
         if fate.close {
             self.to_client.end(now + fate.latency, Delivery::Close);
             return true;
         }
         let kept = frame.get(..fate.cut.unwrap_or(frame.len())).unwrap_or(frame);
-        let mut bytes = self.disturbed(kept);
+        let mut bytes = disturbed(&self.in_force, &mut self.client_random, kept);
         let due = now + fate.latency;
         if let Some(delay) = fate.stall {
             let later = bytes.split_off(bytes.len() / 2);
@@ -263,54 +211,6 @@ impl Link {
             self.to_client.end(due, Delivery::Reset);
         }
         true
-    }
-
-    fn fate(&mut self, length: usize) -> Fate {
-        let random = &mut self.client_random;
-        let mut fate = Fate::default();
-        for one in &self.in_force {
-            if drawn_for(one.now.fault) != DrawnFor::Frame || !random.strikes(one.now.chance) {
-                continue;
-            }
-            match one.now.fault {
-                LinkFault::CloseBeforeReply => fate.close = true,
-                LinkFault::ResetMidFrame { after } => {
-                    let most = length.saturating_sub(1);
-                    let drawn = 1 + random.below(most);
-                    fate.cut.get_or_insert(after.unwrap_or(drawn).min(most));
-                }
-                LinkFault::Stall { delay } => _ = fate.stall.get_or_insert(delay),
-                LinkFault::Coalesce { frames, within } => _ = fate.gather.get_or_insert((frames, within)),
-                LinkFault::Latency { to_client, spread, .. } => {
-                    fate.latency =
-                        fate.latency.saturating_add(to_client).saturating_add(random.up_to(spread));
-                }
-                LinkFault::Pieces { bytes } => fate.piece = Some(fate.piece.unwrap_or(bytes).min(bytes)),
-                LinkFault::Refuse | LinkFault::BlackHole | LinkFault::Silence | LinkFault::HalfOpen => {}
-                LinkFault::Slow { .. } | LinkFault::Noise => {}
-            }
-        }
-        fate
-    }
-
-    /// The bytes, as noise lets them be.
-    fn disturbed(&mut self, bytes: &[u8]) -> Vec<u8> {
-        let random = &mut self.client_random;
-        let mut bytes = bytes.to_vec();
-        for noise in self.in_force.iter().filter(|one| one.now.fault == LinkFault::Noise) {
-            let mut heard = Vec::with_capacity(bytes.len());
-            for byte in bytes {
-                match random.strikes(noise.now.chance).then(|| random.below(3)) {
-                    None => heard.push(byte),
-                    Some(0) => {}
-                    Some(1) => heard.extend([byte, drawn_byte(random, 0)]),
-                    // Never the byte that it was.
-                    Some(_) => heard.push(byte ^ drawn_byte(random, 1)),
-                }
-            }
-            bytes = heard;
-        }
-        bytes
     }
 
     /// What is to be written to the client now; call it until there is nothing.
@@ -361,10 +261,4 @@ impl Link {
     pub fn next_due(&self) -> Option<Instant> {
         self.to_client.next_due().into_iter().chain(self.to_controller.next_due()).min()
     }
-}
-
-/// A byte that is not below `least`.
-fn drawn_byte(random: &mut Random, least: u8) -> u8 {
-    let above = u8::try_from(random.below(usize::from(u8::MAX - least) + 1)).unwrap_or_default();
-    least.saturating_add(above)
 }
