@@ -17,7 +17,7 @@ use r6_controller::scenario::{Happening, Scenario};
 use r6_controller::{Button, PanelAction};
 use r6_proto::time::Instant;
 
-use client::Client;
+use client::{Client, Motion};
 use world::{World, end_of};
 
 const SEEDS: [u64; 3] = [0, 1, 77];
@@ -90,6 +90,20 @@ fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/scenarios")
 }
 
+/// How far J1 had to go from rest to rest, through the points on the way.
+fn way(world: &World) -> f64 {
+    let pairs = world.rests.windows(2);
+    pairs
+        .map(|pair| {
+            let motion = world.client.motions.iter().find(|motion| (motion.target - pair[1]).abs() < 1e-6);
+            motion.map_or((pair[1] - pair[0]).abs(), |Motion { half, target, .. }| {
+                (half - pair[0]).abs() + (target - half).abs()
+            })
+        })
+        .sum()
+}
+
+#[expect(clippy::disallowed_methods, reason = "a test reads the files that users copy")]
 fn scenario(name: &str) -> Scenario {
     let path = folder().join(format!("{name}.toml"));
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -138,6 +152,13 @@ fn run(name: &str, seed: u64) -> World {
             world.rests
         );
     }
+    // A list that runs twice goes back and forth.
+    let further = world.travel - way(&world);
+    assert!(
+        further < 0.01 || !name.starts_with("P10"),
+        "J1 went {further} degrees too far: {:?}",
+        world.rests
+    );
     let frozen = name == "C9-frozen-values";
     assert!(world.stale == 0 || frozen || shifted, "the client believes in {} wrong places", world.stale);
     let growth = world.growth();

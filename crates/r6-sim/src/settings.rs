@@ -4,9 +4,10 @@ use std::fmt;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use r6_controller::settings::REMOTE_MOLD;
-use r6_controller::{Library, Profile, RobotModel, StartState};
+use r6_controller::{Library, Profile, RobotModel, Scenario, StartState};
 
 use crate::camera::{Camera, MAX_CAMERAS};
 use crate::clock::Clock;
@@ -34,6 +35,8 @@ pub struct SimSettings {
     pub mold: String,
     /// The cameras that each controller dials, one connection each: at most [`MAX_CAMERAS`], each `camID` once.
     pub cameras: Vec<Camera>,
+    /// What happens to each of them by itself; each draws for itself what it leaves open.
+    pub scenario: Option<Arc<Scenario>>,
     /// Where the panel is offered over HTTP; `None`: nowhere. Port 0 takes any free port.
     pub panel: Option<SocketAddr>,
     /// Whether the panel may listen where other machines reach it: it has no login.
@@ -59,6 +62,7 @@ impl Default for SimSettings {
             library: Library::default(),
             mold: REMOTE_MOLD.to_owned(),
             cameras: Vec::new(),
+            scenario: None,
             panel: None,
             panel_open: false,
             clock: Clock::Real,

@@ -2,10 +2,11 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::mpsc;
 use std::thread;
 
-use r6_controller::{Profile, RobotModel, StartState};
+use r6_controller::{Profile, RobotModel, Scenario, StartState};
 use tokio::sync::oneshot;
 
 use crate::camera::Camera;
@@ -157,6 +158,12 @@ impl Builder {
     /// A camera that it dials.
     pub fn camera(mut self, camera: Camera) -> Self {
         self.settings.cameras.push(camera);
+        self
+    }
+
+    /// What happens to it by itself.
+    pub fn scenario(mut self, scenario: Scenario) -> Self {
+        self.settings.scenario = Some(Arc::new(scenario));
         self
     }
 

@@ -10,6 +10,7 @@ mod output;
 mod recording;
 mod robot;
 mod signals;
+mod text_file;
 mod units;
 mod words;
 

@@ -179,7 +179,7 @@ impl Client {
         match self.round % 7 {
             0..=2 => self.ask(now, Asked::State, &Request::Query(&state_addresses())),
             6 if self.moves => {
-                let command = Command::ModifyOutput { board: 0, point: 5, on: self.round % 2 == 0 };
+                let command = Command::ModifyOutput { board: 0, point: 5, on: self.round.is_multiple_of(2) };
                 self.ask(now, Asked::Command, &Request::Command(&command));
             }
             _ => {
@@ -201,7 +201,7 @@ impl Client {
         #[expect(clippy::cast_precision_loss, reason = "a small number")]
         let n = number as f64;
         // Each target and each point on the way to it is its own.
-        let side = if number % 2 == 0 { 1.0 } else { -1.0 };
+        let side = if number.is_multiple_of(2) { 1.0 } else { -1.0 };
         let (target, half) = (side * (12.0 + n * 0.013), side * (4.0 + n * 0.011));
         let step = |to: f64, blend: Option<BlendLevel>| Instruction {
             oneshot: true,

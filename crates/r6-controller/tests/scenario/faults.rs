@@ -283,7 +283,10 @@ fn faults_strike_one_after_the_other() {
     cell.send(ASK);
     let all = frames(&mut cell);
     assert_eq!(all.len(), 2);
-    assert!(all.iter().all(|frame| object(&[frame.clone()])["queryData"].as_array().unwrap().len() == 2));
+    assert!(
+        all.iter()
+            .all(|frame| object(std::slice::from_ref(frame))["queryData"].as_array().unwrap().len() == 2)
+    );
 }
 
 #[test]

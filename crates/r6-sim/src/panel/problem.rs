@@ -60,7 +60,8 @@ impl From<Refused> for Problem {
     /// 409: the machine could do it, but not now; 422: never.
     fn from(refused: Refused) -> Self {
         let status = match &refused {
-            Refused::EmergencyStop
+            Refused::PowerOff
+            | Refused::EmergencyStop
             | Refused::Alarm { .. }
             | Refused::NotHomed
             | Refused::NotAuto { .. }

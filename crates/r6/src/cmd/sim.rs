@@ -5,9 +5,10 @@ mod stdin;
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
-use r6_controller::{LogLine, Profile, RobotModel, StartState};
+use r6_controller::{LogLine, Profile, RobotModel, Scenario, StartState};
 use r6_sim::{Camera, Clock, ControllerHandle, SimSettings, Simulation};
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
@@ -16,9 +17,13 @@ use tokio::task::JoinSet;
 use crate::exit::{Exit, Failure};
 use crate::output::{self, queue::LineQueue};
 use crate::signals::Ending;
+use crate::text_file;
 
 /// Where `r6 sim` and `r6 up` listen unless told: the port of the real controllers, for this machine alone.
 pub const DEFAULT_LISTEN: &str = "127.0.0.1:9760";
+
+/// No profile and no robot model has a longer file: theirs have some kilobytes.
+const MAX_FILE_BYTES: usize = 256 * 1024;
 
 /// What a virtual controller is and how it stands.
 #[derive(Debug, Args)]
@@ -40,11 +45,15 @@ pub struct CellArgs {
     /// several times, for cameras with a camID of their own
     #[arg(long, value_name = "[ID=]ADDR:PORT")]
     camera: Vec<Camera>,
+    /// What happens to it by itself: people, other masters, power cuts, inputs that follow outputs, and faults of link, replies
+    /// and controller; a .toml or .json file
+    #[arg(long, value_name = "FILE", value_parser = scenario)]
+    scenario: Option<Arc<Scenario>>,
     /// How fast time goes: real, 10x (0.01x to 1000x), or max: it jumps from event to event, and stands while
     /// nobody says anything
     #[arg(long, value_name = "real|Nx|max", default_value = "real")]
     clock: Clock,
-    /// Seed of whatever is random, such as how long AddRCC takes to be acknowledged
+    /// Seed of whatever is random, such as how long AddRCC takes to be acknowledged; a scenario has one of its own besides
     #[arg(long, default_value = "0")]
     seed: u64,
     /// Folder that keeps what survives a power cut, one file for each controller; --start then counts only for
@@ -89,6 +98,7 @@ Examples:
   r6 sim --model my-arm.toml
   r6 sim --program cell.toml                    a program of your own (docs/PROGRAMS.md)
   r6 sim --program pick-and-place --camera 127.0.0.1:9000    dials a camera that listens
+  r6 sim --scenario examples/scenarios/cell.toml    what happens by itself (docs/SCENARIOS.md)
   r6 sim --clock max                            moves take no time; the same requests, the same bytes
   r6 sim --state my-cell                        counters, tools and the like survive a restart
   echo input 0 3 on | r6 sim                    input 3 is on from the start
@@ -144,7 +154,7 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
 impl CellArgs {
     /// One controller of this kind.
     pub fn settings(self) -> Result<SimSettings, Failure> {
-        let Self { model, profile, start, program, camera, clock, seed, state } = self;
+        let Self { model, profile, start, program, camera, scenario, clock, seed, state } = self;
         let (library, mold) = programs::library(program).map_err(|error| Failure::usage(&error))?;
         let start = match start {
             Start::Waiting => StartState::Waiting,
@@ -159,6 +169,7 @@ impl CellArgs {
             library,
             mold,
             cameras: camera,
+            scenario,
             clock,
             seed,
             state,
@@ -184,8 +195,7 @@ pub fn profile(text: &str) -> Result<Profile, String> {
         return Ok(profile);
     }
     if Path::new(text).extension().is_some_and(|extension| extension == "toml") {
-        let file =
-            std::fs::read_to_string(text).map_err(|error| format!("the file cannot be read: {error}"))?;
+        let file = text_file::read(Path::new(text), "a profile", MAX_FILE_BYTES)?;
         return Profile::from_toml(&file).map_err(|error| error.to_string());
     }
     let names = Profile::names();
@@ -195,14 +205,19 @@ pub fn profile(text: &str) -> Result<Profile, String> {
     })
 }
 
+/// The scenario of this file.
+fn scenario(text: &str) -> Result<Arc<Scenario>, String> {
+    let file = text_file::read(Path::new(text), "a scenario", r6_controller::scenario::MAX_TEXT_BYTES)?;
+    Scenario::read(&file).map(Arc::new).map_err(|error| error.to_string())
+}
+
 /// The robot model of this name, or of this file.
 pub fn model(text: &str) -> Result<RobotModel, String> {
     if let Some(model) = RobotModel::named(text) {
         return Ok(model.clone());
     }
     if Path::new(text).extension().is_some_and(|extension| extension == "toml") {
-        let file =
-            std::fs::read_to_string(text).map_err(|error| format!("the file cannot be read: {error}"))?;
+        let file = text_file::read(Path::new(text), "a robot model", MAX_FILE_BYTES)?;
         return RobotModel::from_toml(&file).map_err(|error| error.to_string());
     }
     Err(match r6_proto::nearest(text, RobotModel::names()) {

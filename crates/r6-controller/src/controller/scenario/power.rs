@@ -37,6 +37,8 @@ impl Controller {
     pub(super) fn power_up(&mut self, now: Instant) {
         let Some(breakage) = &mut self.breakage else { return };
         breakage.off = false;
+        // The places of those that were lost are free again, and nobody is left who would end them.
+        self.connections.retain(|_, connection| connection.service != Service::Wedged);
         // It knows nothing of these connections: whatever comes on one of them is answered with a reset.
         for (id, connection) in &mut self.connections {
             connection.service = Service::Over;

@@ -6,6 +6,8 @@ use r6_controller::program::MAX_TEXT_BYTES;
 use r6_controller::settings::REMOTE_MOLD;
 use r6_controller::{Library, LibraryError, Program};
 
+use crate::text_file;
+
 /// A program that a user names: one that every controller has, or one out of a file.
 #[derive(Clone, Debug)]
 pub enum Given {
@@ -40,13 +42,7 @@ pub fn read(text: &str) -> Result<Given, String> {
             }
         });
     }
-    let long = |bytes: u64| format!("the file has {bytes} bytes; a program has {MAX_TEXT_BYTES} at most");
-    let length = std::fs::metadata(path).map_err(|error| format!("the file cannot be read: {error}"))?.len();
-    if usize::try_from(length).is_ok_and(|length| length > MAX_TEXT_BYTES) {
-        return Err(long(length));
-    }
-    let content =
-        std::fs::read_to_string(path).map_err(|error| format!("the file cannot be read: {error}"))?;
+    let content = text_file::read(path, "a program", MAX_TEXT_BYTES)?;
     let name = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
     Program::read(name, &content).map(Given::File).map_err(|error| error.to_string())
 }
