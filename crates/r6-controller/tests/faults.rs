@@ -153,7 +153,7 @@ fn run(name: &str, seed: u64) -> World {
         );
     }
     // A list that runs twice goes back and forth.
-    let further = world.travel - way(&world);
+    let further = world.travel_to_rest - way(&world);
     assert!(
         further < 0.01 || !name.starts_with("P10"),
         "J1 went {further} degrees too far: {:?}",

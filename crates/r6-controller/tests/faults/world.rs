@@ -41,8 +41,9 @@ pub struct World {
     halted: Option<(Instant, bool)>,
     /// Where J1 came to rest, each time anew.
     pub rests: Vec<f64>,
-    /// How far J1 went in all, degrees.
-    pub travel: f64,
+    /// How far J1 went in all, and up to its last rest, degrees.
+    travel: f64,
+    pub travel_to_rest: f64,
     /// Whether it has left the last of them.
     left: bool,
     /// Since when it rests there.
@@ -99,6 +100,7 @@ impl World {
             halted: None,
             rests: Vec::new(),
             travel: 0.0,
+            travel_to_rest: 0.0,
             left: false,
             rests_since: now,
             stale: 0,
@@ -219,6 +221,7 @@ impl World {
         self.left |= elsewhere;
         if !after.moves && self.left {
             self.left = false;
+            self.travel_to_rest = self.travel;
             self.rests.push(after.axes[0]);
         }
         if after.moves {
