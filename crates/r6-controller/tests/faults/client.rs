@@ -5,11 +5,12 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use r6_controller::ConnectionId;
-use r6_proto::client::{ClientSession, ClientSettings, Event, StrayReason};
+use r6_proto::client::{ClientSession, ClientSettings};
 use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Instruction, Manner, Move};
-use r6_proto::message::{Body, Message};
 use r6_proto::time::Instant;
 use r6_proto::{Address, Command, Request};
+
+use crate::told::{Said, Told, told, word};
 
 const POLL: Duration = Duration::from_millis(100);
 const MOTION: Duration = Duration::from_millis(1500);
@@ -71,23 +72,6 @@ pub struct State {
     alarm: i64,
     moving: bool,
     list: i64,
-}
-
-/// An event, without what it borrows.
-enum Told {
-    Reply { ticket: u64, frame: Vec<u8>, body: Said },
-    Photo(Vec<u8>),
-    Stray(StrayReason, Vec<u8>),
-    Broken,
-    TimedOut(u64),
-    Lost(u64),
-    OutOfStep,
-}
-
-enum Said {
-    Values(Vec<String>),
-    Verdict(bool),
-    Rejected,
 }
 
 pub struct Client {
@@ -335,39 +319,4 @@ fn state_addresses() -> Vec<Address> {
     let names = ["curMode", "curAlarm", "isMoving", "RemoteCmdLen", "origin", "axisNum"];
     let axes = (0..6).map(|axis| format!("axis-{axis}"));
     names.into_iter().map(str::to_owned).chain(axes).map(|name| address(&name)).collect()
-}
-
-fn told(event: Event<'_>) -> Told {
-    match event {
-        Event::Reply { ticket, message, .. } => {
-            Told::Reply { ticket: ticket.number(), frame: message.frame().to_vec(), body: said(&message) }
-        }
-        Event::Photo { message, .. } => Told::Photo(message.frame().to_vec()),
-        Event::Stray { reason, message } => Told::Stray(reason, message.frame().to_vec()),
-        Event::BadFrame(_) | Event::NotJson(_) => Told::Broken,
-        Event::TimedOut(ticket) => Told::TimedOut(ticket.number()),
-        Event::Lost { ticket, .. } => Told::Lost(ticket.number()),
-        Event::OutOfStep => Told::OutOfStep,
-    }
-}
-
-fn said(message: &Message<'_>) -> Said {
-    match &message.body {
-        Body::QueryReply(reply) => {
-            Said::Values(reply.values.iter().map(|value| value.text().into_owned()).collect())
-        }
-        Body::CommandReply(_) => Said::Verdict(String::from_utf8_lossy(message.frame()).contains("\"ok\"")),
-        _ => Said::Rejected,
-    }
-}
-
-fn word(reason: StrayReason) -> &'static str {
-    match reason {
-        StrayReason::UnknownPackId => "unknown packID",
-        StrayReason::Contradiction => "contradiction",
-        StrayReason::NothingWaits => "nothing waits",
-        StrayReason::Echo => "echo",
-        StrayReason::OutOfStep => "out of step",
-        StrayReason::NoReply => "no reply",
-    }
 }
