@@ -215,6 +215,9 @@ impl Controller {
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.connections.remove(&id);
         self.cameras.disconnect(id);
+        if let Some(breakage) = &mut self.breakage {
+            breakage.disconnect(id);
+        }
     }
 
     /// A connection has ended, and the controller does not notice ([`crate::fault::LinkFault::HalfOpen`]). If it was one of those
@@ -362,6 +365,9 @@ impl Controller {
     }
 
     fn push_photo(&mut self, now: Instant, cam_id: i64) {
+        if self.is_off() {
+            return;
+        }
         let route = self.cameras.route(cam_id);
         let mut asked = 0;
         for (id, connection) in &mut self.connections {
@@ -371,7 +377,11 @@ impl Controller {
                 Route::Away => false,
             };
             if is_meant && connection.service == Service::Served {
-                connection.session.split().1.send(|out| encode_photo(cam_id, None, out));
+                let (_, outbox) = connection.session.split();
+                outbox.send(|out| encode_photo(cam_id, None, out));
+                if outbox.is_overfull() {
+                    connection.service = Service::Over;
+                }
                 self.woken.push_back(*id);
                 asked += 1;
             }
