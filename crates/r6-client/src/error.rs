@@ -245,7 +245,8 @@ impl fmt::Display for Refused {
             Self::Command { .. } => f.write_str("; look at mode and alarm, then send it again"),
             Self::InstructionList { .. } => f.write_str(
                 "; look at the arm before anything else, because controllers have run lists that they refused; the list \
-                 is taken in mode 7, without alarm",
+                 is taken in mode 7, without alarm, and only while the pendant's program sits in its step that waits for \
+                 remote commands",
             ),
             Self::Points { .. } => {
                 f.write_str("; check that the running program waits for points of this camera")

@@ -407,7 +407,7 @@ impl Controller {
     /// Why the machine did not do it, and what to do; nothing has changed.
     pub fn operate(&mut self, now: Instant, action: &PanelAction) -> Result<(), Refused> {
         self.advance(now);
-        if self.is_off() {
+        if self.is_off() && !action.needs_no_power() {
             return Err(Refused::PowerOff);
         }
         let done = self.machine.operate(action);

@@ -108,6 +108,8 @@ impl FastClock {
             if anothers_turn && controller.next_reply().is_none() {
                 return;
             }
+            // What a scenario has happen on the way is an event by itself.
+            let due = controller.next_of_scenario().map_or(due, |happens| happens.min(due));
             self.now = self.now.max(due);
             controller.jump(self.now);
         }

@@ -62,6 +62,27 @@ pub enum PanelAction {
     },
 }
 
+impl PanelAction {
+    /// Whether it is done without mains, too: the cell's inputs, and switches that stay as they are.
+    #[must_use]
+    pub fn needs_no_power(&self) -> bool {
+        match self {
+            Self::SetInput { .. }
+            | Self::SetEuInput { .. }
+            | Self::TurnKey(_)
+            | Self::EmergencyStop
+            | Self::ReleaseEmergencyStop => true,
+            Self::Press(_)
+            | Self::ClearAlarm
+            | Self::RaiseAlarm(_)
+            | Self::Home
+            | Self::Jog { .. }
+            | Self::SwitchProgram(_)
+            | Self::LoadProgram { .. } => false,
+        }
+    }
+}
+
 /// A button of the pendant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Button {

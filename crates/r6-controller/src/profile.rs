@@ -288,6 +288,7 @@ struct ProfileFile {
     turning: Option<TurningWord>,
     max_connections: Option<usize>,
     answers_heartbreak: Option<bool>,
+    says_virtual: Option<bool>,
     accepts_heartbreak_command: Option<bool>,
     heartbeat_timeout_ms: Option<u64>,
     heartbeat_alarm: Option<u32>,
@@ -385,6 +386,7 @@ impl ProfileFile {
         set(&mut profile.turning, self.turning);
         set(&mut profile.max_connections, self.max_connections);
         set(&mut profile.answers_heartbreak, self.answers_heartbreak);
+        set(&mut profile.dialect.says_virtual, self.says_virtual);
         set(&mut profile.accepts_heartbreak_command, self.accepts_heartbreak_command);
         set_ms(&mut profile.heartbeat_timeout, self.heartbeat_timeout_ms);
         set(&mut profile.heartbeat_alarm, self.heartbeat_alarm);

@@ -16,7 +16,7 @@ use r6_proto::message::instruction::{Coordinates, Manner, Wait};
 pub use library::{Library, LibraryError, MAX_LOADED_BYTES, MAX_PROGRAMS};
 
 use crate::io::OutputPoint;
-use crate::machine::Stack;
+use crate::machine::{CounterState, Stack};
 
 /// No program has more steps. The longest taught programs have some hundred.
 pub const MAX_STEPS: usize = 1000;
@@ -34,6 +34,7 @@ pub struct Program {
     text: String,
     steps: Vec<Step>,
     stacks: Vec<(u32, Stack)>,
+    counters: Vec<(u32, CounterState)>,
 }
 
 /// One step.
@@ -242,6 +243,12 @@ impl Program {
     #[must_use]
     pub fn steps(&self) -> &[Step] {
         &self.steps
+    }
+
+    /// The counters it brings along: number, counter.
+    #[must_use]
+    pub fn counters(&self) -> &[(u32, CounterState)] {
+        &self.counters
     }
 
     /// The stacks it brings along: number, stack.

@@ -176,6 +176,11 @@ impl fmt::Display for ScenarioError {
 impl std::error::Error for ScenarioError {}
 
 impl Scenario {
+    /// Whether an entry of the timeline happens again and again.
+    pub(crate) fn repeats(&self, number: usize) -> bool {
+        self.timeline.get(number).is_some_and(|entry| entry.every.is_some())
+    }
+
     /// The scenario that a text describes.
     ///
     /// # Errors

@@ -1,8 +1,11 @@
 //! `docs/PROFILES.md` against the code.
 
+mod common;
+
 use std::collections::BTreeSet;
 
-use r6_controller::Profile;
+use common::Cell;
+use r6_controller::{Profile, StartState};
 
 const PAGE: &str = include_str!("../../../docs/PROFILES.md");
 
@@ -51,4 +54,17 @@ fn the_example_of_the_page_works() {
         (profile.name.as_str(), profile.max_connections, profile.action_stop_alarm),
         ("my-cell", 2, 42)
     );
+}
+
+/// A reply that says that no real controller sent it: only where somebody asked for it.
+#[test]
+fn replies_say_that_they_are_virtual() {
+    for base in Profile::names() {
+        let ask = r#"{"reqType":"query","packID":"5","queryAddr":["version"]}"#;
+        let marked = Profile::from_toml(&format!("base = \"{base}\"\nsays_virtual = true")).unwrap();
+        let plain = Cell::with_profile(base).ask(ask);
+        let said = Cell::with(marked, StartState::Waiting).ask(ask);
+        assert!(!plain.contains("virtual"), "{plain}");
+        assert_eq!(said, plain.replace('}', r#","virtual":true}"#));
+    }
 }

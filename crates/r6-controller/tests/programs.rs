@@ -582,3 +582,25 @@ fn a_stack_that_is_not_there_is_an_error() {
     assert_eq!(cell.text("curAlarm"), "10");
     assert!(cell.log().contains("program `test`, step 1: there is no stack 3"));
 }
+
+/// A counter that the program brings along counts; one that is there keeps its counts.
+#[test]
+fn a_program_brings_its_counters_along() {
+    let step = |number: u32| format!("[[step]]\ndo=\"counter\"\nnumber={number}\nby=1\n");
+    let steps = step(3) + &step(0) + "[[step]]\ndo=\"remote\"";
+    let mut cell = running(&format!(
+        "[[counter]]\nnumber=3\ntarget=9\ncurrent=4\n[[counter]]\nnumber=0\ncurrent=50\n{steps}"
+    ));
+    assert_eq!(cell.text("curAlarm"), "0");
+    assert_eq!((cell.value("counter-3"), cell.value("counter-0")), (json!([3, 9, 5]), json!([0, 0, 1])));
+    let mut cell = running(&steps);
+    assert_eq!(cell.text("curAlarm"), "300");
+    let wrong = |counter: &str| {
+        let text = format!("[[counter]]\n{counter}\n{steps}");
+        r6_controller::Program::read("cell", &text).unwrap_err().to_string()
+    };
+    assert!(wrong("target=1").ends_with("`number` is missing: the number of a counter"));
+    assert!(
+        wrong("number=1\ntagret=1").contains("counter 1: `tagret` means nothing here; nearest: `target`")
+    );
+}

@@ -17,6 +17,8 @@ pub struct Dialect {
     pub echo_query_addr: bool,
     /// How a counter is written.
     pub counter: CounterForm,
+    /// Whether a reply ends with `"virtual":true`. No real controller says so; clients that read JSON step over it.
+    pub says_virtual: bool,
 }
 
 /// In which order a reply's keys stand.
@@ -68,6 +70,7 @@ impl Dialect {
         echo_pack_id: true,
         echo_query_addr: true,
         counter: CounterForm::Numbers,
+        says_virtual: false,
     };
 
     /// Manual V6.0 to the letter, for firmware from 2.0.2.1 / 1.6.4 on.
@@ -78,6 +81,7 @@ impl Dialect {
         echo_pack_id: false,
         echo_query_addr: false,
         counter: CounterForm::Texts,
+        says_virtual: false,
     };
 
     /// Before 2.0.2.1 / 1.6.4.
@@ -88,6 +92,7 @@ impl Dialect {
         echo_pack_id: false,
         echo_query_addr: false,
         counter: CounterForm::OldText,
+        says_virtual: false,
     };
 
     /// The word that a reply to this request has as its type, or `None` to repeat the word that was sent.

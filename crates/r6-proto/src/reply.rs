@@ -125,6 +125,10 @@ impl<'a> ReplyWriter<'a> {
                 late(&mut frame);
             }
         }
+        // The last of all keys, in either order.
+        if self.dialect.says_virtual {
+            frame.key("virtual").extend_from_slice(b"true");
+        }
         frame.end();
     }
 

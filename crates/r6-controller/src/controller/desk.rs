@@ -160,7 +160,7 @@ impl Desk<'_> {
                 let arguments = words.arguments();
                 let text =
                     if arguments.is_empty() { word.to_string() } else { format!("{word} {arguments:?}") };
-                self.info(text);
+                self.info(text + self.not_done());
                 self.verdict(header, RequestType::Command, &word, Verdict::Ok, outbox);
             }
             Err(reason) => {
@@ -206,7 +206,11 @@ impl Desk<'_> {
         let verdict = match self.take_instructions(list.empty_list.unwrap_or(false), list.instructions) {
             Ok(()) => {
                 let how = if list.empty_list == Some(true) { "replaced" } else { "appended to" };
-                self.info(format!("AddRCC: {} instructions, list {how}", list.instructions.len()));
+                let count = match list.instructions.len() {
+                    1 => "1 instruction".to_owned(),
+                    count => format!("{count} instructions"),
+                };
+                self.info(format!("AddRCC: {count}, list {how}{}", self.not_done()));
                 Verdict::Ok
             }
             Err(NotTaken::Refused(reason)) => {
@@ -219,6 +223,11 @@ impl Desk<'_> {
             }
         };
         self.verdict(&message.header, RequestType::AddRcc, "AddRCC", verdict, outbox);
+    }
+
+    /// What the log says besides of something that was answered with ok.
+    fn not_done(&self) -> &'static str {
+        if self.strikes.not_executed { ": answered ok and not carried out (fault not-executed)" } else { "" }
     }
 
     fn take_instructions(&mut self, replace: bool, steps: &[Instruction]) -> Result<(), NotTaken> {

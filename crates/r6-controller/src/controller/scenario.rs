@@ -11,12 +11,16 @@ use super::{ConnectionId, Controller, Service};
 use crate::fault::{Fault, LinkFault, LinkFaultNow, ReplyFault, TaskFault};
 use crate::log::Level;
 use crate::machine::{CounterState, Machine};
-use crate::panel::{PanelAction, Refused};
+use crate::panel::Refused;
 use crate::saved::MAX_COUNTERS;
 use crate::scenario::{Happening, Scenario, ScenarioRun, Turn};
 use crate::settings::ControllerSettings;
 
 pub(super) use broken::{Asked, Strikes};
+
+/// How many turns of a scenario one call carries out. A timeline has at most a thousand a second (`scenario/file.rs`): whoever
+/// was away for longer than a minute and a half misses repetitions, and does not hold everybody up to make up for them.
+const MAX_TURNS: usize = 100_000;
 
 const TOO_MANY: &str = "too many inputs are about to change already";
 
@@ -69,17 +73,32 @@ impl Breakage {
 impl Controller {
     /// Brings the machine to a point in time, with whatever the scenario has happen on the way.
     pub(super) fn advance(&mut self, now: Instant) {
+        let mut turns = 0;
         while let Some(at) = self.next_turn().filter(|at| *at <= now) {
             let at = at.max(self.machine.now());
             self.machine.advance(at);
             self.react(at);
             while let Some(turn) = self.breakage.as_mut().and_then(|breakage| breakage.run.take(at)) {
+                turns += 1;
                 self.happen(at, turn);
                 self.react(at);
+            }
+            if turns >= MAX_TURNS {
+                turns = 0;
+                self.catch_up(at, now);
             }
         }
         self.machine.advance(now);
         self.react(now);
+    }
+
+    /// Repetitions of the timeline up to now are left out: there were too many.
+    fn catch_up(&mut self, at: Instant, now: Instant) {
+        let Some(breakage) = &mut self.breakage else { return };
+        let skipped = breakage.run.catch_up(now);
+        if skipped > 0 {
+            self.tell(at, Level::Warning, format!("{skipped} happenings were left out: too many at once"));
+        }
     }
 
     /// When the scenario has its next turn: something is due, or an output may change that an input reacts to.
@@ -90,7 +109,7 @@ impl Controller {
     }
 
     /// When something of the scenario is due next.
-    pub(super) fn next_of_scenario(&self) -> Option<Instant> {
+    pub(crate) fn next_of_scenario(&self) -> Option<Instant> {
         self.breakage.as_ref()?.run.next_due()
     }
 
@@ -245,17 +264,10 @@ impl Controller {
     }
 }
 
-/// Whether something happens without mains: the cell's inputs, and switches that stay as they are.
+/// Whether something happens without mains.
 fn needs_no_power(what: &Happening) -> bool {
     match what {
-        Happening::Panel(action) => matches!(
-            action,
-            PanelAction::SetInput { .. }
-                | PanelAction::SetEuInput { .. }
-                | PanelAction::TurnKey(_)
-                | PanelAction::EmergencyStop
-                | PanelAction::ReleaseEmergencyStop
-        ),
+        Happening::Panel(action) => action.needs_no_power(),
         Happening::Bounce(_) | Happening::PowerCut { .. } => true,
         Happening::Output(..) | Happening::Counter { .. } | Happening::Photo(_) | Happening::Request(_) => {
             false

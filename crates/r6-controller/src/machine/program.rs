@@ -18,6 +18,7 @@ use super::Machine;
 use super::execution::{Activity, SHORTEST_PASS};
 use crate::instruction_list::{After, InstructionList};
 use crate::program::{Change, Condition, Program, Step};
+use crate::saved::MAX_COUNTERS;
 
 /// How deep programs may call one another.
 pub const MAX_CALLS: usize = 16;
@@ -157,6 +158,11 @@ impl Machine {
         for (number, stack) in program.stacks() {
             if !self.stacks.contains_key(number) {
                 self.stacks.insert(*number, *stack);
+            }
+        }
+        for (number, counter) in program.counters() {
+            if !self.counters.contains_key(number) && self.counters.len() < MAX_COUNTERS {
+                self.counters.insert(*number, *counter);
             }
         }
         self.program = ProgramRun::of(program);

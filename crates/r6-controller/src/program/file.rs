@@ -16,7 +16,7 @@ use super::{
 };
 use crate::fields::{self, Fields};
 use crate::io::OutputPoint;
-use crate::machine::{MAX_FRAMES, MAX_STACKS, Stack};
+use crate::machine::{CounterState, MAX_FRAMES, MAX_STACKS, Stack};
 
 /// The kinds of steps, in the order in which the page tells them.
 pub(super) const KINDS: [&str; 26] = [
@@ -78,6 +78,10 @@ pub(super) fn read(name: &str, text: &str) -> Result<Program, ProgramError> {
         .optional("stack", "a list of [[stack]] tables", fields::tables)
         .map_err(wrong)?
         .unwrap_or_default();
+    let counters = top
+        .optional("counter", "a list of [[counter]] tables", fields::tables)
+        .map_err(wrong)?
+        .unwrap_or_default();
     top.nothing_else().map_err(wrong)?;
     if steps.len() > MAX_STEPS {
         return Err(wrong(format!("it has {} steps; {MAX_STEPS} are possible", steps.len())));
@@ -89,7 +93,8 @@ pub(super) fn read(name: &str, text: &str) -> Result<Program, ProgramError> {
         read.push(step);
     }
     let stacks = stacks.iter().map(|table| stack(table).map_err(wrong)).collect::<Result<_, _>>()?;
-    Ok(Program { name: name.to_owned(), text: text.to_owned(), steps: read, stacks })
+    let counters = counters.iter().map(|table| counter(table).map_err(wrong)).collect::<Result<_, _>>()?;
+    Ok(Program { name: name.to_owned(), text: text.to_owned(), steps: read, stacks, counters })
 }
 
 fn at_step(name: &str, number: usize, table: &Table, reason: String) -> ProgramError {
@@ -482,6 +487,19 @@ fn compare(fields: &Fields<'_>) -> Result<Compare, String> {
         (Some(compare), None) => Ok(compare),
         _ => Err("one of `at_least`, `below` and `equals` has to say what to compare with".to_owned()),
     }
+}
+
+fn counter(table: &Table) -> Result<(u32, CounterState), String> {
+    let fields = Fields::of(table);
+    let whole = |name| fields.whole(name, "a whole number", i64::MIN..=i64::MAX);
+    let number = fields.whole("number", "the number of a counter", 0..=u32::MAX)?;
+    let number = number.ok_or("[[counter]]: `number` is missing: the number of a counter")?;
+    let state = CounterState {
+        target: whole("target")?.unwrap_or_default(),
+        current: whole("current")?.unwrap_or_default(),
+    };
+    fields.nothing_else().map_err(|reason| format!("counter {number}: {reason}"))?;
+    Ok((number, state))
 }
 
 fn stack(table: &Table) -> Result<(u32, Stack), String> {

@@ -42,6 +42,10 @@ const LONGEST: f64 = 31_536_000.0;
 /// would never end.
 const SHORTEST: f64 = 0.001;
 
+/// How often a second whatever is repeated happens, all of it together: as often as the fastest thing in a cell, and so seldom
+/// that a controller spends no more than some hundredths of its time on it.
+const MOST_OFTEN: f64 = 1000.0;
+
 /// How often a contact bounces at most: real ones come to rest after some dozen.
 const MOST_BOUNCES: u32 = 1000;
 
@@ -61,9 +65,17 @@ pub(super) fn read(text: &str) -> Result<Scenario, ScenarioError> {
     });
     let (at, react, faults) = (at?, react?, faults?);
     top.nothing_else().map_err(wrong)?;
+    let timeline = entries("at", &at, "do", entry)?;
+    let often: f64 = timeline.iter().filter_map(|entry| Some(entry.every?.as_secs_f64().recip())).sum();
+    // A little more, for the sake of arithmetic.
+    if often > MOST_OFTEN + 1e-6 {
+        return Err(wrong(format!(
+            "the entries of [[at]] happen {often:.0} times a second in all; {MOST_OFTEN} are possible"
+        )));
+    }
     Ok(Scenario {
         seed,
-        timeline: entries("at", &at, "do", entry)?,
+        timeline,
         reactions: entries("react", &react, "when", reaction)?,
         faults: entries("fault", &faults, "fault", window)?,
     })

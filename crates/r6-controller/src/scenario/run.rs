@@ -1,11 +1,11 @@
 //! A scenario under way: what is due next, what is in force now.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use r6_proto::time::Instant;
 
-use super::{Bounce, Happening, InputPoint, Scenario};
+use super::{Bounce, Happening, InputPoint, Scenario, Window};
 use crate::fault::Fault;
 use crate::io::Io;
 use crate::random::Random;
@@ -13,6 +13,9 @@ use crate::random::Random;
 /// How many reactions may be under way at once: an output that flutters while its input takes its time to follow does not fill
 /// the memory. Beyond, changes are not followed.
 const MAX_UNDER_WAY: usize = 10_000;
+
+/// Sets a scenario's random numbers apart from the machine's.
+const OWN_NUMBERS: u64 = 0x5ce7_a210;
 
 /// A scenario under way.
 #[derive(Clone, Debug)]
@@ -59,7 +62,8 @@ pub(crate) enum Turn {
 impl ScenarioRun {
     pub fn new(scenario: Arc<Scenario>, seed: u64, now: Instant) -> Self {
         let mut run = Self {
-            random: Random::new(scenario.seed.wrapping_add(seed)),
+            // What the machine draws from the same seed is drawn apart.
+            random: Random::new(scenario.seed.wrapping_add(seed) ^ OWN_NUMBERS),
             started: now,
             queue: BTreeMap::new(),
             planned: 0,
@@ -69,12 +73,11 @@ impl ScenarioRun {
         for (number, entry) in scenario.timeline.iter().enumerate() {
             run.plan_entry(number, now + entry.at, 0);
         }
-        for window in &scenario.faults {
-            let begins = now + window.from;
-            run.plan(begins, Due::Edge);
-            if let Some(lasts) = window.lasts {
-                run.plan(begins + lasts, Due::Edge);
-            }
+        let ends = |window: &Window| window.lasts.map(|lasts| window.from + lasts);
+        let edges = scenario.faults.iter().flat_map(|window| [Some(window.from), ends(window)]);
+        // However many begin and end at one time, they are looked at once.
+        for edge in edges.flatten().collect::<BTreeSet<_>>() {
+            run.plan(now + edge, Due::Edge);
         }
         run
     }
@@ -129,6 +132,28 @@ impl ScenarioRun {
                 }
             }
         }
+    }
+
+    /// Leaves out what happens again and again up to now, and tells how often it would have.
+    pub fn catch_up(&mut self, now: Instant) -> u64 {
+        let overdue = |(at, _): &(Instant, u64), due: &mut Due| {
+            *at <= now && matches!(due, Due::Entry(number, ..) if self.scenario.repeats(*number))
+        };
+        let overdue: Vec<_> = self.queue.extract_if(.., overdue).collect();
+        let mut skipped = 0;
+        for (_, due) in overdue {
+            let Due::Entry(number, at, happened) = due else { continue };
+            let Some(entry) = self.scenario.timeline.get(number) else { continue };
+            let Some(every) = entry.every.filter(|every| !every.is_zero()) else { continue };
+            let missed = now.since(at).as_nanos() / every.as_nanos() + 1;
+            let left = entry.times.map_or(u32::MAX, |times| times.saturating_sub(happened));
+            let missed = u32::try_from(missed).unwrap_or(u32::MAX).min(left);
+            skipped += u64::from(missed);
+            if missed < left {
+                self.plan_entry(number, at + every * missed, happened + missed);
+            }
+        }
+        skipped
     }
 
     /// Has a contact bounce from now on; whether all of it found room.

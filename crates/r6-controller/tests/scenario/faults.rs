@@ -298,3 +298,29 @@ fn those_of_the_link_are_told_and_wake_everybody() {
     assert_eq!(cell.controller.poll_woken(), Some(cell.id));
     assert_eq!(cell.log(), "scenario: fault latency begins\n");
 }
+
+/// Faults that double a reply double it a few times, not as often as the file names them.
+#[test]
+fn many_faults_at_once_stay_within_bounds() {
+    for (word, more) in [("bad-pack-id", "kind = \"repeated\""), ("bad-json", "kind = \"duplicate-keys\"")] {
+        let mut cell = cell(&fault(word, more).repeat(40));
+        cell.send(ASK);
+        let frames = frames(&mut cell);
+        let bytes: usize = frames.iter().map(Vec::len).sum();
+        assert!(
+            (2..=32).contains(&frames.len()) || word == "bad-json" && frames.len() == 1,
+            "{}",
+            frames.len()
+        );
+        assert!(bytes > 2000 && bytes < 3 << 20, "{bytes}");
+    }
+}
+
+#[test]
+fn what_was_not_carried_out_is_told_so() {
+    let mut cell = cell(&fault("not-executed", ""));
+    cell.ok(&["modifyOutput", "0", "0", "1"]);
+    cell.run_ok(&json!([axis_move([5.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0)]));
+    let log = cell.log();
+    assert_eq!(log.matches("answered ok and not carried out (fault not-executed)").count(), 2, "{log}");
+}

@@ -252,3 +252,21 @@ fn what_nobody_could_do_is_refused_in_words() {
     assert!(cell.log().contains("scenario: button single-cycle: the machine is in stop"));
     assert!(cell.controller.operate(cell.now, &PanelAction::ClearAlarm).is_ok());
 }
+
+/// A controller that nobody looked at for a day does not make up for all of it.
+#[test]
+fn what_was_missed_too_often_is_left_out() {
+    let mut cell = cell(
+        "[[at]]\ntime = 0\nevery = 0.002\ndo = \"input\"\npoint = \"X010\"\non = true\n\
+                         [[at]]\ntime = 0.5\nevery = 1000\ntimes = 3\ndo = \"counter\"\nnumber = 0\ncurrent = 7",
+    );
+    let day = std::time::Duration::from_secs(86_400);
+    cell.now += day;
+    cell.controller.handle_timeout(cell.now);
+    let log = cell.log();
+    assert!(log.contains("happenings were left out: too many at once"), "{log}");
+    assert_eq!(cell.controller.machine().now(), cell.now);
+    // And it goes on as before.
+    let due = cell.controller.poll_timeout().unwrap();
+    assert!(due > cell.now && due.since(cell.now) <= std::time::Duration::from_millis(2), "{due:?}");
+}

@@ -1,6 +1,6 @@
 //! The mains fail.
 
-use r6_controller::{PanelAction, Refused};
+use r6_controller::{Button, Key, PanelAction, Refused};
 use serde_json::json;
 
 use crate::cell;
@@ -96,6 +96,25 @@ fn a_person_can_do_nothing_meanwhile() {
     );
     let log = cell.log();
     assert_eq!(log.matches("the mains have failed: wait until they are back").count(), 4, "{log}");
+}
+
+/// What is done without mains is done at the panel, too: a stop that was pressed then is no less pressed afterwards.
+#[test]
+fn a_stop_is_pressed_without_mains() {
+    let mut cell = cell(CUT);
+    cell.pass(3.0);
+    let do_now = |cell: &mut Cell, action: PanelAction| cell.controller.operate(cell.now, &action);
+    let input = PanelAction::SetInput { board: 0, point: 2, on: true };
+    for action in [PanelAction::EmergencyStop, PanelAction::TurnKey(Key::Manual), input] {
+        assert_eq!(do_now(&mut cell, action.clone()), Ok(()), "{action:?}");
+    }
+    cell.pass(20.0);
+    assert_eq!(do_now(&mut cell, PanelAction::Press(Button::Start)), Err(Refused::EmergencyStop));
+    reconnect(&mut cell);
+    assert_eq!(
+        (cell.text("curMode"), cell.text("curAlarm"), cell.text("input-0")),
+        ("1".into(), "7".into(), "4".into())
+    );
 }
 
 #[test]

@@ -198,3 +198,11 @@ proptest! {
         prop_assert!(cell.controller.snapshot(cell.now).connections <= 1);
     }
 }
+
+#[test]
+fn a_timeline_is_no_faster_than_a_cell() {
+    let entry = "[[at]]\ntime = 0\nevery = 0.001\ndo = \"clear-alarm\"\n";
+    assert!(Scenario::read(entry).is_ok());
+    let error = Scenario::read(&entry.repeat(2)).unwrap_err().to_string();
+    assert_eq!(error, "the entries of [[at]] happen 2000 times a second in all; 1000 are possible");
+}

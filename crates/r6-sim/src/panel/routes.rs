@@ -111,7 +111,7 @@ async fn show(
         (status = 408, description = "`too_slow`", body = ProblemDto),
         (
             status = 409,
-            description = "The machine refuses it now: `emergency_stop`, `alarm`, `not_homed`, `not_auto`, \
+            description = "The machine refuses it now: `power_off`, `emergency_stop`, `alarm`, `not_homed`, `not_auto`, \
                            `not_manual`, `moving`, `no_global_speed`, `program`, `no_path`",
             body = ProblemDto
         ),
@@ -162,7 +162,7 @@ async fn act(
         (status = 403, description = "`foreign_host`, `foreign_origin`", body = ProblemDto),
         (status = 404, description = "`no_such_controller`", body = ProblemDto),
         (status = 408, description = "`too_slow`: the body, or the disk that keeps it", body = ProblemDto),
-        (status = 409, description = "`program_running`, `moving`, `no_room`", body = ProblemDto),
+        (status = 409, description = "`power_off`, `program_running`, `moving`, `no_room`", body = ProblemDto),
         (status = 413, description = "`too_long`", body = ProblemDto),
         (status = 422, description = "`bad_program`, with the step that is wrong", body = ProblemDto),
     )

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use r6_proto::message::RequestType;
-use r6_proto::server::Outbox;
+use r6_proto::server::{MAX_UNSENT_BYTES, Outbox};
 use r6_proto::time::Instant;
 
 use super::super::desk::Desk;
@@ -11,6 +11,9 @@ use super::super::{ConnectionId, Controller, Service};
 use super::Breakage;
 use crate::fault::TaskFault;
 use crate::fault::reply::{self, Fate, Outgoing};
+
+/// How many frames faults make of one reply at most, but for the last one's: enough to see what each of them does.
+const MAX_FRAMES: usize = 16;
 
 /// What is wrong with one request.
 #[derive(Clone, Copy, Debug, Default)]
@@ -63,7 +66,7 @@ impl Breakage {
         for (due, frame) in frames {
             let mut fate = Fate { to_asker: vec![Outgoing::at_once(frame)], ..Fate::default() };
             for (fault, chance) in &self.replies {
-                if self.run.random().strikes(*chance) {
+                if self.run.random().strikes(*chance) && !fate.is_full() {
                     for outgoing in std::mem::take(&mut fate.to_asker) {
                         let next = reply::strike(fault, &asked.frame, outgoing.bytes, self.run.random());
                         fate.take(next, outgoing.later);
@@ -175,6 +178,12 @@ impl Outgoing {
 }
 
 impl Fate {
+    /// Whether no further fault strikes: several of a kind double a reply each time.
+    fn is_full(&self) -> bool {
+        let bytes: usize = self.to_asker.iter().map(|outgoing| outgoing.bytes.len()).sum();
+        self.to_asker.len() >= MAX_FRAMES || bytes >= MAX_UNSENT_BYTES
+    }
+
     /// Adds what became of one frame that was this late already.
     fn take(&mut self, next: Self, later: Duration) {
         let frames = next.to_asker.into_iter();
