@@ -60,6 +60,8 @@ enum Service {
     Served,
     /// It came when there was no room: accepted, never answered (`Profile::max_connections`).
     Ignored,
+    /// It is one of the few, and its peer is gone without the controller's knowledge.
+    Wedged,
     /// It has to be reset (an AddRCC over `Profile::add_rcc_reset_over`) or closed.
     Over,
 }
@@ -70,6 +72,13 @@ struct Connection {
     service: Service,
     /// The controller opened it itself: it takes none of the sockets of [`Profile::max_connections`].
     opened: bool,
+}
+
+impl Connection {
+    /// Whether it is one of those that are served, as far as the controller knows.
+    fn takes_a_place(&self) -> bool {
+        matches!(self.service, Service::Served | Service::Wedged)
+    }
 }
 
 /// A virtual controller.
@@ -86,6 +95,8 @@ pub struct Controller {
     breakage: Option<Box<Breakage>>,
     /// What is wrong with the link now.
     link_faults: Vec<LinkFaultNow>,
+    /// How often that has changed.
+    link_changes: u64,
     log: Log,
 }
 
@@ -125,6 +136,7 @@ impl Controller {
             pushes: 0,
             breakage: None,
             link_faults: Vec::new(),
+            link_changes: 0,
             log: Log::default(),
         }
     }
@@ -144,7 +156,7 @@ impl Controller {
         }
         let id = self.next_id();
         let accepted = self.connections.values().filter(|connection| !connection.opened);
-        let served = accepted.filter(|connection| connection.service == Service::Served).count();
+        let served = accepted.filter(|connection| connection.takes_a_place()).count();
         let limit = self.machine.profile.max_connections;
         let service = if served < limit { Service::Served } else { Service::Ignored };
         if service == Service::Ignored {
@@ -188,7 +200,7 @@ impl Controller {
     }
 
     fn served(&self) -> usize {
-        self.connections.values().filter(|connection| connection.service == Service::Served).count()
+        self.connections.values().filter(|connection| connection.takes_a_place()).count()
     }
 
     fn drop_an_ignored_one(&mut self) {
@@ -203,6 +215,24 @@ impl Controller {
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.connections.remove(&id);
         self.cameras.disconnect(id);
+        if let Some(breakage) = &mut self.breakage {
+            breakage.disconnect(id);
+        }
+    }
+
+    /// A connection has ended, and the controller does not notice ([`crate::fault::LinkFault::HalfOpen`]). If it was one of those
+    /// that are served, its place stays taken for as long as the controller is switched on, as on cabinets that only
+    /// a power cut brings back; it gets and costs nothing else. A connection without such a place, or that was opened to
+    /// a camera, is gone.
+    pub fn lose(&mut self, id: ConnectionId) {
+        self.cameras.disconnect(id);
+        match self.connections.get_mut(&id) {
+            Some(connection) if connection.service == Service::Served && !connection.opened => {
+                connection.service = Service::Wedged;
+                connection.session = ServerSession::new(LIMITS);
+            }
+            Some(_) | None => self.disconnect(id),
+        }
     }
 
     /// Takes bytes from a connection and carries out what they ask.
@@ -309,9 +339,16 @@ impl Controller {
         &self.link_faults
     }
 
+    /// How often [`Self::link_faults`] has changed: whoever saw this number saw these faults.
+    #[must_use]
+    pub fn link_changes(&self) -> u64 {
+        self.link_changes
+    }
+
     /// Has the link be like this from now on.
     pub fn set_link_faults(&mut self, faults: Vec<LinkFaultNow>) {
         self.link_faults = faults;
+        self.link_changes += 1;
         self.woken.extend(self.connections.keys());
     }
 
@@ -328,6 +365,9 @@ impl Controller {
     }
 
     fn push_photo(&mut self, now: Instant, cam_id: i64) {
+        if self.is_off() {
+            return;
+        }
         let route = self.cameras.route(cam_id);
         let mut asked = 0;
         for (id, connection) in &mut self.connections {
@@ -337,7 +377,11 @@ impl Controller {
                 Route::Away => false,
             };
             if is_meant && connection.service == Service::Served {
-                connection.session.split().1.send(|out| encode_photo(cam_id, None, out));
+                let (_, outbox) = connection.session.split();
+                outbox.send(|out| encode_photo(cam_id, None, out));
+                if outbox.is_overfull() {
+                    connection.service = Service::Over;
+                }
                 self.woken.push_back(*id);
                 asked += 1;
             }

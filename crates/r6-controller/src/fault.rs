@@ -3,6 +3,7 @@
 //! Each fault has a word, by which a scenario names it, and the class it belongs to (`docs/SCENARIOS.md`).
 
 pub mod file;
+pub mod link;
 pub(crate) mod reply;
 
 use std::time::Duration;
@@ -48,13 +49,14 @@ pub enum LinkFault {
         /// How long the first of them waits at most.
         within: Duration,
     },
-    /// T8: bytes take their time; their order stays.
+    /// T8: bytes take their time; their order stays. What is drawn is drawn for each frame to the client, and for what one read
+    /// gave to the controller.
     Latency {
         /// To the controller.
         to_controller: Duration,
         /// To the client.
         to_client: Duration,
-        /// How much longer it may be, drawn for each piece.
+        /// How much longer it may be.
         spread: Duration,
     },
     /// T9: so few bytes a second, in each direction; what waits fills the peer's buffers.
@@ -178,6 +180,8 @@ pub const OVERSIZED_BYTES: usize = 200_000;
 pub struct LinkFaultNow {
     /// Which.
     pub fault: LinkFault,
-    /// How likely it strikes, 0 to 1: each frame; each byte for [`LinkFault::Noise`].
+    /// How likely it strikes, 0 to 1: each frame; each byte for [`LinkFault::Noise`]; each connection, once, for
+    /// [`LinkFault::Silence`], [`LinkFault::HalfOpen`] and [`LinkFault::Slow`]. The door knows no chance:
+    /// [`LinkFault::Refuse`] and [`LinkFault::BlackHole`] hold for everybody.
     pub chance: f64,
 }

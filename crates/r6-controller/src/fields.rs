@@ -150,8 +150,9 @@ pub(crate) fn table(text: &str) -> Result<Table, String> {
         return serde_json::from_str(text).map_err(|error| format!("no JSON: {error}"));
     }
     text.parse::<Table>().map_err(|error| {
-        let line =
-            error.span().map_or(1, |span| text.get(..span.start).unwrap_or_default().lines().count().max(1));
+        let line = error
+            .span()
+            .map_or(1, |span| 1 + text.get(..span.start).unwrap_or_default().matches('\n').count());
         format!("no TOML: line {line}: {}", error.message().replace('\n', " "))
     })
 }

@@ -143,6 +143,8 @@ pub struct Machine {
     /// When the list last began a pass, to keep an endless pass from taking no time.
     pub(crate) pass_started: Instant,
     pub(crate) watchdog: Watchdog,
+    /// How often it was switched on anew: what it keeps is then counted anew, too.
+    pub(crate) starts: u64,
     /// How many cycles have ended.
     pub(crate) cycles: u64,
     /// Whatever is random, from the seed.
@@ -228,6 +230,7 @@ impl Machine {
             last_cycle: Duration::ZERO,
             pass_started: now,
             watchdog,
+            starts: 0,
             cycles: 0,
             random: Random::new(settings.seed),
             points: VecDeque::new(),

@@ -99,4 +99,29 @@ mod tests {
             assert!(random.around(SPREAD, MIDDLE) <= MIDDLE + SPREAD);
         }
     }
+
+    #[test]
+    fn numbers_fill_their_range_and_stay_in_it() {
+        let mut random = Random::new(4);
+        let mut seen = [0_u32; 7];
+        for _ in 0..7000 {
+            seen[random.below(7)] += 1;
+        }
+        assert!(seen.iter().all(|count| (850..1150).contains(count)), "{seen:?}");
+        assert_eq!((random.below(0), random.below(1)), (0, 0));
+        let drawn: Vec<_> = (0..1000).map(|_| random.up_to(SPREAD)).collect();
+        assert!(drawn.iter().all(|time| *time <= SPREAD));
+        assert!(
+            drawn.iter().any(|time| *time < SPREAD / 20) && drawn.iter().any(|time| *time > SPREAD / 20 * 19)
+        );
+        assert_eq!(random.up_to(Duration::ZERO), Duration::ZERO);
+    }
+
+    #[test]
+    fn what_has_a_chance_happens_that_often() {
+        let mut random = Random::new(5);
+        let mut count = |chance| (0..10_000).filter(|_| random.strikes(chance)).count();
+        assert_eq!((count(0.0), count(1.0), count(f64::NAN)), (0, 10_000, 0));
+        assert!((2800..3200).contains(&count(0.3)));
+    }
 }

@@ -22,10 +22,10 @@ use crate::program::{MAX_LOADED_BYTES, MAX_NAME_BYTES, MAX_PROGRAMS, Program};
 pub const SAVED_VERSION: u64 = 2;
 
 /// The most counters that are read; real controllers show a dozen.
-const MAX_COUNTERS: usize = 1000;
+pub(crate) const MAX_COUNTERS: usize = 1000;
 
 /// The largest count: a float on the wire is exact up to here, and a counter can go on counting.
-const MAX_COUNT: i64 = 1 << 53;
+pub(crate) const MAX_COUNT: i64 = 1 << 53;
 
 /// What is left of a controller after a power cut; what [`SavedState::from_json`] returns is within all bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -259,6 +259,7 @@ impl Machine {
             self.benches.changes(),
             self.stacks.changes(),
             self.loaded.changes(),
+            self.starts,
         ];
         let small = [self.saved_mode() as u64, u64::from(self.tool), u64::from(self.bench)];
         let mut mark = Mark::new();

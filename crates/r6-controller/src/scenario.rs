@@ -6,6 +6,7 @@
 
 mod file;
 mod run;
+mod words;
 
 use std::fmt;
 use std::time::Duration;
@@ -14,6 +15,7 @@ use crate::fault::Fault;
 use crate::io::OutputPoint;
 use crate::panel::PanelAction;
 
+pub use file::HAPPENINGS;
 pub(crate) use run::{ScenarioRun, Turn};
 
 /// No list of a scenario is longer.
@@ -142,6 +144,14 @@ pub struct Window {
     pub lasts: Option<Duration>,
     /// How likely it strikes, 0 to 1, each time it could.
     pub chance: f64,
+}
+
+impl Window {
+    /// Whether the fault is in force this long after the controller was switched on: from its first moment, up to its last.
+    #[must_use]
+    pub fn is_in_force(&self, since: Duration) -> bool {
+        since >= self.from && self.lasts.is_none_or(|lasts| since < self.from.saturating_add(lasts))
+    }
 }
 
 /// Why a text is no scenario.

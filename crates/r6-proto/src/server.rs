@@ -130,6 +130,8 @@ pub struct Outbox {
     /// Frames that leave later, the earliest first.
     delayed: VecDeque<(Instant, Vec<u8>)>,
     delayed_bytes: usize,
+    /// When the last frame leaves that was sent in turn.
+    last_in_turn: Instant,
 }
 
 impl Outbox {
@@ -157,11 +159,11 @@ impl Outbox {
         self.delayed.insert(at, (due, frame));
     }
 
-    /// Like [`Self::send_at`], but not before a frame that is held back already: replies to one kind of request leave in
+    /// Like [`Self::send_at`], but not before the last frame that was sent this way: replies to one kind of request leave in
     /// the order of the requests.
     pub fn send_in_turn(&mut self, due: Instant, write: impl FnOnce(&mut Vec<u8>)) {
-        let last = self.delayed.back().map_or(due, |(last, _)| *last);
-        self.send_at(due.max(last), write);
+        self.last_in_turn = self.last_in_turn.max(due);
+        self.send_at(self.last_in_turn, write);
     }
 
     /// Lets what is due leave before whatever is sent later.
@@ -227,6 +229,20 @@ mod tests {
         assert_eq!(session.next_transmit(), Some(at(18)));
         assert_eq!(session.split().1.poll_transmit(at(18)), Some(&b"{\"late\":1}"[..]));
         assert_eq!(session.next_transmit(), None);
+    }
+
+    #[test]
+    fn only_frames_sent_in_turn_wait_for_one_another() {
+        let mut session = session();
+        let (_, out) = session.split();
+        out.send_at(at(3_000), |out| out.extend_from_slice(b"{\"late\":1}"));
+        out.send_in_turn(at(20), |out| out.extend_from_slice(b"{\"a\":1}"));
+        out.send_in_turn(at(18), |out| out.extend_from_slice(b"{\"b\":1}"));
+        assert_eq!(out.poll_transmit(at(19)), None);
+        assert_eq!(out.poll_transmit(at(20)), Some(&b"{\"a\":1}"[..]));
+        assert_eq!(out.poll_transmit(at(20)), Some(&b"{\"b\":1}"[..]));
+        assert_eq!(out.poll_transmit(at(20)), None);
+        assert_eq!(session.next_transmit(), Some(at(3_000)));
     }
 
     #[test]

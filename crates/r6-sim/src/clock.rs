@@ -111,6 +111,15 @@ impl Pace {
         }
     }
 
+    /// The time that counts for something that is due then: the present; or, where nobody drives time on meanwhile, the time
+    /// at which it is due.
+    pub fn reach(&self, due: Option<Instant>) -> Instant {
+        match self {
+            Self::Flowing { .. } => self.now(),
+            Self::Driven(clock) => due.unwrap_or_default().max(clock.now()),
+        }
+    }
+
     /// Does something to the controller, and lets follow what follows from it.
     pub fn act<T>(
         &mut self,

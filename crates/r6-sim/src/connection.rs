@@ -1,9 +1,11 @@
 //! One TCP connection to a virtual controller.
 
+mod faulty;
+
 use std::io;
-use std::sync::Arc;
 use std::time::Duration;
 
+use r6_controller::fault::link::Link;
 use r6_controller::{ConnectionId, Level};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
@@ -19,102 +21,209 @@ const READ_BYTES: usize = 4096;
 /// How long a write may be stuck before the connection is given up: the peer does not read.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(30);
 
+/// How long a peer has to close its half after we have closed ours.
+const HANG_UP_TIME: Duration = Duration::from_secs(2);
+
 /// Why a connection ended.
 enum End {
     /// The peer closed it.
     Closed,
     /// It has to be reset: the controller would.
     Reset,
+    /// It has to be closed in good order, although the peer did not.
+    HungUp,
 }
 
 /// Serves a connection until it ends.
-pub(crate) async fn serve(controller: ControllerHandle, mut stream: TcpStream) {
+pub(crate) async fn serve(controller: ControllerHandle, stream: TcpStream) {
     let (id, notice) = controller.connect();
     debug!(connection = id.number(), "connected");
-    let how = converse(&controller, &mut stream, id, &notice).await;
+    let how = Conversation::new(&controller, stream, id, &notice).converse().await;
     debug!(connection = id.number(), how, "over");
-    controller.disconnect(id);
 }
 
 /// Serves a connection that was opened to a camera, until it ends.
-pub(crate) async fn serve_camera(controller: &ControllerHandle, mut stream: TcpStream, camera: Camera) {
+pub(crate) async fn serve_camera(controller: &ControllerHandle, stream: TcpStream, camera: Camera) {
     let (id, notice) = controller.connect_camera(camera.cam_id);
     controller.tell(Some(id), Level::Info, format!("connected to {camera}"));
-    let how = converse(controller, &mut stream, id, &notice).await;
-    controller.disconnect(id);
+    let how = Conversation::new(controller, stream, id, &notice).converse().await;
     controller.tell(Some(id), Level::Warning, format!("{camera} is lost: {how}"));
 }
 
-/// Serves a connection until it ends, and tells how it did.
-async fn converse(
-    controller: &ControllerHandle,
-    stream: &mut TcpStream,
+/// One connection, and what is known of it.
+struct Conversation<'c> {
+    controller: &'c ControllerHandle,
+    stream: TcpStream,
     id: ConnectionId,
-    notice: &Arc<Notify>,
-) -> String {
-    match run(controller, stream, id, notice).await {
-        Ok(End::Closed) => "closed by the peer".to_owned(),
-        Ok(End::Reset) => {
-            reset(stream);
-            "reset".to_owned()
-        }
-        Err(error) => error.to_string(),
-    }
+    notice: &'c Notify,
+    input: Vec<u8>,
+    frame: Vec<u8>,
+    /// A peer may close its own half and still read, as `nc -N` does: what is held back for it is sent first.
+    half_closed: bool,
+    /// What the faults of the link do to it, once there were any.
+    link: Option<Link>,
+    /// The changes of the link's faults that are in `link`.
+    link_changes: u64,
 }
 
-async fn run(
-    controller: &ControllerHandle,
-    stream: &mut TcpStream,
-    id: ConnectionId,
-    notice: &Arc<Notify>,
-) -> io::Result<End> {
-    // Each frame leaves at once and by itself: clients read with one call and small buffers.
-    stream.set_nodelay(true)?;
-    let mut input = vec![0; READ_BYTES];
-    let mut frame = Vec::new();
-    // A peer may close its own half and still read, as `nc -N` does: what is held back for it is sent first.
-    let mut half_closed = false;
-    loop {
-        while next_frame(controller, id, &mut frame) {
-            controller.kept(id).await;
-            trace!(connection = id.number(), frame = %String::from_utf8_lossy(&frame), "sent");
-            tokio::time::timeout(WRITE_TIMEOUT, stream.write_all(&frame)).await??;
+/// Whether there is a frame.
+enum Next {
+    Frame,
+    Nothing,
+    /// First look at the faults of the link: they have changed.
+    LinkChanged,
+}
+
+impl<'c> Conversation<'c> {
+    fn new(
+        controller: &'c ControllerHandle,
+        stream: TcpStream,
+        id: ConnectionId,
+        notice: &'c Notify,
+    ) -> Self {
+        let (link_changes, link) = controller.look(|now_is, now| {
+            let faults = now_is.link_faults();
+            let link = (!faults.is_empty()).then(|| controller.new_link(id, now, faults));
+            (now_is.link_changes(), link)
+        });
+        let (input, frame) = (vec![0; READ_BYTES], Vec::new());
+        Self { controller, stream, id, notice, input, frame, half_closed: false, link, link_changes }
+    }
+
+    /// Serves the connection until it ends, and tells how it did.
+    async fn converse(mut self) -> String {
+        let end = self.run().await;
+        if self.link.as_ref().is_none_or(Link::notices_end) {
+            self.controller.disconnect(self.id);
+        } else {
+            self.controller.lose(self.id);
         }
-        if controller.look(|controller, _| controller.is_over(id)) {
-            return Ok(End::Reset);
-        }
-        let due = controller.next_transmit(id);
-        if half_closed && due.is_none() {
-            return Ok(End::Closed);
-        }
-        let delay = due.unwrap_or(Duration::MAX);
-        tokio::select! {
-            read = stream.read(&mut input), if !half_closed => {
-                let bytes = input.get(..read?).unwrap_or_default();
-                half_closed = bytes.is_empty();
-                trace!(connection = id.number(), bytes = %String::from_utf8_lossy(bytes), "received");
-                controller.handle_input(id, bytes);
+        match end {
+            Ok(End::Closed) => "closed by the peer".to_owned(),
+            Ok(End::Reset) => {
+                reset(&self.stream);
+                "reset".to_owned()
             }
-            () = notice.notified() => {}
-            () = tokio::time::sleep(delay), if due.is_some() => {}
+            Ok(End::HungUp) => {
+                hang_up(&mut self.stream, &mut self.input).await;
+                "closed".to_owned()
+            }
+            Err(error) => error.to_string(),
         }
+    }
+
+    async fn run(&mut self) -> io::Result<End> {
+        // Each frame leaves at once and by itself: clients read with one call and small buffers.
+        self.stream.set_nodelay(true)?;
+        loop {
+            let end = match self.link.take_if(|link| !link.is_transparent()) {
+                None => self.run_whole().await?,
+                Some(mut link) => {
+                    let end = self.run_faulty(&mut link).await;
+                    self.link = Some(link);
+                    end?
+                }
+            };
+            if let Some(end) = end {
+                return Ok(end);
+            }
+        }
+    }
+
+    /// Serves the connection while its link is whole; `None` if that may have changed.
+    async fn run_whole(&mut self) -> io::Result<Option<End>> {
+        loop {
+            loop {
+                match self.next_frame() {
+                    Next::Frame => {}
+                    Next::Nothing => break,
+                    Next::LinkChanged => {
+                        self.look_at_link();
+                        return Ok(None);
+                    }
+                }
+                self.controller.kept(self.id).await;
+                trace!(connection = self.id.number(), frame = %String::from_utf8_lossy(&self.frame), "sent");
+                write(&mut self.stream, &self.frame).await?;
+            }
+            if self.is_over() {
+                return Ok(Some(End::Reset));
+            }
+            let due = self.controller.next_transmit(self.id);
+            if self.half_closed && due.is_none() {
+                return Ok(Some(End::Closed));
+            }
+            let delay = due.unwrap_or(Duration::MAX);
+            tokio::select! {
+                read = self.stream.read(&mut self.input), if !self.half_closed => {
+                    let bytes = self.input.get(..read?).unwrap_or_default();
+                    self.half_closed = bytes.is_empty();
+                    trace!(connection = self.id.number(), bytes = %String::from_utf8_lossy(bytes), "received");
+                    self.controller.handle_input(self.id, bytes);
+                }
+                () = self.notice.notified() => {}
+                () = tokio::time::sleep(delay), if due.is_some() => {}
+            }
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        self.controller.look(|controller, _| controller.is_over(self.id))
+    }
+
+    /// Copies the next frame that is due into `self.frame`.
+    fn next_frame(&mut self) -> Next {
+        let (id, frame) = (self.id, &mut self.frame);
+        frame.clear();
+        self.controller.look(|controller, now| {
+            if controller.link_changes() != self.link_changes {
+                return Next::LinkChanged;
+            }
+            match controller.poll_transmit(now, id) {
+                None => Next::Nothing,
+                Some(next) => {
+                    frame.extend_from_slice(next);
+                    Next::Frame
+                }
+            }
+        })
+    }
+
+    /// Tells the link which faults are in force now.
+    fn look_at_link(&mut self) {
+        let (controller, id) = (self.controller, self.id);
+        controller.look(|now_is, now| {
+            self.link_changes = now_is.link_changes();
+            // It was opened before they began, else it had a link.
+            let link = self.link.get_or_insert_with(|| controller.new_link(id, now, &[]));
+            link.set_faults(now, now_is.link_faults());
+        });
     }
 }
 
-/// Copies the next frame that is due into `frame`.
-fn next_frame(controller: &ControllerHandle, id: ConnectionId, frame: &mut Vec<u8>) -> bool {
-    frame.clear();
-    controller.look(|controller, now| {
-        if let Some(next) = controller.poll_transmit(now, id) {
-            frame.extend_from_slice(next);
-        }
-    });
-    !frame.is_empty()
+/// Writes to a peer that reads.
+async fn write(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<()> {
+    tokio::time::timeout(WRITE_TIMEOUT, stream.write_all(bytes)).await?
 }
 
 /// Lets the connection end with a reset instead of an orderly close.
 fn reset(stream: &TcpStream) {
     if let Err(error) = socket2::SockRef::from(stream).set_linger(Some(Duration::ZERO)) {
         debug!(%error, "the connection is closed instead of reset");
+    }
+}
+
+/// Closes our half, and waits a little for the peer to close its own: a socket that is dropped with bytes that nobody read
+/// would be reset.
+async fn hang_up(stream: &mut TcpStream, input: &mut [u8]) {
+    let end = async {
+        stream.shutdown().await?;
+        while stream.read(input).await? > 0 {}
+        io::Result::Ok(())
+    };
+    match tokio::time::timeout(HANG_UP_TIME, end).await {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => debug!(%error, "the peer ended the connection, too, but not in good order"),
+        Err(_) => debug!("the peer does not close its half"),
     }
 }

@@ -5,11 +5,13 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use r6_controller::fault::LinkFaultNow;
+use r6_controller::fault::link::{Door, Link};
 use r6_controller::{
     ConnectionId, Controller, ControllerSnapshot, Level, LogLine, PanelAction, Refused, SavedState,
 };
 use r6_proto::time::Instant;
-use tokio::sync::{Notify, broadcast};
+use tokio::sync::{Notify, broadcast, watch};
 use tracing::{info, warn};
 
 use crate::clock::Pace;
@@ -33,6 +35,10 @@ struct Shared {
     /// The next deadline may have changed.
     timers: Notify,
     log: broadcast::Sender<LogLine>,
+    /// What becomes of attempts to connect.
+    door: watch::Sender<Door>,
+    /// Seeds what is drawn on the links.
+    seed: u64,
 }
 
 #[derive(Debug)]
@@ -41,6 +47,8 @@ struct State {
     pace: Pace,
     changes: Changes,
     connections: BTreeMap<ConnectionId, Connected>,
+    /// The changes of the link that the door knows of.
+    link_changes: u64,
 }
 
 #[derive(Debug)]
@@ -56,12 +64,16 @@ impl ControllerHandle {
         controller: Controller,
         pace: Pace,
         keeper: Option<Keeper>,
+        seed: u64,
     ) -> Self {
         // That it was switched on is the first change.
         let changes = Changes { number: 1, mark: controller.machine().saved_mark() };
-        let state = Mutex::new(State { controller, pace, changes, connections: BTreeMap::new() });
+        let connections = BTreeMap::new();
+        let door = watch::Sender::new(Door::of(controller.link_faults()));
+        let link_changes = controller.link_changes();
+        let state = Mutex::new(State { controller, pace, changes, connections, link_changes });
         let log = broadcast::Sender::new(LOG_BACKLOG);
-        Self { shared: Arc::new(Shared { address, state, keeper, timers: Notify::new(), log }) }
+        Self { shared: Arc::new(Shared { address, state, keeper, timers: Notify::new(), log, door, seed }) }
     }
 
     /// Where it listens.
@@ -80,6 +92,32 @@ impl ControllerHandle {
     #[must_use]
     pub fn log(&self) -> broadcast::Receiver<LogLine> {
         self.shared.log.subscribe()
+    }
+
+    /// Has the link to this controller be like this from now on: see [`Controller::set_link_faults`]. How the door goes, it tells
+    /// in the log once it is so; connections know when this returns.
+    pub fn set_link_faults(&self, faults: Vec<LinkFaultNow>) {
+        self.with(|controller, _| controller.set_link_faults(faults));
+    }
+
+    /// What becomes of attempts to connect, now and whenever that changes.
+    pub(crate) fn door(&self) -> watch::Receiver<Door> {
+        self.shared.door.subscribe()
+    }
+
+    /// The link of a connection that is opened now.
+    pub(crate) fn new_link(&self, id: ConnectionId, now: Instant, faults: &[LinkFaultNow]) -> Link {
+        Link::new(self.shared.seed.rotate_left(32).wrapping_add(id.number()), now, faults)
+    }
+
+    /// The time that counts for what is due then: under a clock that only the input drives it does not have to be waited for.
+    pub(crate) fn reach(&self, due: Option<Instant>) -> Instant {
+        self.state().pace.reach(due)
+    }
+
+    /// How long it is, in real time, until something is due.
+    pub(crate) fn until(&self, due: Instant) -> Duration {
+        self.state().pace.until(due)
     }
 
     /// Asks a camera for a photo, as a program does: see [`Controller::request_photo`].
@@ -193,6 +231,12 @@ impl ControllerHandle {
                 connection.notice.notify_one();
             }
         }
+        let link_changes = state.controller.link_changes();
+        if state.link_changes != link_changes {
+            state.link_changes = link_changes;
+            let door = Door::of(state.controller.link_faults());
+            self.shared.door.send_if_modified(|before| std::mem::replace(before, door) != door);
+        }
         if state.pace.deadline(&state.controller) != before {
             self.shared.timers.notify_one();
         }
@@ -238,6 +282,12 @@ impl ControllerHandle {
 
     pub(crate) fn disconnect(&self, id: ConnectionId) {
         self.look(|controller, _| controller.disconnect(id));
+        self.state().connections.remove(&id);
+    }
+
+    /// A connection has ended, and the controller does not notice.
+    pub(crate) fn lose(&self, id: ConnectionId) {
+        self.look(|controller, _| controller.lose(id));
         self.state().connections.remove(&id);
     }
 

@@ -14,6 +14,7 @@
 mod camera;
 mod clock;
 mod connection;
+mod door;
 mod handle;
 mod keeper;
 pub mod panel;

@@ -10,7 +10,7 @@ use tracing::warn;
 
 use crate::camera::{self, MAX_CAMERAS};
 use crate::clock::Pace;
-use crate::connection;
+use crate::door;
 use crate::handle::ControllerHandle;
 use crate::keeper::Keeper;
 use crate::panel;
@@ -51,15 +51,16 @@ impl Simulation {
             settings.cameras.iter().for_each(|camera| controller.expect_camera(camera.cam_id));
             let keeper = file.map(|file| Keeper::new(file, writes.clone()));
             let pace = Pace::new(settings.clock, started);
-            let handle = ControllerHandle::new(bound, controller, pace, keeper);
+            let seed = settings.seed.wrapping_add(number);
+            let handle = ControllerHandle::new(bound, controller, pace, keeper, seed);
             simulation.tasks.spawn(handle.clone().run_timers());
             if folder.is_some() {
                 simulation.tasks.spawn(handle.clone().run_keeper());
             }
-            simulation.tasks.spawn(accept(listener, handle.clone()));
+            simulation.tasks.spawn(door::attend(listener, handle.clone()));
             for (nth, camera) in (0_u64..).zip(&settings.cameras) {
                 // Each link draws its own waits.
-                let seed = settings.seed.wrapping_add(number).rotate_left(32).wrapping_add(nth);
+                let seed = seed.rotate_left(32).wrapping_add(nth);
                 simulation.tasks.spawn(camera::dial(handle.clone(), *camera, seed));
             }
             simulation.controllers.push(handle);
@@ -158,24 +159,4 @@ fn addresses(settings: &SimSettings) -> Result<Vec<SocketAddr>, SimError> {
         }
     }
     Ok(addresses)
-}
-
-/// Accepts connections; they end with this task.
-async fn accept(listener: TcpListener, controller: ControllerHandle) {
-    let mut connections = JoinSet::new();
-    loop {
-        tokio::select! {
-            accepted = listener.accept() => match accepted {
-                Ok((stream, _)) => {
-                    connections.spawn(connection::serve(controller.clone(), stream));
-                }
-                Err(error) => {
-                    // Most likely too many open files: give the connections a moment to end.
-                    warn!(controller = %controller.address(), %error, "a connection could not be accepted");
-                    tokio::time::sleep(std::time::Duration::from_millis(100)).await;
-                }
-            },
-            Some(_) = connections.join_next() => {}
-        }
-    }
 }

@@ -1,11 +1,12 @@
 //! From a fault's word and fields to the fault.
 
+use std::fmt;
 use std::time::Duration;
 
 use super::{BadField, BadJson, BadList, Fault, LinkFault, PackIdFault, ReplyFault, TaskFault};
 use crate::fields::{self, Fields};
 
-/// Every fault that has a word: the word, its class, and the promises that it must not break (`docs/SCENARIOS.md`).
+/// Every fault that has a word: the word and its class (`docs/SCENARIOS.md`).
 pub const FAULTS: [(&str, &str); 27] = [
     ("refuse", "T1"),
     ("black-hole", "T2"),
@@ -22,6 +23,7 @@ pub const FAULTS: [(&str, &str); 27] = [
     ("bad-json", "P1"),
     ("bad-field", "P2"),
     ("bad-pack-id", "P3"),
+    ("late-reply", "P3"),
     ("crossed-reply", "P4"),
     ("bad-list", "P5"),
     ("echo", "P6"),
@@ -33,7 +35,6 @@ pub const FAULTS: [(&str, &str); 27] = [
     ("rejected-mid-batch", "P12"),
     ("task-dead", "P13"),
     ("frozen-values", "C9"),
-    ("late-reply", "P3"),
 ];
 
 const JSON_KINDS: [(&str, BadJson); 9] = [
@@ -123,6 +124,65 @@ pub(crate) fn read(word: &str, fields: &Fields<'_>) -> Result<Fault, String> {
         "frozen-values" => Fault::Task(TaskFault::FrozenValues),
         other => return Err(fields::unknown("fault", other, &FAULTS.map(|(word, _)| word))),
     })
+}
+
+impl Fault {
+    /// The word by which a scenario names it.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Link(LinkFault::Refuse) => "refuse",
+            Self::Link(LinkFault::BlackHole) => "black-hole",
+            Self::Link(LinkFault::Silence) => "silence",
+            Self::Link(LinkFault::ResetMidFrame { .. }) => "reset-mid-frame",
+            Self::Link(LinkFault::CloseBeforeReply) => "close-before-reply",
+            Self::Link(LinkFault::HalfOpen) => "half-open",
+            Self::Link(LinkFault::Pieces { .. }) => "pieces",
+            Self::Link(LinkFault::Coalesce { .. }) => "coalesce",
+            Self::Link(LinkFault::Latency { .. }) => "latency",
+            Self::Link(LinkFault::Slow { .. }) => "slow",
+            Self::Link(LinkFault::Noise) => "noise",
+            Self::Link(LinkFault::Stall { .. }) => "stall",
+            Self::Reply(ReplyFault::BadJson(_)) => "bad-json",
+            Self::Reply(ReplyFault::BadField(_)) => "bad-field",
+            Self::Reply(ReplyFault::PackId(PackIdFault::Late(_))) => "late-reply",
+            Self::Reply(ReplyFault::PackId(_)) => "bad-pack-id",
+            Self::Reply(ReplyFault::CrossedReply) => "crossed-reply",
+            Self::Reply(ReplyFault::BadList(_)) => "bad-list",
+            Self::Reply(ReplyFault::Echo) => "echo",
+            Self::Reply(ReplyFault::Unsolicited) => "unsolicited",
+            Self::Task(TaskFault::NotExecuted) => "not-executed",
+            Self::Task(TaskFault::NotAcknowledged) => "not-acknowledged",
+            Self::Task(TaskFault::ListFull) => "list-full",
+            Self::Task(TaskFault::ListFrozen) => "list-frozen",
+            Self::Task(TaskFault::RejectedMidBatch) => "rejected-mid-batch",
+            Self::Task(TaskFault::TaskDead) => "task-dead",
+            Self::Task(TaskFault::FrozenValues) => "frozen-values",
+        }
+    }
+
+    /// The word of its kind, where it has kinds.
+    fn kind(&self) -> Option<&'static str> {
+        fn word<T: PartialEq>(words: &[(&'static str, T)], kind: &T) -> Option<&'static str> {
+            words.iter().find(|(_, other)| other == kind).map(|(word, _)| *word)
+        }
+        match self {
+            Self::Reply(ReplyFault::BadJson(kind)) => word(&JSON_KINDS, kind),
+            Self::Reply(ReplyFault::BadField(kind)) => word(&FIELD_KINDS, kind),
+            Self::Reply(ReplyFault::PackId(kind)) => word(&PACK_ID_KINDS, kind),
+            Self::Reply(ReplyFault::BadList(kind)) => word(&LIST_KINDS, kind),
+            Self::Reply(ReplyFault::CrossedReply | ReplyFault::Echo | ReplyFault::Unsolicited)
+            | Self::Link(_)
+            | Self::Task(_) => None,
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())?;
+        self.kind().map_or(Ok(()), |kind| write!(f, " ({kind})"))
+    }
 }
 
 fn delay(fields: &Fields<'_>, name: &'static str) -> Result<Option<Duration>, String> {

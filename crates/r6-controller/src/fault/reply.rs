@@ -31,7 +31,7 @@ pub(crate) struct Fate {
     /// What everybody else gets.
     pub to_others: Vec<Vec<u8>>,
     /// What the asker gets after its next reply.
-    pub held: Option<Vec<u8>>,
+    pub held: Vec<Vec<u8>>,
 }
 
 /// The reply to `request`, with this wrong about it.
@@ -46,7 +46,7 @@ pub(crate) fn strike(fault: &ReplyFault, request: &[u8], reply: Vec<u8>, random:
             send(reply.clone());
             send(reply);
         }
-        ReplyFault::PackId(PackIdFault::Reordered) => fate.held = Some(reply),
+        ReplyFault::PackId(PackIdFault::Reordered) => fate.held.push(reply),
         ReplyFault::PackId(PackIdFault::Late(later)) => {
             fate.to_asker.push(Outgoing { later: *later, bytes: reply });
         }

@@ -14,9 +14,10 @@ use crate::fields::{self, Fields};
 use crate::io::OutputPoint;
 use crate::mode::Key;
 use crate::panel::{Button, LAST_ALARM, PanelAction};
+use crate::saved::MAX_COUNT;
 
-/// What can happen, in the order in which the page tells it.
-pub(super) const HAPPENINGS: [&str; 15] = [
+/// The words of what can happen (`do`), in the order in which `docs/SCENARIOS.md` tells them.
+pub const HAPPENINGS: [&str; 15] = [
     "input",
     "bounce",
     "output",
@@ -140,7 +141,8 @@ fn happening(word: &str, fields: &Fields<'_>) -> Result<Happening, String> {
         }
         "program" => program(fields)?,
         "counter" => {
-            let number = |name| fields.whole(name, "a whole number", i64::MIN..=i64::MAX);
+            let wanted = "a count, -9007199254740992 to 9007199254740992";
+            let number = |name| fields.whole(name, wanted, -MAX_COUNT..=MAX_COUNT);
             Happening::Counter {
                 id: fields
                     .whole("number", "the number of a counter", 0..=u32::MAX)?

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Duration;
 
 use r6_proto::time::Instant;
 
@@ -24,16 +23,18 @@ pub(crate) struct ScenarioRun {
     /// What comes, by its time and the order in which it was planned.
     queue: BTreeMap<(Instant, u64), Due>,
     planned: u64,
-    /// How the outputs stood that reactions watch.
-    seen: Vec<bool>,
+    /// What each reaction watches: how the output stood, and when the input follows that is last on its way.
+    seen: Vec<(bool, Instant)>,
 }
 
 #[derive(Clone, Debug)]
 enum Due {
     /// An entry of the timeline: its number, when it would be without its spread, how often it has happened.
     Entry(usize, Instant, u32),
-    /// An input that follows, or bounces: it is on its way already.
+    /// An input that follows: it is on its way already.
     Input(InputPoint, bool),
+    /// An input that bounces.
+    Bounce(InputPoint, bool),
     /// A fault begins or ends.
     Edge,
     /// The mains are back.
@@ -45,6 +46,10 @@ enum Due {
 pub(crate) enum Turn {
     /// Something happens.
     Happens(Happening),
+    /// An input follows an output.
+    Follows(InputPoint, bool),
+    /// An input bounces.
+    Bounces(InputPoint, bool),
     /// A fault begins or ends.
     FaultsChange,
     /// The mains are back.
@@ -58,7 +63,7 @@ impl ScenarioRun {
             started: now,
             queue: BTreeMap::new(),
             planned: 0,
-            seen: vec![false; scenario.reactions.len()],
+            seen: vec![(false, now); scenario.reactions.len()],
             scenario: Arc::clone(&scenario),
         };
         for (number, entry) in scenario.timeline.iter().enumerate() {
@@ -92,7 +97,10 @@ impl ScenarioRun {
 
     /// When the next input follows that is on its way already: others wait for it, as for a move.
     pub fn next_under_way(&self) -> Option<Instant> {
-        self.queue.iter().find(|(_, due)| matches!(due, Due::Input(..))).map(|((at, _), _)| *at)
+        self.queue
+            .iter()
+            .find(|(_, due)| matches!(due, Due::Input(..) | Due::Bounce(..)))
+            .map(|((at, _), _)| *at)
     }
 
     /// Whether any input reacts to outputs.
@@ -105,7 +113,8 @@ impl ScenarioRun {
         loop {
             let first = self.queue.first_entry().filter(|first| first.key().0 <= now)?;
             match first.remove() {
-                Due::Input(input, on) => return Some(Turn::Happens(Happening::Panel(input.set(on)))),
+                Due::Input(input, on) => return Some(Turn::Follows(input, on)),
+                Due::Bounce(input, on) => return Some(Turn::Bounces(input, on)),
                 Due::Edge => return Some(Turn::FaultsChange),
                 Due::Power => return Some(Turn::PowerIsBack),
                 Due::Entry(number, at, happened) => {
@@ -122,17 +131,28 @@ impl ScenarioRun {
         }
     }
 
-    /// Has a contact bounce from now on.
-    pub fn bounce(&mut self, now: Instant, bounce: &Bounce) {
+    /// Has a contact bounce from now on; whether all of it found room.
+    pub fn bounce(&mut self, now: Instant, bounce: &Bounce) -> bool {
         let step = bounce.within / bounce.times.max(1);
         for change in 0..bounce.times {
+            if self.queue.len() >= MAX_UNDER_WAY {
+                return false;
+            }
             let on = bounce.on == ((bounce.times - change) % 2 == 1);
-            self.plan(now + step * change, Due::Input(bounce.input, on));
+            self.plan(now + step * change, Due::Bounce(bounce.input, on));
         }
+        true
     }
 
-    /// The mains are back after this time.
+    /// The mains are back at this time, or later where they fail for longer already.
     pub fn power_is_back(&mut self, at: Instant) {
+        let planned = self.queue.iter().find(|(_, due)| matches!(due, Due::Power)).map(|(key, _)| *key);
+        if planned.is_some_and(|(planned, _)| planned >= at) {
+            return;
+        }
+        if let Some(planned) = planned {
+            self.queue.remove(&planned);
+        }
         self.plan(at, Due::Power);
     }
 
@@ -142,7 +162,7 @@ impl ScenarioRun {
         let mut room = true;
         for (number, reaction) in scenario.reactions.iter().enumerate() {
             let on = io.is_set(reaction.when);
-            let Some(seen) = self.seen.get_mut(number) else { continue };
+            let Some((seen, last)) = self.seen.get_mut(number) else { continue };
             if std::mem::replace(seen, on) == on || reaction.is.is_some_and(|is| is != on) {
                 continue;
             }
@@ -150,20 +170,24 @@ impl ScenarioRun {
                 room = false;
                 continue;
             }
-            let after = reaction.after + self.random.up_to(reaction.spread);
-            self.plan(now + after, Due::Input(reaction.then, reaction.set.unwrap_or(on)));
+            // Whatever is drawn, the input ends as the last change of the output wants it.
+            let due = (now + reaction.after + self.random.up_to(reaction.spread)).max(*last);
+            *last = due;
+            self.plan(due, Due::Input(reaction.then, reaction.set.unwrap_or(on)));
         }
         room
     }
 
-    /// The faults in force at this time, each with its chance.
-    pub fn in_force(&self, now: Instant) -> impl Iterator<Item = (&Fault, f64)> {
+    /// The numbers of the faults in force at this time.
+    pub fn in_force(&self, now: Instant) -> Vec<usize> {
         let since = now.since(self.started);
-        let over = move |window: &super::Window| {
-            window.lasts.is_some_and(|lasts: Duration| since >= window.from + lasts)
-        };
-        let windows = self.scenario.faults.iter().filter(move |window| since >= window.from && !over(window));
-        windows.map(|window| (&window.fault, window.chance))
+        let windows = self.scenario.faults.iter().enumerate();
+        windows.filter(|(_, window)| window.is_in_force(since)).map(|(number, _)| number).collect()
+    }
+
+    /// A fault of the scenario and its chance.
+    pub fn fault(&self, number: usize) -> Option<(&Fault, f64)> {
+        self.scenario.faults.get(number).map(|window| (&window.fault, window.chance))
     }
 
     /// Whatever the scenario leaves open.

@@ -99,7 +99,14 @@ crate::cases! { CASES: crate::address_on_each;
         // A program that a person has taught.
         let mut names = shipped.to_vec();
         names.push("taught");
-        assert_eq!(taught(profile, step::REMOTE).value("moldList"), json!(names));
+        let mut cell = taught(profile, step::REMOTE);
+        assert_eq!(cell.value("moldList"), json!(names));
+        // One that a person loads while the machine runs.
+        let load = PanelAction::LoadProgram { name: "loaded".to_owned(), text: step::REMOTE.to_owned() };
+        cell.controller.operate(cell.now, &load).unwrap();
+        names.push("loaded");
+        names.sort_unstable();
+        assert_eq!(cell.value("moldList"), json!(names));
     };
     m_n "M-n" => |profile| words_of_a_program(profile, "M", "M");
     addr_n "Addr-n" => |profile| {

@@ -229,3 +229,36 @@ fn a_camera_that_listens_is_dialled() {
         assert!(outcome.code == 2 && outcome.err.contains(part), "{outcome:?}");
     }
 }
+
+/// An input follows an output, as the scenario says, and a wrong scenario says where it is wrong.
+#[test]
+fn a_scenario_happens() {
+    let text = "[[react]]\nwhen = \"Y010\"\nthen = \"X012\"\nafter = 0.2\n\
+                [[at]]\ntime = 0.5\ndo = \"alarm\"\nnumber = 5001\n";
+    let file = TempFile::new("scenario.toml", text);
+    let path = file.path();
+    let mut sim = Running::start(&["sim", "--listen", "127.0.0.1:0", "--clock", "max", "--scenario", path]);
+    let line = sim.line();
+    let address = line.strip_prefix("listening on ").unwrap().to_owned();
+    assert_eq!(r6(&["-r", &address, "command", "modifyOutput", "0", "0", "1"]).code, 0);
+    let read = r6(&["-r", &address, "query", "input-0", "--json"]).json();
+    assert_eq!(read["values"]["input-0"], 4, "{read}");
+    // Nobody waits for the timeline: it comes at its time.
+    let lines: Vec<_> = (0..2).map(|_| sim.line()).collect();
+    assert!(lines[0].contains("modifyOutput") && lines[1].contains("alarm 5001"), "{lines:?}");
+    assert_eq!(r6(&["-r", &address, "status", "--json"]).json()["alarm"], 5001);
+    drop(sim);
+
+    for (text, complaint) in [
+        ("[[fault]]\nfault = \"ech\"", "[[fault]] 1 (ech): `fault = \"ech\"` is not known; nearest: `echo`"),
+        ("seed = 1\n[[at]]\ntime = 1", "[[at]] 1: `do` is missing"),
+        ("seed =", "no TOML: line 1"),
+    ] {
+        let file = TempFile::new("scenario.toml", text);
+        let out = r6(&["sim", "--listen", "127.0.0.1:0", "--scenario", file.path()]);
+        assert_eq!(out.code, 2, "{out:?}");
+        assert!(out.err.contains(complaint), "{}", out.err);
+    }
+    let out = r6(&["sim", "--scenario", "no-such-file.toml"]);
+    assert!(out.code == 2 && out.err.contains("the file cannot be read"), "{out:?}");
+}

@@ -1,0 +1,143 @@
+//! The client over a link that is broken on purpose: it knows what it does not know, and it finds its way back.
+
+use std::time::Duration;
+
+use r6_client::{NotSent, OutcomeUnknown, Reconnect, RequestError, Robot, RobotSettings};
+use r6_controller::fault::{LinkFault, LinkFaultNow};
+use r6_proto::{Address, Command, RegisterIndex};
+use r6_sim::VirtualController;
+use tokio::time::timeout;
+
+/// Long enough for a loaded machine.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+fn settings() -> RobotSettings {
+    RobotSettings {
+        reply_timeout: Duration::from_millis(300),
+        connect_timeout: Duration::from_millis(300),
+        reconnect: Reconnect {
+            first_wait: Duration::from_millis(1),
+            cap: Duration::from_millis(2),
+            jitter_seed: Some(1),
+        },
+        ..RobotSettings::default()
+    }
+}
+
+async fn cell() -> (VirtualController, Robot) {
+    let controller = VirtualController::start().await.unwrap();
+    let robot = Robot::connect(&controller.address().to_string(), settings()).await.unwrap();
+    robot.query(&[Address::CurMode]).await.unwrap();
+    (controller, robot)
+}
+
+fn set(controller: &VirtualController, faults: &[LinkFault]) {
+    let always = |fault| LinkFaultNow { fault, chance: 1.0 };
+    controller.handle().set_link_faults(faults.iter().copied().map(always).collect());
+}
+
+async fn told(controller: &VirtualController, faults: &[LinkFault], what: &str) {
+    let mut log = controller.handle().log();
+    set(controller, faults);
+    let told = async { while !log.recv().await.unwrap().text.contains(what) {} };
+    timeout(PATIENCE, told).await.expect("it is told");
+}
+
+/// Asks until there is an answer; each failure is one after which asking again is safe. Nothing is changed on the new connection before
+/// the state was read.
+async fn assert_finds_its_way_back(robot: &Robot) {
+    let answered = async {
+        while let Err(error) = robot.query(&[Address::CurMode]).await {
+            assert!(error.may_send_again(), "{error}");
+        }
+    };
+    timeout(PATIENCE, answered).await.expect("it is answered");
+    let refused = write(robot, 2).await.unwrap_err();
+    assert!(matches!(refused, RequestError::NotSent(NotSent::StateNotRead)), "{refused}");
+    robot.status().await.unwrap();
+    write(robot, 2).await.unwrap();
+}
+
+async fn write(robot: &Robot, value: i64) -> Result<(), RequestError> {
+    let register = RegisterIndex::new(800).unwrap();
+    robot.command(Command::RewriteData { register, savable: false, value }).await.map(|_| ())
+}
+
+#[tokio::test]
+async fn a_reply_that_breaks_off_is_no_reply() {
+    for fault in [LinkFault::ResetMidFrame { after: None }, LinkFault::CloseBeforeReply] {
+        let (controller, robot) = cell().await;
+        set(&controller, &[fault]);
+        let error = write(&robot, 1).await.unwrap_err();
+        let lost = matches!(&error, RequestError::OutcomeUnknown(OutcomeUnknown::ConnectionLost { .. }));
+        assert!(lost, "{fault:?}: {error}");
+        assert!(!error.may_send_again(), "the controller has carried it out");
+        set(&controller, &[]);
+        assert_finds_its_way_back(&robot).await;
+    }
+}
+
+#[tokio::test]
+async fn a_link_that_says_nothing_is_noticed() {
+    let (controller, robot) = cell().await;
+    set(&controller, &[LinkFault::HalfOpen]);
+    let error = write(&robot, 1).await.unwrap_err();
+    assert!(matches!(error, RequestError::OutcomeUnknown(OutcomeUnknown::TimedOut { .. })), "{error}");
+    assert_finds_its_way_back(&robot).await;
+}
+
+#[tokio::test]
+async fn a_refusal_is_told_and_ends() {
+    let (controller, robot) = cell().await;
+    told(&controller, &[LinkFault::Refuse], "refused").await;
+    let other = Robot::connect(&controller.address().to_string(), settings()).await.unwrap_err();
+    assert!(matches!(other, RequestError::NotSent(NotSent::Unreachable { .. })), "{other}");
+    // Who is connected does not notice, until the connection is lost, too.
+    write(&robot, 1).await.unwrap();
+    set(&controller, &[LinkFault::Refuse, LinkFault::CloseBeforeReply]);
+    write(&robot, 1).await.unwrap_err();
+    robot.query(&[Address::CurMode]).await.unwrap_err();
+    told(&controller, &[], "taken again").await;
+    assert_finds_its_way_back(&robot).await;
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn a_black_hole_is_given_up_in_time() {
+    let (controller, robot) = cell().await;
+    told(&controller, &[LinkFault::BlackHole], "no answer").await;
+    let other = Robot::connect(&controller.address().to_string(), settings()).await.unwrap_err();
+    assert!(matches!(other, RequestError::NotSent(NotSent::ConnectTimedOut { .. })), "{other}");
+    write(&robot, 1).await.unwrap();
+    told(&controller, &[], "taken again").await;
+    let other = Robot::connect(&controller.address().to_string(), settings()).await.unwrap();
+    write(&other, 2).await.unwrap();
+    write(&robot, 3).await.unwrap();
+}
+
+#[tokio::test]
+async fn late_cut_and_gathered_replies_are_still_replies() {
+    let (controller, robot) = cell().await;
+    let ms = Duration::from_millis;
+    for faults in [
+        vec![LinkFault::Pieces { bytes: 1 }],
+        vec![LinkFault::Stall { delay: ms(20) }],
+        vec![LinkFault::Coalesce { frames: 4, within: ms(20) }],
+        vec![LinkFault::Latency { to_controller: ms(10), to_client: ms(10), spread: ms(10) }],
+        vec![
+            LinkFault::Pieces { bytes: 3 },
+            LinkFault::Stall { delay: ms(5) },
+            LinkFault::Latency { to_controller: ms(2), to_client: ms(2), spread: ms(2) },
+            LinkFault::Slow { bytes_per_second: 20_000 },
+        ],
+    ] {
+        set(&controller, &faults);
+        for value in 1..=5 {
+            write(&robot, value).await.unwrap_or_else(|error| panic!("{faults:?}: {error}"));
+            let read = robot.query(&[Address::CurMode]).await;
+            assert_eq!(read.unwrap().integer(Address::CurMode), Some(7), "{faults:?}");
+        }
+    }
+    set(&controller, &[]);
+    write(&robot, 6).await.unwrap();
+}

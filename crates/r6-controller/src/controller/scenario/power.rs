@@ -1,0 +1,71 @@
+//! The mains fail, and are back.
+
+use std::time::Duration;
+
+use r6_proto::server::ServerSession;
+use r6_proto::time::Instant;
+
+use super::super::{Controller, LIMITS, Service};
+use crate::log::Level;
+use crate::machine::Machine;
+use crate::panel::PanelAction;
+
+impl Controller {
+    /// The machine is what a power cut leaves, and nobody hears it until the mains are back.
+    pub(super) fn power_down(&mut self, now: Instant, off: Duration, program: Option<&str>) {
+        self.collect_machine_events();
+        let Some(breakage) = &mut self.breakage else { return };
+        breakage.run.power_is_back(now + off);
+        let mut machine = Machine::restored(breakage.settings.clone(), &self.machine.saved(), now);
+        machine.stands_as(&self.machine);
+        let chosen = program
+            .map_or(Ok(()), |program| machine.operate(&PanelAction::SwitchProgram(program.to_owned())));
+        self.machine = machine;
+        breakage.off = true;
+        breakage.held.clear();
+        breakage.frozen = None;
+        // What was on its way is lost.
+        for connection in self.connections.values_mut() {
+            connection.session = ServerSession::new(LIMITS);
+        }
+        if let Err(refused) = chosen {
+            self.tell(now, Level::Warning, refused.to_string());
+        }
+        self.change_faults(now);
+    }
+
+    pub(super) fn power_up(&mut self, now: Instant) {
+        let Some(breakage) = &mut self.breakage else { return };
+        breakage.off = false;
+        // The places of those that were lost are free again, and nobody is left who would end them.
+        self.connections.retain(|_, connection| connection.service != Service::Wedged);
+        // It knows nothing of these connections: whatever comes on one of them is answered with a reset.
+        for (id, connection) in &mut self.connections {
+            connection.service = Service::Over;
+            self.woken.push_back(*id);
+        }
+        self.tell(now, Level::Info, "the mains are back".to_owned());
+        self.change_faults(now);
+    }
+
+    /// Whether the mains have failed.
+    pub(in crate::controller) fn is_off(&self) -> bool {
+        self.breakage.as_ref().is_some_and(|breakage| breakage.off)
+    }
+}
+
+impl Machine {
+    /// Takes what no power cut moves: the arm stands where its brakes caught it and its encoders still know it, inputs are what the cell
+    /// makes of them, and an emergency stop that is pressed stays pressed.
+    fn stands_as(&mut self, before: &Self) {
+        self.axes = before.motion().axes;
+        self.homed = before.homed;
+        self.io.inputs = before.io.inputs;
+        self.io.eu_inputs = before.io.eu_inputs;
+        self.starts = before.starts.wrapping_add(1);
+        if before.emergency_stop {
+            // An emergency stop is never refused.
+            let _ = self.operate(&PanelAction::EmergencyStop);
+        }
+    }
+}

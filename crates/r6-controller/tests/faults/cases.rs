@@ -1,0 +1,67 @@
+//! Which scenarios there are, and how each is felt.
+
+use crate::world::World;
+
+/// Who was there when a scenario had ended.
+pub type Felt = fn(&World) -> bool;
+
+/// Each scenario with what shows that its fault was felt. Those of the link are felt where there is one: here they are told.
+pub const CASES: [(&str, Felt); 37] = [
+    ("C1-keys", |world| world.said("key to manual")),
+    ("C2-emergency-stop", |world| world.said("the emergency stop is pressed")),
+    ("C3-alarms", |world| world.said("alarm 840")),
+    ("C4-power-cut", |world| {
+        world.client.seen.connections > 4 && world.said("button start: the emergency stop is pressed")
+    }),
+    ("C5-counter", |world| world.said("counter 0 is set to -9007199254740992")),
+    ("C6-poses", |world| world.said("alarm") && world.said("refused")),
+    ("C7-speed", |world| world.said("modifyGSPD [\"0\"]") && world.said("actionPause")),
+    ("C8-io", |world| world.said("input X010 off") && world.said("input X011 changes 9 times and ends on")),
+    ("C9-frozen-values", |world| world.stale > 10),
+    ("C10-program-overwritten", |world| {
+        world.said("`own` runs") && world.said("program `own` was loaded: 1 steps")
+    }),
+    ("P1-bad-json", |world| world.client.seen.broken > 10),
+    ("P2-bad-field", |world| world.client.seen.rejected > 3),
+    ("P3-bad-pack-id", |world| world.client.seen.strays("unknown packID") > 10),
+    ("P3-late-reply", |world| {
+        world.client.seen.timeouts > 5 && world.client.seen.strays("unknown packID") > 5
+    }),
+    ("P4-crossed-reply", |world| world.other.seen.strays("unknown packID") > 20),
+    ("P5-bad-list", |world| world.client.seen.mismatches > 10),
+    ("P6-echo", |world| world.client.seen.strays("echo") > 10),
+    ("P7-unsolicited", |world| world.client.seen.photos > 5 && world.client.seen.strays("no reply") > 3),
+    ("P10-not-executed", |world| {
+        world.client.motions.iter().any(|one| one.verdict == Some(true) && world.visits(one.target) == 0)
+    }),
+    ("P10-not-acknowledged", |world| {
+        world.client.motions.iter().any(|one| one.verdict.is_none() && world.visits(one.target) == 1)
+    }),
+    ("P11-list-full", |world| world.client.motions.iter().any(|one| one.verdict == Some(false))),
+    ("P11-list-frozen", |world| world.client.seen.longest_list == 2),
+    ("P12-rejected-mid-batch", |world| {
+        world.client.motions.iter().any(|one| one.verdict == Some(false) && world.visits(one.half) == 1)
+    }),
+    ("P13-task-dead", |world| world.client.seen.timeouts > 20 && world.client.seen.connections > 3),
+    ("P14-two-masters", |world| {
+        world.rests.iter().any(|rest| (rest - 5.0).abs() < 1e-6) && world.said("actionStop")
+    }),
+    ("T1-refuse", |_| true),
+    ("T2-black-hole", |_| true),
+    ("T3-silence", |_| true),
+    ("T4-reset-mid-frame", |_| true),
+    ("T5-close-before-reply", |_| true),
+    ("T6-half-open", |_| true),
+    ("T7-pieces", |_| true),
+    ("T7-coalesce", |_| true),
+    ("T8-latency", |_| true),
+    ("T9-slow", |_| true),
+    ("T11-noise", |_| true),
+    ("T14-stall", |_| true),
+];
+
+impl World {
+    pub fn said(&self, text: &str) -> bool {
+        self.log.iter().any(|line| line.contains(text))
+    }
+}

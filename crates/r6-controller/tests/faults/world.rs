@@ -1,0 +1,295 @@
+//! A controller with a scenario, and three who talk to it, from deadline to deadline on a virtual clock. After every step it is checked
+//! that the arm kept its limits and moved only where somebody had told it to.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_controller::scenario::{Happening, Scenario};
+use r6_controller::{
+    Button, ConnectionId, Controller, ControllerSettings, Key, PanelAction, Profile, RobotModel,
+};
+use r6_proto::time::Instant;
+use serde_json::json;
+
+use crate::client::{Client, FIRST, REGISTERS, value_of};
+
+/// How long an arm takes to come to rest at most: half a second after a pause, and a step.
+const COMES_TO_REST: Duration = Duration::from_millis(650);
+
+/// The arm, as it was after the last step.
+#[derive(Clone, Copy, Debug)]
+struct Arm {
+    at: Instant,
+    axes: [f64; 8],
+    runs: bool,
+    moves: bool,
+}
+
+pub struct World {
+    pub controller: Controller,
+    pub now: Instant,
+    /// Moves the arm.
+    pub client: Client,
+    /// Only looks.
+    pub other: Client,
+    /// Asks, and reads nothing.
+    deaf: ConnectionId,
+    next_deaf: Instant,
+    arm: Arm,
+    /// Since when nothing may move, and whether at once.
+    halted: Option<(Instant, bool)>,
+    /// Where J1 came to rest, each time anew.
+    pub rests: Vec<f64>,
+    /// How far J1 went in all, and up to its last rest, degrees.
+    travel: f64,
+    pub travel_to_rest: f64,
+    /// Whether it has left the last of them.
+    left: bool,
+    /// Since when it rests there.
+    rests_since: Instant,
+    /// How often the client had just read that J1 is where it is not.
+    pub stale: u32,
+    pub log: Vec<String>,
+    speeds: Vec<(f64, f64, f64)>,
+    hash: DefaultHasher,
+    pub steps: usize,
+    size: usize,
+}
+
+impl World {
+    pub fn new(scenario: Scenario, seed: u64) -> Self {
+        Self::with(scenario, seed, "remote", true)
+    }
+
+    pub fn with(scenario: Scenario, seed: u64, program: &str, moves: bool) -> Self {
+        let model = RobotModel::named("BRTIRUS0707A").unwrap().clone();
+        let speeds = model.drives().map(|axis| (axis.soft.min, axis.soft.max, axis.max_speed)).collect();
+        let mut profile = Profile::hc1();
+        // What is drawn is drawn by the scenario alone.
+        profile.add_rcc_ack_spread = Duration::ZERO;
+        let settings = ControllerSettings {
+            seed,
+            mold: program.to_owned(),
+            scenario: Some(Arc::new(scenario)),
+            ..ControllerSettings::new(profile, model)
+        };
+        let now = Instant::ORIGIN;
+        let mut controller = Controller::new(settings, now);
+        let values: Vec<_> = (FIRST..FIRST + REGISTERS).map(|n| value_of(n).to_string()).collect();
+        let head = ["rewriteDataList".to_owned(), FIRST.to_string(), REGISTERS.to_string(), "1".to_owned()];
+        let words: Vec<_> = head.into_iter().chain(values).collect();
+        let id = controller.connect(now);
+        controller.handle_input(
+            now,
+            id,
+            json!({"reqType": "command", "cmdData": words}).to_string().as_bytes(),
+        );
+        controller.disconnect(id);
+        let (client, other) = (controller.connect(now), controller.connect(now));
+        let deaf = controller.connect(now);
+        let size = format!("{controller:?}").len();
+        Self {
+            client: Client::new(client, moves, 1, now),
+            other: Client::new(other, false, 1_000_000, now),
+            deaf,
+            next_deaf: now,
+            arm: arm(&mut controller, now),
+            controller,
+            now,
+            halted: None,
+            rests: Vec::new(),
+            travel: 0.0,
+            travel_to_rest: 0.0,
+            left: false,
+            rests_since: now,
+            stale: 0,
+            log: Vec::new(),
+            speeds,
+            hash: DefaultHasher::new(),
+            steps: 0,
+            size,
+        }
+    }
+
+    /// Lets time pass up to this time.
+    pub fn run_to(&mut self, end: Instant) {
+        while self.now < end {
+            let due = [
+                self.controller.poll_timeout(),
+                self.controller.next_transmit(self.client.id),
+                self.controller.next_transmit(self.other.id),
+                Some(self.client.next()),
+                Some(self.other.next()),
+                Some(self.next_deaf),
+            ];
+            let due = due.into_iter().flatten().min().unwrap_or(end);
+            self.now = due.max(self.now).min(end);
+            self.step();
+        }
+    }
+
+    fn step(&mut self) {
+        self.steps += 1;
+        assert!(self.steps < 1_000_000, "time stands still");
+        let logged = self.log.len();
+        let sent = self.client.motions.len();
+        self.controller.handle_timeout(self.now);
+        self.pump();
+        if self.now >= self.next_deaf {
+            self.next_deaf = self.now + Duration::from_millis(100);
+            let question = br#"{"reqType":"query","queryAddr":["version","axis-0"]}"#;
+            self.controller.handle_input(self.now, self.deaf, question);
+            if self.controller.is_over(self.deaf) {
+                self.controller.disconnect(self.deaf);
+                self.deaf = self.controller.connect(self.now);
+            }
+        }
+        while self.controller.poll_woken().is_some() {}
+        while let Some(line) = self.controller.poll_log() {
+            line.to_string().hash(&mut self.hash);
+            self.log.push(line.to_string());
+        }
+        self.check(self.log[logged..].join("\n"), self.client.motions.len() > sent);
+    }
+
+    /// Carries bytes both ways until nobody has anything to say.
+    fn pump(&mut self) {
+        let (now, controller, hash) = (self.now, &mut self.controller, &mut self.hash);
+        for client in [&mut self.client, &mut self.other] {
+            loop {
+                client.act(now);
+                if controller.is_over(client.id) || client.wants_new_connection {
+                    controller.disconnect(client.id);
+                    client.reconnect(now, controller.connect(now));
+                    client.act(now);
+                }
+                let mut quiet = true;
+                if let Some(bytes) = client.session.poll_transmit().map(<[u8]>::to_vec) {
+                    (now.as_secs_f64().to_bits(), &bytes).hash(hash);
+                    client.session.transmitted(bytes.len());
+                    controller.handle_input(now, client.id, &bytes);
+                    quiet = false;
+                }
+                while let Some(frame) = controller.poll_transmit(now, client.id).map(<[u8]>::to_vec) {
+                    (now.as_secs_f64().to_bits(), &frame).hash(hash);
+                    client.take(now, &frame);
+                    quiet = false;
+                }
+                if quiet {
+                    break;
+                }
+            }
+        }
+    }
+
+    fn check(&mut self, told: String, motion_sent: bool) {
+        let before = std::mem::replace(&mut self.arm, arm(&mut self.controller, self.now));
+        let after = self.arm;
+        let seconds = after.at.since(before.at).as_secs_f64();
+        for (axis, (min, max, speed)) in self.speeds.iter().enumerate() {
+            let (from, to) = (before.axes[axis], after.axes[axis]);
+            assert!((min - 1e-6..=max + 1e-6).contains(&to), "J{} at {to}, outside {min} to {max}", axis + 1);
+            let most = speed * seconds * (1.0 + 1e-6) + 1e-6;
+            assert!((to - from).abs() <= most, "J{} went from {from} to {to} in {seconds} s", axis + 1);
+        }
+        let starts =
+            ["scenario: button", "scenario: another master speaks", "scenario: program", "person: start"];
+        let told_to = motion_sent || starts.iter().any(|word| told.contains(word));
+        if after.runs && !before.runs {
+            assert!(told_to, "it runs, and nobody started it: {told}");
+        }
+        assert!(!(after.runs && told.contains("the mains fail")), "it runs without mains");
+        if after.runs || told_to {
+            self.halted = None;
+        } else if told.contains("the mains fail") {
+            self.halted = Some((after.at, true));
+        } else if self.halted.is_none() {
+            self.halted = Some((after.at, false));
+        } else if let Some((since, at_once)) = self.halted {
+            let rests = at_once || before.at.since(since) > COMES_TO_REST;
+            let stands = before.axes.map(f64::to_bits) == after.axes.map(f64::to_bits);
+            assert!(
+                stands || !rests,
+                "it moves since {since:?}: {:?} to {:?}, {told}",
+                before.axes,
+                after.axes
+            );
+        }
+        let elsewhere = self.rests.last().is_none_or(|last| (last - after.axes[0]).abs() > 1e-6);
+        self.travel += (after.axes[0] - before.axes[0]).abs();
+        self.left |= elsewhere;
+        if !after.moves && self.left {
+            self.left = false;
+            self.travel_to_rest = self.travel;
+            self.rests.push(after.axes[0]);
+        }
+        if after.moves {
+            self.rests_since = after.at;
+        }
+        let known = self.client.state.filter(|state| state.at > self.rests_since);
+        self.stale += u32::from(known.is_some_and(|state| (state.j1 - after.axes[0]).abs() > 1e-4));
+    }
+
+    /// A person makes the machine ready again.
+    pub fn make_ready(&mut self) {
+        let mut actions = vec![PanelAction::ReleaseEmergencyStop];
+        actions.push(PanelAction::TurnKey(Key::Auto));
+        for action in actions {
+            self.controller.operate(self.now, &action).unwrap();
+        }
+        self.run_to(self.now + Duration::from_secs(1));
+        self.controller.operate(self.now, &PanelAction::ClearAlarm).unwrap();
+        self.controller.operate(self.now, &PanelAction::SwitchProgram("remote".to_owned())).unwrap();
+        let id = self.controller.connect(self.now);
+        self.controller.handle_input(
+            self.now,
+            id,
+            br#"{"reqType":"command","cmdData":["modifyGSPD","1000"]}"#,
+        );
+        self.controller.handle_input(
+            self.now,
+            id,
+            br#"{"reqType":"AddRCC","emptyList":"1","instructions":[]}"#,
+        );
+        self.controller.disconnect(id);
+        self.controller.log(self.now, None, r6_controller::Level::Info, "person: start".to_owned());
+        self.controller.operate(self.now, &PanelAction::Press(Button::Start)).unwrap();
+    }
+
+    /// How much more the controller keeps than at the beginning, in letters of its debug form, with nobody who does not read.
+    pub fn growth(&mut self) -> usize {
+        self.controller.disconnect(self.deaf);
+        self.deaf = self.controller.connect(self.now);
+        format!("{:?}", self.controller).len().saturating_sub(self.size)
+    }
+
+    /// A number for all that was said, and when.
+    pub fn conversation(&self) -> u64 {
+        self.hash.finish()
+    }
+
+    /// How often J1 came to rest here.
+    pub fn visits(&self, place: f64) -> usize {
+        self.rests.iter().filter(|rest| (**rest - place).abs() < 1e-6).count()
+    }
+}
+
+fn arm(controller: &mut Controller, now: Instant) -> Arm {
+    let seen = controller.snapshot(now);
+    Arm { at: now, axes: seen.axes, runs: seen.mode.may_run() && seen.alarm == 0, moves: seen.moving }
+}
+
+/// When the last thing has happened that a scenario plans.
+pub fn end_of(scenario: &Scenario) -> Duration {
+    let entries = scenario.timeline.iter().map(|entry| {
+        let times = entry.times.expect("an end");
+        let lasts = match &entry.what {
+            Happening::PowerCut { off, .. } => *off,
+            _ => Duration::ZERO,
+        };
+        entry.at + entry.spread + entry.every.unwrap_or_default() * (times - 1) + lasts
+    });
+    let windows = scenario.faults.iter().map(|window| window.from + window.lasts.expect("an end"));
+    entries.chain(windows).max().unwrap_or_default()
+}

@@ -1,0 +1,300 @@
+//! Faults: in force in their time, as likely as told, each with its effect and no other.
+
+use std::collections::BTreeSet;
+
+use serde_json::{Value, json};
+
+use crate::common::{Cell, axis_move};
+use crate::{cell, seeded};
+
+const ASK: &str = r#"{"reqType":"query","packID":"5","queryAddr":["version","axisNum","origin"]}"#;
+
+fn fault(word: &str, more: &str) -> String {
+    format!("[[fault]]\nfault = \"{word}\"\n{more}\n")
+}
+
+fn frames(cell: &mut Cell) -> Vec<Vec<u8>> {
+    let mut all = Vec::new();
+    while let Some(frame) = cell.controller.poll_transmit(cell.now, cell.id) {
+        all.push(frame.to_vec());
+    }
+    all
+}
+
+/// What comes back to the one question while this is broken.
+fn reply(word: &str, more: &str) -> Vec<Vec<u8>> {
+    let mut cell = cell(&fault(word, more));
+    cell.send(ASK);
+    frames(&mut cell)
+}
+
+fn object(frames: &[Vec<u8>]) -> Value {
+    assert_eq!(frames.len(), 1);
+    serde_json::from_slice(&frames[0])
+        .unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&frames[0])))
+}
+
+fn right() -> Value {
+    object(&reply("not-executed", ""))
+}
+
+#[test]
+fn a_window_begins_and_ends_to_the_nanosecond() {
+    let mut cell = cell(&fault("echo", "from = 2\nfor = 3"));
+    let mut struck = Vec::new();
+    let mut passed = 0.0;
+    for at in [1.999_999_999, 2.0, 4.999_999_999, 5.0] {
+        cell.pass(at - passed);
+        passed = at;
+        struck.push(cell.ask(ASK) == ASK);
+    }
+    assert_eq!(struck, [false, true, true, false]);
+    assert_eq!(cell.log(), "scenario: fault echo begins\nscenario: fault echo ends\n");
+}
+
+#[test]
+fn from_the_beginning_to_the_end_unless_told() {
+    let mut cell = cell(&fault("echo", ""));
+    cell.pass(1e6);
+    assert_eq!(cell.ask(ASK), ASK);
+}
+
+#[test]
+fn as_likely_as_told() {
+    let struck = |chance: &str, seed| {
+        let mut cell = seeded(&fault("echo", &format!("chance = {chance}")), seed);
+        (0..1000).map(|_| cell.ask(ASK) == ASK).collect::<Vec<_>>()
+    };
+    let count = |chance| struck(chance, 1).into_iter().filter(|hit| *hit).count();
+    assert_eq!((count("0"), count("1"), count("1.0")), (0, 1000, 1000));
+    let some = count("0.3");
+    assert!((240..360).contains(&some), "{some}");
+    assert_eq!(struck("0.3", 1), struck("0.3", 1));
+    assert_ne!(struck("0.3", 1), struck("0.3", 2));
+}
+
+#[test]
+fn replies_that_are_no_json() {
+    let right = right().to_string();
+    for kind in ["truncated", "deep", "byte-order-mark", "bad-utf8", "nul", "not-a-number"] {
+        let all = reply("bad-json", &format!("kind = \"{kind}\""));
+        assert!(serde_json::from_slice::<Value>(&all[0]).is_err(), "{kind}");
+    }
+    for kind in ["oversized", "huge-number", "duplicate-keys"] {
+        let all = reply("bad-json", &format!("kind = \"{kind}\""));
+        assert!(all[0].len() > right.len() + 100, "{kind}");
+    }
+    assert_eq!(object(&reply("bad-json", "kind = \"duplicate-keys\"")), self::right());
+}
+
+#[test]
+fn replies_with_a_wrong_field() {
+    let with = |kind| object(&reply("bad-field", &format!("kind = \"{kind}\"")));
+    let mut right = right();
+    let values = right["queryData"].take();
+    assert_eq!(with("unknown")["queryData"], values);
+    assert!(with("unknown").as_object().unwrap().len() > right.as_object().unwrap().len());
+    assert!(with("missing").get("queryData").is_none());
+    assert_eq!(with("renamed")["queryDatas"], values);
+    assert_eq!(with("wrong-type")["queryData"], json!(7));
+}
+
+#[test]
+fn replies_with_a_wrong_list() {
+    let with = |kind| object(&reply("bad-list", &format!("kind = \"{kind}\"")))["queryData"].clone();
+    let values = right()["queryData"].as_array().unwrap().clone();
+    assert_eq!(with("short"), json!(values[..2]));
+    assert_eq!(with("long"), json!([values[0], values[1], values[2], values[2]]));
+    assert_eq!(with("shifted"), json!([values[1], values[2], values[0]]));
+}
+
+#[test]
+fn replies_to_another_number_twice_or_late() {
+    let right = right();
+    assert_ne!(object(&reply("bad-pack-id", "kind = \"wrong\""))["packID"], right["packID"]);
+    assert_eq!(reply("bad-pack-id", "kind = \"repeated\"").len(), 2);
+    let mut cell = cell(&fault("late-reply", "delay = 3"));
+    cell.send(ASK);
+    cell.pass(2.999);
+    assert_eq!(cell.frame(), None);
+    cell.pass(0.001);
+    assert!(cell.frame().is_some());
+}
+
+#[test]
+fn a_late_reply_keeps_no_other_one_waiting() {
+    let mut cell = cell(&fault("late-reply", "delay = 30\nfor = 1"));
+    cell.send(ASK);
+    cell.pass(1.0);
+    cell.run_ok(&json!([]));
+    assert_eq!(cell.frame(), None);
+}
+
+#[test]
+fn two_replies_change_places() {
+    let mut cell = cell(&fault("bad-pack-id", "kind = \"reordered\"\nfor = 10"));
+    let mut order = Vec::new();
+    for n in 0..9 {
+        cell.send(format!(r#"{{"reqType":"query","packID":"{n}","queryAddr":["version"]}}"#));
+        for frame in frames(&mut cell) {
+            let reply: Value = serde_json::from_slice(&frame).unwrap();
+            order.push(reply["packID"].as_str().unwrap().to_owned());
+        }
+    }
+    assert_eq!(order.concat(), "10325476", "and 8 waits");
+    cell.pass(10.0);
+    assert!(cell.frame().unwrap().contains(r#""packID":"8""#), "there is no next one when it is over");
+}
+
+#[test]
+fn replies_that_are_held_go_with_their_connection() {
+    let mut cell = cell(&fault("bad-pack-id", "kind = \"reordered\""));
+    let size = format!("{:?}", cell.controller).len();
+    for _ in 0..300 {
+        cell.send(ASK);
+        cell.controller.disconnect(cell.id);
+        cell.id = cell.controller.connect(cell.now);
+    }
+    while cell.controller.poll_log().is_some() {}
+    let now = format!("{:?}", cell.controller).len();
+    assert!(now < size + 10_000, "{size} to {now}");
+}
+
+#[test]
+fn everybody_gets_a_crossed_reply_and_who_reads_nothing_is_given_up() {
+    let mut cell = cell(&fault("crossed-reply", ""));
+    let other = cell.controller.connect(cell.now);
+    let reply = cell.ask(ASK);
+    assert_eq!(cell.controller.poll_transmit(cell.now, other), Some(reply.as_bytes()));
+    for _ in 0..10_000 {
+        cell.ask(ASK);
+    }
+    assert!(cell.controller.is_over(other));
+    assert!(!cell.controller.is_over(cell.id));
+}
+
+#[test]
+fn frames_that_nobody_asked_for() {
+    let mut kinds = BTreeSet::new();
+    let mut cell = cell(&fault("unsolicited", ""));
+    for _ in 0..50 {
+        cell.send(ASK);
+        let all = frames(&mut cell);
+        assert_eq!(all.len(), 2);
+        assert_eq!(object(&all[1..]), right());
+        kinds.insert(all[0].clone());
+    }
+    assert_eq!(kinds.len(), 4);
+}
+
+fn moved(cell: &mut Cell) -> (Vec<String>, f64) {
+    cell.add_rcc("1", &json!([axis_move([5.0; 6], 90.0), axis_move([10.0; 6], 90.0)]));
+    cell.pass(0.018);
+    let reply = cell.frame().map(|frame| serde_json::from_str::<Value>(&frame).unwrap()["cmdReply"].clone());
+    cell.pass(3.0);
+    let words = reply.map(|words| {
+        words.as_array().unwrap().iter().map(|word| word.as_str().unwrap().to_owned()).collect()
+    });
+    (words.unwrap_or_default(), cell.controller.snapshot(cell.now).axes[0])
+}
+
+#[test]
+fn lists_and_commands() {
+    for (word, verdict, j1) in [
+        ("not-executed", Some("ok"), 0.0),
+        ("not-acknowledged", None, 10.0),
+        ("list-full", Some("err"), 0.0),
+        ("list-frozen", Some("ok"), 0.0),
+        ("rejected-mid-batch", Some("err"), 5.0),
+        ("task-dead", None, 0.0),
+        ("frozen-values", Some("ok"), 10.0),
+    ] {
+        let mut one = cell(&fault(word, "for = 10"));
+        let (words, axis) = moved(&mut one);
+        assert_eq!(words.last().map(String::as_str), verdict, "{word}");
+        assert!((axis - j1).abs() < 1e-6, "{word}: J1 at {axis}");
+        let mut never = cell(&fault(word, "for = 10\nchance = 0"));
+        assert_eq!(
+            moved(&mut never),
+            (vec!["AddRCC".to_owned(), "ok".to_owned()], 10.0),
+            "{word} that never strikes"
+        );
+        assert_eq!(never.number("axis-0"), 10.0, "{word}");
+    }
+}
+
+#[test]
+fn a_frozen_list_goes_on_when_it_is_over() {
+    let mut cell = cell(&fault("list-frozen", "for = 10"));
+    cell.run_ok(&json!([axis_move([5.0; 6], 90.0)]));
+    cell.pass(9.0);
+    assert_eq!(cell.text("RemoteCmdLen"), "1");
+    cell.pass(4.0);
+    assert_eq!((cell.text("RemoteCmdLen"), cell.number("axis-0")), ("0".to_owned(), 5.0));
+}
+
+#[test]
+fn a_frozen_list_that_was_stopped_does_not_go_on() {
+    let mut cell = cell(&fault("list-frozen", "for = 10"));
+    cell.run_ok(&json!([axis_move([5.0; 6], 90.0)]));
+    cell.ok(&["actionStop"]);
+    cell.pass(20.0);
+    assert_eq!(cell.number("axis-0"), 0.0);
+}
+
+#[test]
+fn values_stay_as_they_were() {
+    let mut cell = cell(&fault("frozen-values", "from = 1\nfor = 10"));
+    cell.pass(1.0);
+    cell.run_ok(&json!([axis_move([5.0; 6], 90.0)]));
+    cell.ok(&["modifyOutput", "0", "0", "1"]);
+    cell.pass(5.0);
+    assert_eq!((cell.number("axis-0"), cell.text("output-0")), (0.0, "0".to_owned()));
+    cell.pass(5.0);
+    assert_eq!((cell.number("axis-0"), cell.text("output-0")), (5.0, "1".to_owned()));
+}
+
+#[test]
+fn values_that_are_frozen_again_are_those_of_then() {
+    let mut cell =
+        cell(&(fault("frozen-values", "from = 1\nfor = 1") + &fault("frozen-values", "from = 5\nfor = 10")));
+    cell.pass(3.0);
+    cell.ok(&["modifyOutput", "0", "0", "1"]);
+    cell.pass(3.0);
+    assert_eq!(cell.text("output-0"), "1");
+}
+
+#[test]
+fn a_dead_task_answers_heartbreaks() {
+    let mut cell = cell(&fault("task-dead", ""));
+    cell.send(ASK);
+    assert_eq!(cell.frame(), None);
+    for _ in 0..5 {
+        assert!(cell.ask(br#"{"reqType":"heartbreak"}"#).contains("heartbreak"));
+        cell.pass(6.0);
+    }
+    assert_eq!(cell.controller.snapshot(cell.now).alarm, 0, "the watchdog is fed");
+}
+
+#[test]
+fn faults_strike_one_after_the_other() {
+    let mut cell =
+        cell(&(fault("bad-pack-id", "kind = \"repeated\"") + &fault("bad-list", "kind = \"short\"")));
+    cell.send(ASK);
+    let all = frames(&mut cell);
+    assert_eq!(all.len(), 2);
+    assert!(
+        all.iter()
+            .all(|frame| object(std::slice::from_ref(frame))["queryData"].as_array().unwrap().len() == 2)
+    );
+}
+
+#[test]
+fn those_of_the_link_are_told_and_wake_everybody() {
+    let mut cell = cell(&fault("latency", "from = 1\nto_client = 0.3\nchance = 0.5"));
+    assert!(cell.controller.link_faults().is_empty());
+    cell.pass(1.0);
+    assert_eq!(cell.controller.link_faults().len(), 1);
+    assert_eq!(cell.controller.poll_woken(), Some(cell.id));
+    assert_eq!(cell.log(), "scenario: fault latency begins\n");
+}

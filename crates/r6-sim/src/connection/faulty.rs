@@ -1,0 +1,112 @@
+//! A connection while faults of its link are in force, or what they held back is on its way.
+
+use std::io;
+use std::time::Duration;
+
+use r6_controller::fault::link::{Delivery, Link};
+use tokio::io::AsyncReadExt;
+use tracing::trace;
+
+use super::{Conversation, End, Next, write};
+
+impl Conversation<'_> {
+    /// Serves the connection over such a link; `None` once it is as good as none.
+    pub(super) async fn run_faulty(&mut self, link: &mut Link) -> io::Result<Option<End>> {
+        loop {
+            self.give_frames(link).await;
+            if let Some(end) = self.write_due(link).await? {
+                return Ok(Some(end));
+            }
+            if self.give_input(link) {
+                continue;
+            }
+            if self.is_over() {
+                return Ok(Some(End::Reset));
+            }
+            let held_back = self.controller.next_transmit(self.id);
+            if self.half_closed && held_back.is_none() && link.is_idle() {
+                return Ok(Some(End::Closed));
+            }
+            if link.is_transparent() {
+                return Ok(None);
+            }
+            self.wait(link, held_back).await?;
+        }
+    }
+
+    /// Gives the link what the controller sends, as long as it takes it: what it does not take piles up in the controller,
+    /// which gives a connection up that takes too little.
+    async fn give_frames(&mut self, link: &mut Link) {
+        while link.takes_frames() {
+            match self.next_frame() {
+                Next::Frame => {}
+                Next::Nothing => return,
+                Next::LinkChanged => {
+                    self.change(link);
+                    continue;
+                }
+            }
+            self.controller.kept(self.id).await;
+            // It takes frames: that was asked.
+            let _ = link.send(self.controller.reach(None), &self.frame);
+        }
+        self.change(link);
+    }
+
+    fn change(&mut self, link: &mut Link) {
+        self.controller.look(|controller, now| {
+            if controller.link_changes() != self.link_changes {
+                self.link_changes = controller.link_changes();
+                link.set_faults(now, controller.link_faults());
+            }
+        });
+    }
+
+    /// Writes what has to leave now; how the connection ends, if it does.
+    async fn write_due(&mut self, link: &mut Link) -> io::Result<Option<End>> {
+        loop {
+            let now = self.controller.reach(link.next_due());
+            match link.poll_to_client(now) {
+                None => return Ok(None),
+                Some(Delivery::Close) => return Ok(Some(End::HungUp)),
+                Some(Delivery::Reset) => return Ok(Some(End::Reset)),
+                Some(Delivery::Bytes(bytes)) => {
+                    trace!(connection = self.id.number(), bytes = %String::from_utf8_lossy(&bytes), "sent");
+                    write(&mut self.stream, &bytes).await?;
+                    // A peer on the same thread, as in a test, gets to see each piece by itself.
+                    tokio::task::yield_now().await;
+                }
+            }
+        }
+    }
+
+    /// Gives the controller what has arrived by now; whether there was anything.
+    fn give_input(&mut self, link: &mut Link) -> bool {
+        let mut any = false;
+        while let Some(bytes) = link.poll_to_controller(self.controller.reach(link.next_due())) {
+            trace!(connection = self.id.number(), bytes = %String::from_utf8_lossy(&bytes), "received");
+            self.controller.handle_input(self.id, &bytes);
+            any = true;
+        }
+        any
+    }
+
+    /// Waits for whatever comes first: bytes, a change, or what is due.
+    async fn wait(&mut self, link: &mut Link, held_back: Option<Duration>) -> io::Result<()> {
+        let due = link.next_due().map(|due| self.controller.until(due));
+        let due = if link.takes_frames() { held_back.into_iter().chain(due).min() } else { due };
+        let room = link.room().min(self.input.len());
+        let input = self.input.get_mut(..room).unwrap_or_default();
+        tokio::select! {
+            read = self.stream.read(input), if !self.half_closed && room > 0 => {
+                let bytes = input.get(..read?).unwrap_or_default();
+                self.half_closed = bytes.is_empty();
+                // There is room for all of it: no more was read.
+                let _ = link.receive(self.controller.reach(None), bytes);
+            }
+            () = self.notice.notified() => {}
+            () = tokio::time::sleep(due.unwrap_or_default()), if due.is_some() => {}
+        }
+        Ok(())
+    }
+}

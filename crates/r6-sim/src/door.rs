@@ -1,0 +1,217 @@
+//! Where connections come in: accepted, refused, or left without an answer.
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::time::Duration;
+
+use r6_controller::Level;
+use r6_controller::fault::link::Door;
+use socket2::{Domain, Protocol, SockRef, Socket, Type};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::watch;
+use tokio::task::JoinSet;
+use tracing::{debug, warn};
+
+use crate::connection;
+use crate::handle::ControllerHandle;
+
+/// How many connections the system holds for us until they are accepted, as tokio has it.
+const BACKLOG: i32 = 1024;
+
+/// The waits before a port is tried again that somebody took while it was closed: the first, and the longest.
+const FIRST_WAIT: Duration = Duration::from_millis(10);
+const LONGEST_WAIT: Duration = Duration::from_secs(1);
+
+/// How many connections of our own fill the queue of a port that is to give no answer. With a queue of no length Linux takes one.
+const MAX_FILLERS: usize = 4;
+
+/// How long a connection of our own gets to be made. On this machine it takes microseconds: one that takes longer shows that the
+/// queue is full; and if it was only late, it fills the queue.
+const FILL_TIME: Duration = Duration::from_millis(50);
+
+/// How many connections that queued up while there was no answer are closed at the end: our own, and some that came just then.
+const MAX_QUEUED: usize = 64;
+
+/// Attends to the connections of a controller, which end with this task.
+pub(crate) async fn attend(listener: TcpListener, controller: ControllerHandle) {
+    let mut entrance = Entrance { door: controller.door(), controller, connections: JoinSet::new() };
+    let mut listener = listener;
+    loop {
+        let door = *entrance.door.borrow_and_update();
+        match door {
+            Door::Open => entrance.accept(&listener).await,
+            Door::Refuses => listener = entrance.refuse(listener).await,
+            Door::BlackHole => entrance.give_no_answer(&listener).await,
+        }
+    }
+}
+
+/// A controller's, with the connections that came through it.
+struct Entrance {
+    controller: ControllerHandle,
+    door: watch::Receiver<Door>,
+    connections: JoinSet<()>,
+}
+
+impl Entrance {
+    /// Accepts connections until the door changes.
+    async fn accept(&mut self, listener: &TcpListener) {
+        loop {
+            tokio::select! {
+                accepted = listener.accept() => match accepted {
+                    Ok((stream, _)) => {
+                        self.connections.spawn(connection::serve(self.controller.clone(), stream));
+                    }
+                    Err(error) => {
+                        // Most likely too many open files: give the connections a moment to end.
+                        warn!(controller = %self.controller.address(), %error, "a connection could not be accepted");
+                        tokio::time::sleep(Duration::from_millis(100)).await;
+                    }
+                },
+                () = changed(&mut self.door) => return,
+                Some(_) = self.connections.join_next() => {}
+            }
+        }
+    }
+
+    /// Waits until the door changes.
+    async fn wait(&mut self) {
+        loop {
+            tokio::select! {
+                () = changed(&mut self.door) => return,
+                Some(_) = self.connections.join_next() => {}
+            }
+        }
+    }
+
+    /// T1: the port is closed until the door changes, and then opened again.
+    async fn refuse(&mut self, listener: TcpListener) -> TcpListener {
+        let address = self.controller.address();
+        drop(listener);
+        let mut socket = bind(address);
+        self.tell("connections are refused");
+        self.wait().await;
+        let mut wait = FIRST_WAIT;
+        let mut told = false;
+        loop {
+            match socket.and_then(listen) {
+                Ok(listener) => {
+                    self.tell("connections are taken again");
+                    return listener;
+                }
+                Err(error) => {
+                    if !told {
+                        told = true;
+                        let text =
+                            format!("cannot listen on {address} again: {error}; it is tried until it can");
+                        self.controller.tell(None, Level::Warning, text);
+                    }
+                    debug!(controller = %address, %error, "still not listening");
+                }
+            }
+            tokio::time::sleep(wait).await;
+            wait = (wait * 2).min(LONGEST_WAIT);
+            socket = bind(address);
+        }
+    }
+
+    /// T2: attempts to connect get no answer until the door changes. Where Linux has no room for another connection that waits to
+    /// be accepted, it drops what asks for one; so the queue is made as short as it can be, and filled. Other systems
+    /// answer all the same, and nobody is served.
+    async fn give_no_answer(&mut self, listener: &TcpListener) {
+        let fillers = if cfg!(target_os = "linux") {
+            fill(listener, self.controller.address()).await
+        } else {
+            Ok(Vec::new())
+        };
+        match &fillers {
+            Ok(_) => self.tell("attempts to connect get no answer"),
+            Err(error) => {
+                let text = format!("connections are not served, but they are made: {error}");
+                self.controller.tell(None, Level::Warning, text);
+            }
+        }
+        self.wait().await;
+        drop(fillers);
+        close_queued(listener);
+        if let Err(error) = SockRef::from(listener).listen(BACKLOG) {
+            warn!(controller = %self.controller.address(), %error, "few connections can wait to be accepted");
+        }
+        self.tell("connections are taken again");
+    }
+
+    fn tell(&self, text: &str) {
+        self.controller.tell(None, Level::Info, text.to_owned());
+    }
+}
+
+/// Waits for another door.
+async fn changed(door: &mut watch::Receiver<Door>) {
+    if door.changed().await.is_err() {
+        // Whoever attends holds the controller, which holds the sender: it is there.
+        std::future::pending::<()>().await;
+    }
+}
+
+/// A socket that is bound and does not listen: attempts to connect are refused, and nobody else gets the port meanwhile.
+fn bind(address: SocketAddr) -> io::Result<Socket> {
+    let socket = Socket::new(Domain::for_address(address), Type::STREAM, Some(Protocol::TCP))?;
+    // Connections that were accepted on the port may be there still. On Windows the option means something else.
+    #[cfg(not(windows))]
+    socket.set_reuse_address(true)?;
+    socket.set_nonblocking(true)?;
+    socket.bind(&address.into())?;
+    Ok(socket)
+}
+
+fn listen(socket: Socket) -> io::Result<TcpListener> {
+    socket.listen(BACKLOG)?;
+    TcpListener::from_std(socket.into())
+}
+
+/// Leaves no room in the queue of a listener. As long as what this gives is there, no connection of others is made.
+async fn fill(listener: &TcpListener, address: SocketAddr) -> io::Result<Vec<Filler>> {
+    SockRef::from(listener).listen(0)?;
+    let mut fillers = Vec::with_capacity(MAX_FILLERS);
+    while fillers.len() < MAX_FILLERS {
+        let mut filler = Box::pin(TcpStream::connect(reachable(address)));
+        match tokio::time::timeout(FILL_TIME, &mut filler).await {
+            Ok(made) => fillers.push(Filler::Made(made?)),
+            Err(_) => {
+                fillers.push(Filler::Waiting(filler));
+                return Ok(fillers);
+            }
+        }
+    }
+    Err(io::Error::other(format!("the system takes more than {MAX_FILLERS} that nobody accepts")))
+}
+
+/// A connection that takes the room of others, for as long as it is there.
+enum Filler {
+    Made(#[expect(dead_code, reason = "it only has to be there")] TcpStream),
+    Waiting(#[expect(dead_code, reason = "it only has to be there")] Connecting),
+}
+
+type Connecting = std::pin::Pin<Box<dyn Future<Output = io::Result<TcpStream>> + Send>>;
+
+/// Where a listener is reached from this machine.
+fn reachable(address: SocketAddr) -> SocketAddr {
+    let mut reachable = address;
+    match address.ip() {
+        IpAddr::V4(host) if host.is_unspecified() => reachable.set_ip(Ipv4Addr::LOCALHOST.into()),
+        IpAddr::V6(host) if host.is_unspecified() => reachable.set_ip(Ipv6Addr::LOCALHOST.into()),
+        IpAddr::V4(_) | IpAddr::V6(_) => {}
+    }
+    reachable
+}
+
+/// Closes what waits to be accepted.
+fn close_queued(listener: &TcpListener) {
+    let socket = SockRef::from(listener);
+    for _ in 0..MAX_QUEUED {
+        // Nothing waits any more, or nothing can be done about it.
+        if socket.accept().is_err() {
+            return;
+        }
+    }
+}
