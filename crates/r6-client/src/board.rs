@@ -41,7 +41,18 @@ struct Shared {
     values: BTreeMap<Address, Last>,
     failure: Option<RequestError>,
     poller: Option<AbortHandle>,
+    /// How many connections were lost.
+    losses: u64,
     closed: bool,
+}
+
+/// A query that is due.
+#[derive(Debug)]
+pub(crate) struct Poll {
+    pub addresses: Vec<Address>,
+    begun: Instant,
+    /// How many connections were lost before it.
+    losses: u64,
 }
 
 /// What one subscription wants.
@@ -170,6 +181,7 @@ impl Board {
     /// The connection is lost: everybody is told, and all is read again as soon as there is a new one.
     pub fn connection_lost(&self) {
         let mut shared = self.shared();
+        shared.losses += 1;
         shared.plan.all_due(self.clock.now());
         shared.tell_all();
         drop(shared);
@@ -187,11 +199,14 @@ impl Board {
     }
 
     /// What the poller has to ask for, as soon as it is due; `None` when nothing is wanted any more.
-    pub async fn due(&self) -> Option<Vec<Address>> {
+    pub async fn due(&self) -> Option<Poll> {
         loop {
-            let next = self.shared().plan.next(self.clock.now());
+            let (next, losses) = {
+                let shared = self.shared();
+                (shared.plan.next(self.clock.now()), shared.losses)
+            };
             match next {
-                Next::Ask(addresses) => return Some(addresses),
+                Next::Ask(addresses) => return Some(Poll { addresses, begun: Instant::now(), losses }),
                 Next::Idle => return None,
                 Next::Wait(until) => {
                     tokio::select! {
@@ -204,7 +219,7 @@ impl Board {
     }
 
     /// A poll was answered; each value comes with the time at which it was asked for.
-    pub fn answered(&self, begun: Instant, result: &QueryResult, asked_at: &[Instant]) {
+    pub fn answered(&self, poll: &Poll, result: &QueryResult, asked_at: &[Instant]) {
         let now = self.clock.now();
         let mut shared = self.shared();
         for ((address, value), at) in result.rows().iter().zip(asked_at) {
@@ -213,17 +228,96 @@ impl Board {
             }
         }
         shared.failure = None;
-        let asked: Vec<Address> = result.rows().iter().map(|(address, _)| *address).collect();
-        shared.plan.answered(&asked, self.clock.of(begun), now);
-        shared.tell(&asked, now);
+        // What was answered before the connection was lost has to be read again on the next one.
+        if shared.losses == poll.losses {
+            shared.plan.answered(&poll.addresses, self.clock.of(poll.begun), now);
+        }
+        shared.tell(&poll.addresses, now);
     }
 
     /// A poll failed; the values stay, and grow old.
-    pub fn failed(&self, asked: &[Address], error: RequestError) {
+    pub fn failed(&self, poll: &Poll, error: RequestError) {
         let now = self.clock.now();
         let mut shared = self.shared();
         shared.failure = Some(error);
-        shared.plan.failed(asked, now);
+        shared.plan.failed(&poll.addresses, now);
         shared.tell_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    const SLOW: Duration = Duration::from_secs(1000);
+
+    fn board() -> (Board, u64, watch::Receiver<()>) {
+        let board = Board::default();
+        let poller = || tokio::spawn(std::future::pending::<()>()).abort_handle();
+        let (id, news) = board.add(&[Address::CurMode], SLOW, poller).unwrap();
+        (board, id, news)
+    }
+
+    fn mode(number: i64) -> QueryResult {
+        QueryResult::for_tests(vec![(Address::CurMode, Ok(Reading::Integer(number)))])
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_poll_waits_for_its_time_and_for_a_lost_connection() {
+        let (board, _id, mut news) = board();
+        let poll = board.due().await.unwrap();
+        board.answered(&poll, &mode(7), &[Instant::now()]);
+        assert!(news.has_changed().unwrap());
+        news.mark_unchanged();
+        let begun = Instant::now();
+        let next = board.due().await.unwrap();
+        assert!(begun.elapsed() > SLOW / 2, "{:?}", begun.elapsed());
+        board.answered(&next, &mode(7), &[Instant::now()]);
+        news.mark_unchanged();
+        let begun = Instant::now();
+        let (poll, ()) = tokio::join!(board.due(), async { board.connection_lost() });
+        assert_eq!((poll.unwrap().addresses, begun.elapsed()), (vec![Address::CurMode], Duration::ZERO));
+        assert!(news.has_changed().unwrap());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn an_answer_from_before_the_loss_does_not_save_reading_again() {
+        let (board, _id, _news) = board();
+        let poll = board.due().await.unwrap();
+        board.connection_lost();
+        board.answered(&poll, &mode(7), &[Instant::now()]);
+        let begun = Instant::now();
+        board.due().await.unwrap();
+        assert_eq!(begun.elapsed(), Duration::ZERO);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn nobody_is_told_more_often_than_he_asked_for() {
+        let (board, _id, mut slow) = board();
+        let poller = || unreachable!("there is one");
+        let fast = Duration::from_millis(20);
+        let (_fast, mut quick) = board.add(&[Address::CurMode], fast, poller).unwrap();
+        let (mut told_slow, mut told_quick) = (0, 0);
+        for _ in 0..100 {
+            let poll = board.due().await.unwrap();
+            board.answered(&poll, &mode(7), &[Instant::now()]);
+            told_slow += u32::from(slow.has_changed().unwrap());
+            told_quick += u32::from(quick.has_changed().unwrap());
+            slow.mark_unchanged();
+            quick.mark_unchanged();
+        }
+        assert_eq!((told_slow, told_quick), (1, 100));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn what_nobody_wants_any_more_is_neither_asked_for_nor_kept() {
+        let (board, id, _news) = board();
+        let poll = board.due().await.unwrap();
+        board.remove(id);
+        board.answered(&poll, &mode(7), &[Instant::now()]);
+        assert!(board.due().await.is_none());
+        assert!(board.shared().values.is_empty());
     }
 }

@@ -59,6 +59,11 @@ impl fmt::Display for NoReading {
 impl std::error::Error for NoReading {}
 
 impl QueryResult {
+    #[cfg(test)]
+    pub(crate) fn for_tests(rows: Vec<(Address, Result<Reading, NoReading>)>) -> Self {
+        Self { rows, took: Duration::ZERO }
+    }
+
     /// Each address with its value, in the order asked.
     pub fn rows(&self) -> &[(Address, Result<Reading, NoReading>)] {
         &self.rows

@@ -58,7 +58,8 @@ pub struct Accepted {
 impl Robot {
     /// Connects to a controller: `host` or `host:port`, port 9760 where none is given.
     ///
-    /// Nothing is sent. Needs a tokio runtime with time and network.
+    /// Nothing is sent: who is there is read with the first [`Robot::status`], or else before the first command. Needs a
+    /// tokio runtime with time and network.
     ///
     /// # Errors
     /// [`RequestError::NotSent`] if the address is none or no connection can be made within

@@ -154,12 +154,11 @@ impl Robot {
 /// Asks for what is due, one query at a time, until nothing is wanted or the handle is closed.
 async fn poll(robot: Robot) {
     let board = &robot.hub().board;
-    while let Some(addresses) = board.due().await {
-        let begun = Instant::now();
-        match robot.query_timed(Lane::Background, &addresses).await {
-            Ok((result, asked_at)) => board.answered(begun, &result, &asked_at),
+    while let Some(poll) = board.due().await {
+        match robot.query_timed(Lane::Background, &poll.addresses).await {
+            Ok((result, asked_at)) => board.answered(&poll, &result, &asked_at),
             Err(RequestError::NotSent(NotSent::Closed)) => return board.close(),
-            Err(error) => board.failed(&addresses, error),
+            Err(error) => board.failed(&poll, error),
         }
     }
 }
