@@ -5,7 +5,7 @@ use crate::world::World;
 /// Who was there when a scenario had ended.
 pub type Felt = fn(&World) -> bool;
 
-/// Each scenario with what shows that its fault was felt. Those of the link are felt where there is one: here they are told.
+/// Each scenario with what shows that its fault was felt.
 pub const CASES: [(&str, Felt); 37] = [
     ("C1-keys", |world| world.said("key to manual")),
     ("C2-emergency-stop", |world| world.said("the emergency stop is pressed")),
@@ -46,18 +46,18 @@ pub const CASES: [(&str, Felt); 37] = [
     ("P14-two-masters", |world| {
         world.rests.iter().any(|rest| (rest - 5.0).abs() < 1e-6) && world.said("actionStop")
     }),
-    ("T1-refuse", |_| true),
-    ("T2-black-hole", |_| true),
-    ("T3-silence", |_| true),
-    ("T4-reset-mid-frame", |_| true),
-    ("T5-close-before-reply", |_| true),
-    ("T6-half-open", |_| true),
-    ("T7-pieces", |_| true),
-    ("T7-coalesce", |_| true),
-    ("T8-latency", |_| true),
-    ("T9-slow", |_| true),
-    ("T11-noise", |_| true),
-    ("T14-stall", |_| true),
+    ("T1-refuse", |world| world.client.seen.refused > 50 && world.client.seen.lost > 0),
+    ("T2-black-hole", |world| world.client.seen.unanswered > 50),
+    ("T3-silence", |world| world.client.seen.connections > 4 && world.client.seen.timeouts > 20),
+    ("T4-reset-mid-frame", |world| world.client.seen.connections > 5 && world.client.seen.broken > 3),
+    ("T5-close-before-reply", |world| world.client.seen.connections > 5 && world.client.seen.lost > 3),
+    ("T6-half-open", |world| world.client.seen.connections == 2 && world.client.seen.timeouts > 5),
+    ("T7-pieces", |world| world.client.seen.parts > 1000 && world.client.seen.timeouts == 0),
+    ("T7-coalesce", |world| world.client.seen.together > 10 && world.client.seen.timeouts == 0),
+    ("T8-latency", |world| world.client.seen.late > 20 && world.client.seen.timeouts > 5),
+    ("T9-slow", |world| world.client.seen.timeouts > 5 && world.client.seen.connections > 1),
+    ("T11-noise", |world| world.client.seen.broken + world.client.seen.rejected > 1),
+    ("T14-stall", |world| world.client.seen.parts > 50 && world.client.seen.timeouts == 0),
 ];
 
 impl World {

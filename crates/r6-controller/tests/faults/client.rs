@@ -13,6 +13,8 @@ use r6_proto::{Address, Command, Request};
 use crate::told::{Said, Told, told, word};
 
 const POLL: Duration = Duration::from_millis(100);
+/// Without a fault a reply comes at once, and that to a list after 18 ms.
+const LATE: Duration = Duration::from_millis(250);
 const MOTION: Duration = Duration::from_millis(1500);
 
 /// The first register that has a value of its own, and how many have one (`world.rs`).
@@ -54,6 +56,14 @@ pub struct Seen {
     pub photos: u32,
     pub connections: u32,
     pub lost: u32,
+    /// Attempts to connect that were refused, and those that got no answer.
+    pub refused: u32,
+    pub unanswered: u32,
+    /// Pieces that end within a frame, and those with more than one.
+    pub parts: u32,
+    pub together: u32,
+    /// Replies that took more than a quarter of a second.
+    pub late: u32,
     pub longest_list: i64,
     pub strays: BTreeMap<&'static str, u32>,
 }
@@ -94,6 +104,10 @@ pub struct Client {
     pub seen: Seen,
     /// Whether values have to be those of their own addresses: not where lists are shifted.
     pub trusts_values: bool,
+    /// Whether bytes come as they were sent: not over a noisy link.
+    pub trusts_bytes: bool,
+    pub connected: bool,
+    now: Instant,
 }
 
 impl Client {
@@ -114,14 +128,29 @@ impl Client {
             motions: Vec::new(),
             seen: Seen { connections: 1, ..Seen::default() },
             trusts_values: true,
+            trusts_bytes: true,
+            connected: true,
+            now,
         }
+    }
+
+    /// The connection has ended.
+    pub fn lose(&mut self, now: Instant) {
+        self.session.handle_disconnect();
+        self.hear(now);
+        assert!(self.waiting.is_empty(), "a request was neither answered nor lost: {:?}", self.waiting);
+        self.connected = false;
+        self.next_poll = now;
+    }
+
+    /// Nobody took the connection: tries again later.
+    pub fn try_later(&mut self, now: Instant) {
+        self.next_poll = now + POLL;
     }
 
     /// A new connection is there: nothing that was known counts any more.
     pub fn reconnect(&mut self, now: Instant, id: ConnectionId) {
-        self.session.handle_disconnect();
-        self.hear(now);
-        assert!(self.waiting.is_empty(), "a request was neither answered nor lost: {:?}", self.waiting);
+        self.connected = true;
         self.session = session(self.session.next_pack_id());
         self.id = id;
         self.state = None;
@@ -134,7 +163,8 @@ impl Client {
 
     /// When it does something next by itself.
     pub fn next(&self) -> Instant {
-        self.session.poll_timeout().map_or(self.next_poll, |due| due.min(self.next_poll))
+        let session = self.session.poll_timeout().filter(|_| self.connected);
+        session.map_or(self.next_poll, |due| due.min(self.next_poll))
     }
 
     /// Time has come: polls, and sends a motion where everything says that it can run.
@@ -199,12 +229,18 @@ impl Client {
         self.ask(now, Asked::Motion(number), &Request::AddRcc { empty_list: false, instructions: &steps });
     }
 
-    /// Takes a frame, or what is left of it, from the controller.
-    pub fn take(&mut self, now: Instant, bytes: &[u8]) {
-        self.frames.push_back(bytes.to_vec());
+    /// The controller has sent this frame, or what was left of it.
+    pub fn expect(&mut self, frame: &[u8]) {
+        self.frames.push_back(frame.to_vec());
         if self.frames.len() > 400 {
             self.frames.pop_front();
         }
+    }
+
+    /// Takes bytes that arrive.
+    pub fn take(&mut self, now: Instant, bytes: &[u8]) {
+        self.seen.parts += u32::from(bytes.last() != Some(&b'}'));
+        self.seen.together += u32::from(bytes.windows(2).any(|pair| pair == b"}{"));
         let mut rest = bytes;
         while !rest.is_empty() {
             let taken = self.session.handle_input(now, rest);
@@ -214,6 +250,7 @@ impl Client {
     }
 
     fn hear(&mut self, now: Instant) {
+        self.now = now;
         while let Some(told) = self.session.poll_event(now).map(told) {
             self.note(told);
         }
@@ -229,6 +266,7 @@ impl Client {
                     asked.unwrap_or_else(|| panic!("a reply to {ticket}, which does not wait"));
                 self.silent = 0;
                 self.seen.replies += 1;
+                self.seen.late += u32::from(self.now.since(asked_at) > LATE);
                 self.judge(asked_at, &asked, body);
             }
             Told::Photo(frame) => {
@@ -262,7 +300,7 @@ impl Client {
             begin.zip(end).is_some_and(|(begin, end)| sent.get(begin..=end) == Some(frame))
         };
         assert!(
-            self.frames.iter().rev().any(whole),
+            !self.trusts_bytes || self.frames.iter().rev().any(whole),
             "delivered, but never sent: {}",
             String::from_utf8_lossy(frame)
         );

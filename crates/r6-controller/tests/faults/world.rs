@@ -5,6 +5,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
+use r6_controller::fault::link::{Delivery, Door, Link};
 use r6_controller::scenario::{Happening, Scenario};
 use r6_controller::{
     Button, ConnectionId, Controller, ControllerSettings, Key, PanelAction, Profile, RobotModel,
@@ -16,6 +17,27 @@ use crate::client::{Client, FIRST, REGISTERS, value_of};
 
 /// How long an arm takes to come to rest at most: half a second after a pause, and a step.
 const COMES_TO_REST: Duration = Duration::from_millis(650);
+
+/// The way between a client and the controller.
+#[derive(Clone, Debug)]
+struct Line {
+    link: Link,
+    /// The faults that it knows of.
+    changes: u64,
+}
+
+impl Line {
+    fn new(seed: u64, now: Instant, controller: &Controller) -> Self {
+        Self { link: Link::new(seed, now, controller.link_faults()), changes: controller.link_changes() }
+    }
+
+    fn follow(&mut self, now: Instant, controller: &Controller) {
+        if self.changes != controller.link_changes() {
+            self.changes = controller.link_changes();
+            self.link.set_faults(now, controller.link_faults());
+        }
+    }
+}
 
 /// The arm, as it was after the last step.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +55,9 @@ pub struct World {
     pub client: Client,
     /// Only looks.
     pub other: Client,
+    /// The ways of the two.
+    lines: [Line; 2],
+    seed: u64,
     /// Asks, and reads nothing.
     deaf: ConnectionId,
     next_deaf: Instant,
@@ -92,6 +117,8 @@ impl World {
         Self {
             client: Client::new(client, moves, 1, now),
             other: Client::new(other, false, 1_000_000, now),
+            lines: [Line::new(seed, now, &controller), Line::new(seed ^ 1, now, &controller)],
+            seed,
             deaf,
             next_deaf: now,
             arm: arm(&mut controller, now),
@@ -112,13 +139,27 @@ impl World {
         }
     }
 
+    /// Neither bytes nor values are what they should be.
+    pub fn distrust(&mut self) {
+        for client in [&mut self.client, &mut self.other] {
+            (client.trusts_values, client.trusts_bytes) = (false, false);
+        }
+    }
+
     /// Lets time pass up to this time.
     pub fn run_to(&mut self, end: Instant) {
         while self.now < end {
+            let held_back = |line: &Line, client: &Client| {
+                let takes = client.connected && line.link.takes_frames();
+                self.controller.next_transmit(client.id).filter(|_| takes)
+            };
+            let [line, others] = &self.lines;
             let due = [
                 self.controller.poll_timeout(),
-                self.controller.next_transmit(self.client.id),
-                self.controller.next_transmit(self.other.id),
+                held_back(line, &self.client),
+                held_back(others, &self.other),
+                line.link.next_due().filter(|_| self.client.connected),
+                others.link.next_due().filter(|_| self.other.connected),
                 Some(self.client.next()),
                 Some(self.other.next()),
                 Some(self.next_deaf),
@@ -156,25 +197,53 @@ impl World {
     /// Carries bytes both ways until nobody has anything to say.
     fn pump(&mut self) {
         let (now, controller, hash) = (self.now, &mut self.controller, &mut self.hash);
-        for client in [&mut self.client, &mut self.other] {
+        for (client, line) in [&mut self.client, &mut self.other].into_iter().zip(&mut self.lines) {
             loop {
+                if !client.connected {
+                    if now < client.next_poll || !connects(now, controller, client) {
+                        break;
+                    }
+                    *line = Line::new(self.seed ^ (client.id.number() << 8), now, controller);
+                }
                 client.act(now);
+                line.follow(now, controller);
                 if controller.is_over(client.id) || client.wants_new_connection {
-                    controller.disconnect(client.id);
-                    client.reconnect(now, controller.connect(now));
-                    client.act(now);
+                    end(now, controller, client, line);
+                    continue;
                 }
                 let mut quiet = true;
-                if let Some(bytes) = client.session.poll_transmit().map(<[u8]>::to_vec) {
+                while let Some(bytes) = client.session.poll_transmit() {
+                    let taken = line.link.receive(now, bytes);
+                    if taken == 0 {
+                        break;
+                    }
+                    client.session.transmitted(taken);
+                }
+                while let Some(bytes) = line.link.poll_to_controller(now) {
                     (now.as_secs_f64().to_bits(), &bytes).hash(hash);
-                    client.session.transmitted(bytes.len());
                     controller.handle_input(now, client.id, &bytes);
                     quiet = false;
                 }
-                while let Some(frame) = controller.poll_transmit(now, client.id).map(<[u8]>::to_vec) {
-                    (now.as_secs_f64().to_bits(), &frame).hash(hash);
-                    client.take(now, &frame);
+                while line.link.takes_frames()
+                    && let Some(frame) = controller.poll_transmit(now, client.id)
+                {
+                    client.expect(frame);
+                    assert!(line.link.send(now, frame), "it takes frames");
                     quiet = false;
+                }
+                let mut ended = false;
+                while let Some(delivery) = line.link.poll_to_client(now) {
+                    match delivery {
+                        Delivery::Bytes(bytes) => {
+                            (now.as_secs_f64().to_bits(), &bytes).hash(hash);
+                            client.take(now, &bytes);
+                        }
+                        Delivery::Close | Delivery::Reset => ended = true,
+                    }
+                    quiet = false;
+                }
+                if ended {
+                    end(now, controller, client, line);
                 }
                 if quiet {
                     break;
@@ -273,6 +342,30 @@ impl World {
     pub fn visits(&self, place: f64) -> usize {
         self.rests.iter().filter(|rest| (**rest - place).abs() < 1e-6).count()
     }
+}
+
+/// A client makes a connection anew, where the door is open.
+fn connects(now: Instant, controller: &mut Controller, client: &mut Client) -> bool {
+    match Door::of(controller.link_faults()) {
+        Door::Open => {
+            client.reconnect(now, controller.connect(now));
+            return true;
+        }
+        Door::Refuses => client.seen.refused += 1,
+        Door::BlackHole => client.seen.unanswered += 1,
+    }
+    client.try_later(now);
+    false
+}
+
+/// A connection ends, by whichever end.
+fn end(now: Instant, controller: &mut Controller, client: &mut Client, line: &Line) {
+    if line.link.notices_end() {
+        controller.disconnect(client.id);
+    } else {
+        controller.lose(client.id);
+    }
+    client.lose(now);
 }
 
 fn arm(controller: &mut Controller, now: Instant) -> Arm {
