@@ -30,7 +30,7 @@ fn list() -> Vec<Instruction> {
         oneshot: true,
         action: Action::AxisMove(Move {
             target: Coordinates::from_slice(&[degrees, 0.0, 0.0, 0.0, 0.0, 0.0]),
-            manner: manner.clone(),
+            manner,
         }),
     };
     vec![to(30.0), to(10.0)]
