@@ -5,18 +5,18 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use r6_proto::time::Instant;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{sleep, sleep_until, timeout};
 
 use crate::backoff::Backoff;
+use crate::clock::Clock;
 use crate::connect::Target;
 use crate::error::{Effect, NotSent};
 use crate::job::Job;
 use crate::link::{Lane, Link};
-use crate::pushed::{LostReason, Pushed};
+use crate::pushed::LostReason;
 use crate::robot::Hub;
 use crate::settings::RobotSettings;
 
@@ -26,25 +26,6 @@ const READ_BUFFER: usize = 4096;
 /// How long a closing connection may take to write what waits, and then to say that it has read everything. A
 /// controller that gets a reset instead of an orderly end may keep the connection's slot for good.
 const CLOSE_WAIT: Duration = Duration::from_millis(500);
-
-/// Maps the runtime's clock to the session's: nanoseconds since the driver began.
-#[derive(Clone, Copy, Debug)]
-struct Clock(tokio::time::Instant);
-
-impl Clock {
-    fn now(self) -> Instant {
-        Instant::ORIGIN + self.0.elapsed()
-    }
-
-    /// A deadline in the runtime's time; without one, far away.
-    fn at(self, deadline: Option<Instant>) -> tokio::time::Instant {
-        const FAR: Duration = Duration::from_secs(86_400);
-        match deadline {
-            Some(deadline) => self.0 + deadline.since(Instant::ORIGIN),
-            None => tokio::time::Instant::now() + FAR,
-        }
-    }
-}
 
 /// What comes through the urgent lane.
 #[derive(Debug)]
@@ -81,7 +62,8 @@ pub(crate) struct Driver {
     pub hub: Arc<Hub>,
     pub backoff: Backoff,
     clock: Clock,
-    /// Jobs for the next connection: the one that asked for it, and queries that the last one lost.
+    /// Jobs for the next connection: the one that asked for it, and queries that the last one lost. On a connection, what
+    /// waits until the controller has said who it is.
     held: VecDeque<Job>,
     next_pack_id: u64,
 }
@@ -95,7 +77,7 @@ impl Driver {
         hub: Arc<Hub>,
         backoff: Backoff,
     ) -> Self {
-        let clock = Clock(tokio::time::Instant::now());
+        let clock = Clock::start();
         Self {
             target,
             settings,
@@ -111,7 +93,7 @@ impl Driver {
 
     /// Serves the handles until the last is gone.
     pub async fn run(mut self, first: TcpStream) {
-        let mut link = Link::new(&self.settings, true, self.next_pack_id, self.clock.now());
+        let mut link = Link::new(&self.settings, true, self.next_pack_id, &self.hub, self.clock.now());
         let mut stream = first;
         loop {
             let ended = self.serve(&mut stream, &mut link).await;
@@ -124,20 +106,26 @@ impl Driver {
             }
             drop(stream);
             tracing::info!(controller = %self.target, %reason, "connection ended");
+            let unidentified = !link.is_first() && link.is_introducing();
             let (again, next_pack_id) = link.abandon(reason, self.clock.now());
-            self.held.extend(again);
+            let waiting: Vec<Job> = self.held.drain(..).chain(again).collect();
+            waiting.into_iter().for_each(|job| self.hold(job));
             self.next_pack_id = next_pack_id;
             if let Ended::Closed(done) = ended {
                 return self.refuse_all(&NotSent::Closed, done);
             }
             self.hub.connection_lost(reason);
+            if unidentified {
+                // One attempt answers everybody who waited for it.
+                self.refuse_waiting(&NotSent::Unidentified { address: self.target.to_string(), reason });
+            }
             stream = match self.reconnect().await {
                 Ok(stream) => stream,
                 Err(done) => return self.refuse_all(&NotSent::Closed, done),
             };
-            link = Link::new(&self.settings, false, self.next_pack_id, self.clock.now());
+            link = Link::new(&self.settings, false, self.next_pack_id, &self.hub, self.clock.now());
             tracing::info!(controller = %self.target, "connected anew");
-            self.hub.push(Pushed::Reconnected);
+            self.hub.meter().reconnected();
         }
     }
 
@@ -146,11 +134,8 @@ impl Driver {
         let (mut reader, writer) = stream.split();
         let mut buffer = [0; READ_BUFFER];
         loop {
-            while link.has_room(Lane::Ordinary)
-                && let Some(job) = self.held.pop_front()
-            {
-                link.hand_over(job, self.clock.now());
-            }
+            self.hand_over_held(link);
+            link.introduce(self.clock.now());
             let deadline = self.clock.at(link.deadline());
             // In this order: a stop before all, writing before reading, so that no flood of input delays a stop.
             let woken = tokio::select! {
@@ -172,20 +157,20 @@ impl Driver {
             let now = self.clock.now();
             let mut alive = Ok(());
             match woken {
-                Woken::Urgent(Some(Urgent::Job(job))) => link.hand_over(job, now),
+                Woken::Urgent(Some(Urgent::Job(job))) => self.hand_over_unless_another(job, link),
                 Woken::Urgent(Some(Urgent::Close(done))) => return Ended::Closed(Some(done)),
                 Woken::Urgent(None) | Woken::Ordinary(None) => return Ended::Closed(None),
-                Woken::Ordinary(Some(job)) => self.hand_over_unless_stale(job, link),
+                Woken::Ordinary(Some(job)) => self.hand_over_once_known(job, link),
                 Woken::Written(Ok(0)) => return Ended::Lost(LostReason::ClosedByPeer),
                 Woken::Written(Ok(bytes)) => link.written(bytes),
                 Woken::Read(Ok(0)) => return Ended::Lost(LostReason::ClosedByPeer),
                 Woken::Read(Ok(bytes)) => {
-                    alive = link.received(buffer.get(..bytes).unwrap_or_default(), now, &self.hub);
+                    alive = link.received(buffer.get(..bytes).unwrap_or_default(), now);
                 }
                 Woken::Written(Err(error)) | Woken::Read(Err(error)) => {
                     return Ended::Lost(LostReason::Io(error.kind()));
                 }
-                Woken::Time => alive = link.tick(now, &self.hub),
+                Woken::Time => alive = link.tick(now),
             }
             if let Err(reason) = alive {
                 return Ended::Lost(reason);
@@ -196,6 +181,33 @@ impl Driver {
         }
     }
 
+    /// What waited for this connection, or until the controller has said who it is. Stops come first and wait for neither.
+    fn hand_over_held(&mut self, link: &mut Link) {
+        while let Some(job) = self.held.front() {
+            let lane = match job.work.sent().effect {
+                Effect::Stops => Lane::Urgent,
+                Effect::Reads | Effect::Changes | Effect::Moves => Lane::Ordinary,
+            };
+            if !link.has_room(lane) {
+                return;
+            }
+            if let Some(job) = self.held.pop_front() {
+                self.hand_over_once_known(job, link);
+            }
+        }
+    }
+
+    /// No command leaves before it is known who is there, so that he can be known again on the next connection.
+    fn hand_over_once_known(&mut self, job: Job, link: &mut Link) {
+        let unknown = link.is_first() && self.hub.known().present.is_none();
+        if unknown && job.work.needs_known_state() {
+            link.begin_introduction();
+            self.held.push_front(job);
+            return;
+        }
+        self.hand_over_unless_stale(job, link);
+    }
+
     /// A command that waited long must not leave as a surprise; a query may.
     fn hand_over_unless_stale(&self, job: Job, link: &mut Link) {
         let waited = job.asked_at.elapsed();
@@ -204,8 +216,16 @@ impl Driver {
                 job.not_sent(NotSent::Busy { waited });
             }
             Effect::Changes | Effect::Moves | Effect::Reads | Effect::Stops => {
-                link.hand_over(job, self.clock.now())
+                self.hand_over_unless_another(job, link);
             }
+        }
+    }
+
+    /// What was meant for one robot is not sent to another.
+    fn hand_over_unless_another(&self, job: Job, link: &mut Link) {
+        match self.hub.stranger().filter(|_| job.work.needs_known_state()) {
+            Some(another) => job.not_sent(another),
+            None => link.hand_over(job, self.clock.now()),
         }
     }
 
@@ -272,6 +292,7 @@ impl Driver {
     fn refuse_all(mut self, error: &NotSent, done: Option<oneshot::Sender<()>>) {
         self.urgent.close();
         self.ordinary.close();
+        self.hub.board.close();
         self.refuse_waiting(error);
         let mut done: Vec<_> = done.into_iter().collect();
         while let Ok(urgent) = self.urgent.try_recv() {
@@ -307,6 +328,7 @@ async fn close(stream: &mut TcpStream, link: &mut Link) {
 mod tests {
     use r6_proto::address::Address;
     use r6_proto::message::Command;
+    use r6_proto::time::Instant;
 
     use super::*;
     use crate::job::Work;
@@ -318,8 +340,9 @@ mod tests {
         let (_ordinary, ordinary) = mpsc::channel(1);
         let backoff = Backoff::new(settings.reconnect, || 0);
         let target = Target::parse("robot").unwrap();
-        let mut link = Link::new(&settings, true, 1, Instant::ORIGIN);
-        let driver = Driver::new(target, settings, urgent, ordinary, Arc::default(), backoff);
+        let hub = Arc::default();
+        let mut link = Link::new(&settings, true, 1, &hub, Instant::ORIGIN);
+        let driver = Driver::new(target, settings, urgent, ordinary, hub, backoff);
 
         let waited = Duration::from_millis(2001);
         let job = |work| {

@@ -8,6 +8,7 @@ use r6_proto::CommandName;
 use r6_proto::client::SendError;
 use r6_proto::error::FieldError;
 
+use crate::identity::Identity;
 use crate::pushed::LostReason;
 
 /// Why a request failed, sorted by what the caller must do.
@@ -67,6 +68,20 @@ pub enum NotSent {
     Disconnected,
     /// The connection was made anew, and the state of the machine was not read since.
     StateNotRead,
+    /// The connection was made anew, and another controller is at its other end.
+    AnotherRobot {
+        /// The one that this handle was used with so far.
+        expected: Box<Identity>,
+        /// The one that is there now.
+        found: Box<Identity>,
+    },
+    /// The connection was made anew, and ended before the controller had said who it is.
+    Unidentified {
+        /// Host and port.
+        address: String,
+        /// How it ended.
+        reason: LostReason,
+    },
     /// It waited too long behind other requests.
     Busy {
         /// How long.
@@ -219,6 +234,16 @@ impl fmt::Display for NotSent {
             Self::StateNotRead => f.write_str(
                 "the connection was lost and made anew, and nobody has looked at the machine since; read the status \
                  first, then decide whether to send it",
+            ),
+            Self::AnotherRobot { expected, found } => write!(
+                f,
+                "another robot answers at this address: {found}; before the connection was lost it was {expected}. Check \
+                 the cabling and the address; if the new one is meant, accept it (accept_identity) or connect anew"
+            ),
+            Self::Unidentified { address, reason } => write!(
+                f,
+                "{address} took a connection but did not say who it is ({reason}); close other programs that are \
+                 connected, look at the pendant, then try again"
             ),
             Self::Busy { waited } => {
                 write!(f, "it waited {waited:?} behind other requests; send less, then send it again")

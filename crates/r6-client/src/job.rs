@@ -58,6 +58,8 @@ pub(crate) struct Job {
     pub lost: Option<LostReason>,
     /// Whether it is being sent for the second time: a query, over a new connection.
     pub retried: bool,
+    /// Whether no caller looks at what it reads before the next command.
+    pub background: bool,
     reply: oneshot::Sender<Result<Answer, RequestError>>,
 }
 
@@ -176,7 +178,14 @@ fn effect_of(command: CommandName) -> Effect {
 
 impl Job {
     pub fn new(work: Work, reply: oneshot::Sender<Result<Answer, RequestError>>) -> Self {
-        Self { work, asked_at: tokio::time::Instant::now(), lost: None, retried: false, reply }
+        Self {
+            work,
+            asked_at: tokio::time::Instant::now(),
+            lost: None,
+            retried: false,
+            background: false,
+            reply,
+        }
     }
 
     /// Whether nobody waits for the answer any more. A stop is wanted all the same.

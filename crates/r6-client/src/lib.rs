@@ -7,31 +7,44 @@
 //! knows. Only queries are ever repeated by this crate. "ok" means accepted, not done: whether the arm moved is read
 //! from its state ([`Robot::wait_until_done`], [`Robot::stop`]).
 //!
+//! Values that are wanted again and again are subscribed to ([`Robot::subscribe`]): one poller reads them for all clones.
+//! After a connection was made anew, who answers there is read first, and no command goes to another robot than before
+//! ([`Robot::accept_identity`]).
+//!
 //! A stop sent from here is an ordinary command on a network. It is no emergency stop.
 #![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::expect_used, clippy::panic))]
 
 mod backoff;
+mod board;
+mod clock;
 mod connect;
 mod driver;
 mod error;
+mod identity;
 mod job;
 mod link;
+mod link_quality;
 mod motion;
+mod poll_plan;
 mod pushed;
 mod query;
 mod robot;
 mod settings;
 mod status;
 mod stop;
+mod subscription;
 
 pub use connect::DEFAULT_PORT;
 pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+pub use identity::{Found, Identity};
 pub use job::CameraSet;
+pub use link_quality::{Latency, LinkQuality, LinkState};
 pub use motion::{Done, WaitError, WaitOptions};
 pub use pushed::{LostReason, Pushed};
 pub use query::{NoReading, QueryResult};
 pub use r6_proto::OperationMode;
 pub use robot::{Accepted, Robot};
-pub use settings::{Heartbeat, Reconnect, RobotSettings};
+pub use settings::{Heartbeat, Liveness, Reconnect, RobotSettings};
 pub use status::{Status, Unmet};
 pub use stop::{ListAfterStop, NotTried, StopReport};
+pub use subscription::{NotSubscribed, Quality, Snapshot, Subscription, Value};

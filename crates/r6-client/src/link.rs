@@ -1,6 +1,7 @@
 //! One connection, without the socket: which jobs are under way on it, and what its session says about them.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use r6_proto::address::Address;
@@ -9,6 +10,7 @@ use r6_proto::request::Request;
 use r6_proto::time::Instant;
 
 use crate::error::{NotSent, OutcomeUnknown, RequestError};
+use crate::identity::Introduction;
 use crate::job::{Answer, Job, Work};
 use crate::pushed::{LostReason, Pushed};
 use crate::robot::Hub;
@@ -20,6 +22,9 @@ const MAX_IN_FLIGHT: usize = 8;
 
 /// Room beyond [`MAX_IN_FLIGHT`] that only stops, and the queries that confirm them, may take.
 const RESERVED_FOR_STOPS: usize = 8;
+
+/// Room beyond both for the query that asks who is there.
+const RESERVED_FOR_INTRODUCTION: usize = 1;
 
 /// Time-outs in a row, without a reply in between, after which the connection counts as dead. One list that is
 /// too long for a controller gets no reply either, so one is not enough.
@@ -54,6 +59,13 @@ pub(crate) struct Link {
     answered: bool,
     /// What has to be read before commands may leave; nothing on a handle's first connection.
     unread: Vec<Address>,
+    /// Whether this is the handle's first connection.
+    first: bool,
+    /// Asks who is there, while that is not known.
+    introduction: Option<Introduction>,
+    /// The introduction's query that is under way.
+    introducing: Option<Ticket>,
+    hub: Arc<Hub>,
 }
 
 /// The two lanes.
@@ -61,6 +73,8 @@ pub(crate) struct Link {
 pub(crate) enum Lane {
     /// One frame at a time, behind those that wait for a reply.
     Ordinary,
+    /// Like ordinary, and what it reads was not looked at by the caller of a command: it lets no command through.
+    Background,
     /// Stops and what confirms them: ahead of everything that is not already being written.
     Urgent,
 }
@@ -68,7 +82,13 @@ pub(crate) enum Lane {
 impl Link {
     /// `first` tells whether this is the handle's first connection; on a later one the state has to be read before
     /// a command leaves.
-    pub fn new(settings: &RobotSettings, first: bool, first_pack_id: u64, now: Instant) -> Self {
+    pub fn new(
+        settings: &RobotSettings,
+        first: bool,
+        first_pack_id: u64,
+        hub: &Arc<Hub>,
+        now: Instant,
+    ) -> Self {
         let heartbeat = match settings.heartbeat {
             Heartbeat::Off => None,
             Heartbeat::Managed { every } => Some((every.clamp(SHORTEST_HEARTBEAT, LONGEST_HEARTBEAT), now)),
@@ -76,7 +96,7 @@ impl Link {
         let session = ClientSession::new(ClientSettings {
             reply_timeout: settings.reply_timeout,
             max_frame_bytes: settings.max_frame_bytes,
-            max_in_flight: MAX_IN_FLIGHT + RESERVED_FOR_STOPS,
+            max_in_flight: MAX_IN_FLIGHT + RESERVED_FOR_STOPS + RESERVED_FOR_INTRODUCTION,
             type_key: settings.type_key,
             ds_id: settings.ds_id,
             first_pack_id,
@@ -92,16 +112,67 @@ impl Link {
             silent: 0,
             answered: false,
             unread: if first { Vec::new() } else { STATE.to_vec() },
+            first,
+            introduction: (!first).then(Introduction::again),
+            introducing: None,
+            hub: Arc::clone(hub),
         }
     }
 
     /// Whether a job of this lane may be handed over now.
     ///
-    /// Ordinary frames are handed over one at a time, so that a stop waits for one frame at most.
+    /// Ordinary frames are handed over one at a time, so that a stop waits for one frame at most, and not before the
+    /// controller has said who it is.
     pub fn has_room(&self, lane: Lane) -> bool {
         match lane {
             Lane::Urgent => self.in_flight.len() < MAX_IN_FLIGHT + RESERVED_FOR_STOPS,
-            Lane::Ordinary => self.in_flight.len() < MAX_IN_FLIGHT && self.output().is_empty(),
+            Lane::Ordinary | Lane::Background => {
+                self.in_flight.len() < MAX_IN_FLIGHT && self.output().is_empty() && !self.is_introducing()
+            }
+        }
+    }
+
+    /// Whether this is the handle's first connection.
+    pub fn is_first(&self) -> bool {
+        self.first
+    }
+
+    /// Whether the controller has yet to say who it is; until then no ordinary request has room.
+    pub fn is_introducing(&self) -> bool {
+        self.introduction.is_some()
+    }
+
+    /// Has the controller asked who it is, on a first connection.
+    pub fn begin_introduction(&mut self) {
+        self.introduction.get_or_insert_with(Introduction::first);
+    }
+
+    /// Sends the introduction's next query, if it is its turn.
+    pub fn introduce(&mut self, now: Instant) {
+        while self.introducing.is_none()
+            && self.output().is_empty()
+            && let Some(introduction) = &mut self.introduction
+            && let Some(asked) = introduction.next()
+        {
+            match self.session.send(now, &Request::Query(asked)) {
+                Ok(ticket) => {
+                    self.introducing = Some(ticket);
+                    self.output_since.get_or_insert(now);
+                    self.hub.meter().asked(tokio::time::Instant::now());
+                }
+                // Too long for the frames of these settings: then in smaller parts, or not at all.
+                Err(error) => {
+                    introduction.answered(Err(NotSent::Wire(error).into()));
+                    self.end_introduction();
+                }
+            }
+        }
+    }
+
+    /// Tells who is there, once that is known.
+    fn end_introduction(&mut self) {
+        if let Some(introduction) = self.introduction.take_if(|asking| asking.next().is_none()) {
+            self.hub.introduced(introduction.found(), self.first);
         }
     }
 
@@ -110,13 +181,15 @@ impl Link {
         if job.is_moot() {
             return;
         }
-        if job.work.needs_known_state() && !self.unread.is_empty() {
+        let unknown = !self.unread.is_empty() || (!self.first && self.is_introducing());
+        if job.work.needs_known_state() && unknown {
             return job.not_sent(NotSent::StateNotRead);
         }
         match job.work.send(&mut self.session, now) {
             Err(error) => return job.not_sent(NotSent::Wire(error)),
             Ok(Some(ticket)) => {
                 self.in_flight.insert(ticket, job);
+                self.hub.meter().asked(tokio::time::Instant::now());
             }
             Ok(None) => {
                 self.leaving = Some(job);
@@ -156,12 +229,12 @@ impl Link {
     }
 
     /// Bytes came from the controller.
-    pub fn received(&mut self, bytes: &[u8], now: Instant, hub: &Hub) -> Result<(), LostReason> {
+    pub fn received(&mut self, bytes: &[u8], now: Instant) -> Result<(), LostReason> {
         tracing::trace!(received = %String::from_utf8_lossy(bytes));
         let mut rest = bytes;
         while !rest.is_empty() {
             let taken = self.session.handle_input(now, rest);
-            self.settle(now, hub)?;
+            self.settle(now)?;
             rest = match rest.get(taken..) {
                 Some(rest) if taken > 0 => rest,
                 // The session has read all it had and still has no room: what follows would make no sense.
@@ -180,7 +253,7 @@ impl Link {
     }
 
     /// Time passed: heartbeats, overdue replies, bytes that do not leave.
-    pub fn tick(&mut self, now: Instant, hub: &Hub) -> Result<(), LostReason> {
+    pub fn tick(&mut self, now: Instant) -> Result<(), LostReason> {
         if self.output_since.is_some_and(|since| since + self.reply_timeout <= now) {
             return Err(LostReason::Stalled);
         }
@@ -194,11 +267,12 @@ impl Link {
             }
         }
         self.session.handle_timeout(now);
-        self.settle(now, hub)
+        self.settle(now)
     }
 
     /// Tells the waiting jobs and the subscribers what the session has to say.
-    fn settle(&mut self, now: Instant, hub: &Hub) -> Result<(), LostReason> {
+    fn settle(&mut self, now: Instant) -> Result<(), LostReason> {
+        let hub = Arc::clone(&self.hub);
         let mut replied = false;
         let mut lost = None;
         while let Some(event) = self.session.poll_event(now) {
@@ -206,29 +280,55 @@ impl Link {
                 Event::Reply { ticket, message, after } => {
                     replied = true;
                     self.silent = 0;
-                    if let Some(job) = self.in_flight.remove(&ticket) {
+                    if self.introducing == Some(ticket) {
+                        self.introducing = None;
+                        if let Some(introduction) = &mut self.introduction {
+                            let asked = introduction.next().unwrap_or_default().to_vec();
+                            introduction.answered(Work::Query(asked).answer(&message, after));
+                        }
+                    } else if let Some(job) = self.in_flight.remove(&ticket) {
                         let answer = job.work.answer(&message, after);
-                        self.unread.retain(|address| !reads(*address, &job.work, &answer));
+                        if !job.background {
+                            self.unread.retain(|address| !reads(*address, &job.work, &answer));
+                        }
                         job.finish(answer);
                     }
+                    let waiting = !self.in_flight.is_empty() || self.introducing.is_some();
+                    hub.meter().replied(tokio::time::Instant::now(), after, waiting);
                 }
                 Event::TimedOut(ticket) => {
                     self.silent += 1;
-                    if let Some(job) = self.in_flight.remove(&ticket) {
+                    hub.meter().timed_out();
+                    if self.introducing == Some(ticket) {
+                        self.introducing = None;
+                        if self.introduction.as_mut().is_some_and(Introduction::timed_out) {
+                            lost = Some(LostReason::Unresponsive);
+                        }
+                    } else if let Some(job) = self.in_flight.remove(&ticket) {
                         let (request, after) = (job.work.sent(), self.reply_timeout);
                         tracing::info!(request = request.word, ?after, "no reply in time");
                         job.finish(Err(OutcomeUnknown::TimedOut { request, after }.into()));
                     }
                 }
                 Event::Photo { cam_id, .. } => hub.push(Pushed::Photo { cam_id }),
-                Event::Stray { reason, message } => hub.push(Pushed::stray(reason, message.frame())),
-                Event::BadFrame(error) => hub.push(Pushed::BadFrame(error)),
-                Event::NotJson(error) => hub.push(Pushed::NotJson(error)),
+                Event::Stray { reason, message } => {
+                    hub.meter().stray();
+                    hub.push(Pushed::stray(reason, message.frame()));
+                }
+                Event::BadFrame(error) => {
+                    hub.meter().garbled();
+                    hub.push(Pushed::BadFrame(error));
+                }
+                Event::NotJson(error) => {
+                    hub.meter().garbled();
+                    hub.push(Pushed::NotJson(error));
+                }
                 // Only after `abandon`.
                 Event::Lost { .. } => {}
                 Event::OutOfStep => lost = Some(LostReason::OutOfStep),
             }
         }
+        self.end_introduction();
         if replied {
             self.answered = true;
             hub.learn(self.session.learned());
@@ -255,6 +355,7 @@ impl Link {
             let Some(mut job) = self.in_flight.remove(&ticket) else { continue };
             if left {
                 job.lost = Some(reason);
+                self.hub.meter().request_lost();
             }
             match &job.work {
                 Work::Query(_) if !job.retried => {
@@ -301,7 +402,7 @@ mod tests {
     fn link(heartbeat: Heartbeat) -> Link {
         let settings =
             RobotSettings { reply_timeout: Duration::from_secs(2), heartbeat, ..RobotSettings::default() };
-        Link::new(&settings, true, 1, at(0))
+        Link::new(&settings, true, 1, &Arc::default(), at(0))
     }
 
     fn hand_over(link: &mut Link, work: Work) -> Answered {
@@ -374,24 +475,22 @@ mod tests {
 
     #[test]
     fn a_frame_that_cannot_leave_ends_the_connection() {
-        let hub = Hub::default();
         let mut link = link(Heartbeat::Managed { every: Duration::from_secs(1) });
-        assert_eq!(link.tick(at(0), &hub), Ok(()));
+        assert_eq!(link.tick(at(0)), Ok(()));
         let bytes = link.output().len();
         link.written(bytes - 1);
         // The next heartbeat is due at 1 s, but stands behind the first: no deadline lies in the past.
         assert_eq!(link.deadline(), Some(at(2000)));
-        assert_eq!(link.tick(at(1999), &hub), Ok(()));
-        assert_eq!(link.tick(at(2000), &hub), Err(LostReason::Stalled));
+        assert_eq!(link.tick(at(1999)), Ok(()));
+        assert_eq!(link.tick(at(2000)), Err(LostReason::Stalled));
     }
 
     #[test]
     fn heartbeats_keep_their_time() {
-        let hub = Hub::default();
         let mut link = link(Heartbeat::Managed { every: Duration::from_secs(3) });
         for due in [0, 3000, 6000] {
             assert_eq!(link.deadline(), Some(at(due)));
-            assert_eq!(link.tick(at(due), &hub), Ok(()));
+            assert_eq!(link.tick(at(due)), Ok(()));
             let frame = String::from_utf8(link.output().to_vec()).unwrap();
             assert_eq!(frame, "{\"dsID\":\"www.hc-system.com.RemoteMonitor\",\"reqType\":\"heartbreak\"}");
             link.written(frame.len());

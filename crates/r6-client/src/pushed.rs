@@ -8,6 +8,8 @@ use r6_proto::client::StrayReason;
 use r6_proto::error::JsonError;
 use r6_proto::frame::FrameError;
 
+use crate::identity::Found;
+
 /// How many of them are kept for a subscriber that lags behind; then it misses the oldest and is told how many.
 pub(crate) const KEPT_FOR_SUBSCRIBERS: usize = 64;
 
@@ -35,8 +37,8 @@ pub enum Pushed {
     NotJson(JsonError),
     /// The connection ended.
     ConnectionLost(LostReason),
-    /// The connection was made anew.
-    Reconnected,
+    /// The connection was made anew, and the controller has said who it is and in what state.
+    Reconnected(Found),
 }
 
 impl Pushed {

@@ -8,8 +8,10 @@ use r6_proto::address::{Address, Ports};
 use r6_proto::dialect::Envelope;
 use r6_proto::error::FieldError;
 use r6_proto::request::Request;
+use tokio::time::Instant;
 
 use crate::error::{OutcomeUnknown, RequestError};
+use crate::identity::Identity;
 use crate::job::{Answer, Work};
 use crate::link::Lane;
 use crate::robot::Robot;
@@ -57,6 +59,11 @@ impl fmt::Display for NoReading {
 impl std::error::Error for NoReading {}
 
 impl QueryResult {
+    #[cfg(test)]
+    pub(crate) fn for_tests(rows: Vec<(Address, Result<Reading, NoReading>)>) -> Self {
+        Self { rows, took: Duration::ZERO }
+    }
+
     /// Each address with its value, in the order asked.
     pub fn rows(&self) -> &[(Address, Result<Reading, NoReading>)] {
         &self.rows
@@ -151,6 +158,16 @@ impl Robot {
         lane: Lane,
         addresses: &[Address],
     ) -> Result<QueryResult, RequestError> {
+        Ok(self.query_timed(lane, addresses).await?.0)
+    }
+
+    /// A query, and when each of its values was asked for; for a value that is known to be missing, when that was told.
+    pub(crate) async fn query_timed(
+        &self,
+        lane: Lane,
+        addresses: &[Address],
+    ) -> Result<(QueryResult, Vec<Instant>), RequestError> {
+        let mut asked_at = vec![Instant::now(); addresses.len()];
         let mut rows: Vec<_> =
             addresses.iter().map(|address| (*address, Err(NoReading::Unsupported))).collect();
         let (connection, wanted) = {
@@ -168,7 +185,11 @@ impl Robot {
             match self.ask(Work::Query(asked), lane).await? {
                 Answer::Values { values, after } => {
                     took = took.max(after);
+                    let left = Instant::now() - after;
                     for ((at, _), value) in part.iter().zip(values) {
+                        if let Some(asked_at) = asked_at.get_mut(*at) {
+                            *asked_at = left;
+                        }
                         if let Some((_, row)) = rows.get_mut(*at) {
                             *row = value.map_err(NoReading::Unreadable);
                         }
@@ -203,7 +224,8 @@ impl Robot {
         }
         let result = QueryResult { rows, took };
         self.remember_firmware(connection, &result);
-        Ok(result)
+        self.remember_identity(connection, &result);
+        Ok((result, asked_at))
     }
 
     /// Parts whose requests and replies stay below the longest frame.
@@ -243,6 +265,16 @@ impl Robot {
         let mut known = self.hub().known();
         if known.connection == connection && known.unsupported.len() < MAX_REMEMBERED {
             known.unsupported.insert(address);
+        }
+    }
+
+    /// On a first connection a query may tell who is there; on others that is known before any query is sent.
+    fn remember_identity(&self, connection: u64, result: &QueryResult) {
+        let Some(identity) = Identity::of(result) else { return };
+        let mut known = self.hub().known();
+        if known.connection == connection && known.present.is_none() {
+            known.expected.get_or_insert_with(|| identity.clone());
+            known.present = Some(identity);
         }
     }
 

@@ -7,14 +7,19 @@ use std::time::{Duration, SystemTime};
 use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
 use r6_proto::message::{Command, PhotoAnswer};
+use tokio::runtime::Handle;
 use tokio::sync::{broadcast, mpsc, oneshot};
+use tokio::time::Instant;
 
 use crate::backoff::Backoff;
+use crate::board::Board;
 use crate::connect::Target;
 use crate::driver::{Driver, Urgent};
 use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError};
+use crate::identity::{Found, Identity};
 use crate::job::{Answer, CameraSet, Job, Work};
 use crate::link::Lane;
+use crate::link_quality::Meter;
 use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
 use crate::settings::RobotSettings;
 
@@ -37,6 +42,8 @@ struct Lanes {
     urgent: mpsc::Sender<Urgent>,
     ordinary: mpsc::Sender<Job>,
     hub: Arc<Hub>,
+    /// Where the poller of the subscriptions runs.
+    runtime: Handle,
 }
 
 /// A controller's yes. It says that the request was taken, not that anything moves.
@@ -51,7 +58,8 @@ pub struct Accepted {
 impl Robot {
     /// Connects to a controller: `host` or `host:port`, port 9760 where none is given.
     ///
-    /// Nothing is sent. Needs a tokio runtime with time and network.
+    /// Nothing is sent: who is there is read with the first [`Robot::status`], or else before the first command. Needs a
+    /// tokio runtime with time and network.
     ///
     /// # Errors
     /// [`RequestError::NotSent`] if the address is none or no connection can be made within
@@ -69,6 +77,7 @@ impl Robot {
             urgent,
             ordinary,
             hub: Arc::clone(&hub),
+            runtime: Handle::current(),
         };
         let backoff = Backoff::new(settings.reconnect, seed_from_clock);
         let driver = Driver::new(target, settings, urgent_jobs, ordinary_jobs, hub, backoff);
@@ -155,6 +164,10 @@ impl Robot {
         &self.lanes.hub
     }
 
+    pub(crate) fn runtime(&self) -> &Handle {
+        &self.lanes.runtime
+    }
+
     pub(crate) fn settings(&self) -> &RobotSettings {
         &self.lanes.settings
     }
@@ -174,10 +187,11 @@ impl Robot {
     pub(crate) async fn ask(&self, work: Work, lane: Lane) -> Result<Answer, RequestError> {
         let request = work.sent();
         let (reply, answer) = oneshot::channel();
-        let job = Job::new(work, reply);
+        let mut job = Job::new(work, reply);
+        job.background = lane == Lane::Background;
         let given = match lane {
             Lane::Urgent => self.lanes.urgent.send(Urgent::Job(job)).await.is_ok(),
-            Lane::Ordinary => self.lanes.ordinary.send(job).await.is_ok(),
+            Lane::Ordinary | Lane::Background => self.lanes.ordinary.send(job).await.is_ok(),
         };
         if !given {
             return Err(NotSent::Closed.into());
@@ -198,6 +212,8 @@ fn seed_from_clock() -> u64 {
 pub(crate) struct Hub {
     pushed: broadcast::Sender<Pushed>,
     known: Mutex<Known>,
+    meter: Mutex<Meter>,
+    pub board: Board,
 }
 
 /// What is known of the controller behind the present connection.
@@ -210,11 +226,20 @@ pub(crate) struct Known {
     pub unsupported: BTreeSet<Address>,
     /// Counts the connections, so that no answer of one is kept for the next.
     pub connection: u64,
+    /// Who is there, once that was read.
+    pub present: Option<Identity>,
+    /// Who is meant: the one that was there first, or that was accepted since.
+    pub expected: Option<Identity>,
 }
 
 impl Default for Hub {
     fn default() -> Self {
-        Self { pushed: broadcast::Sender::new(KEPT_FOR_SUBSCRIBERS), known: Mutex::default() }
+        Self {
+            pushed: broadcast::Sender::new(KEPT_FOR_SUBSCRIBERS),
+            known: Mutex::default(),
+            meter: Mutex::default(),
+            board: Board::default(),
+        }
     }
 }
 
@@ -222,6 +247,37 @@ impl Hub {
     /// What is known; nobody holds this across an await, and nothing that holds it can panic halfway.
     pub fn known(&self) -> MutexGuard<'_, Known> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The counts of the link, under the same rules as [`Self::known`].
+    pub fn meter(&self) -> MutexGuard<'_, Meter> {
+        self.meter.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A controller has said who it is.
+    pub fn introduced(&self, mut found: Found, first: bool) {
+        {
+            let mut known = self.known();
+            let expected = known.expected.get_or_insert_with(|| found.identity.clone());
+            found.another = *expected != found.identity;
+            known.present = Some(found.identity.clone());
+        }
+        if found.another {
+            tracing::warn!(found = %found.identity, "another robot answers at this address");
+        }
+        if !first {
+            self.push(Pushed::Reconnected(found));
+        }
+    }
+
+    /// Why no command may leave: whoever is there is not who is meant.
+    pub fn stranger(&self) -> Option<NotSent> {
+        let known = self.known();
+        let (expected, found) = (known.expected.as_ref()?, known.present.as_ref()?);
+        (expected != found).then(|| NotSent::AnotherRobot {
+            expected: Box::new(expected.clone()),
+            found: Box::new(found.clone()),
+        })
     }
 
     /// Tells the subscribers; there may be none.
@@ -239,8 +295,10 @@ impl Hub {
         {
             let mut known = self.known();
             let connection = known.connection + 1;
-            *known = Known { connection, ..Known::default() };
+            *known = Known { connection, expected: known.expected.take(), ..Known::default() };
         }
+        self.meter().disconnected(Instant::now());
+        self.board.connection_lost();
         self.push(Pushed::ConnectionLost(reason));
     }
 }

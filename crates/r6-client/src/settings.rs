@@ -19,6 +19,8 @@ pub struct RobotSettings {
     pub reconnect: Reconnect,
     /// Whether the controller's watchdog is armed and fed.
     pub heartbeat: Heartbeat,
+    /// After how much silence values and connection count as suspect, then as dead.
+    pub liveness: Liveness,
     /// The key of a request's type: `cmdType` for the oldest firmware.
     pub type_key: TypeKey,
     /// The form of `dsID`.
@@ -33,6 +35,7 @@ impl Default for RobotSettings {
             max_frame_bytes: 2048,
             reconnect: Reconnect::default(),
             heartbeat: Heartbeat::Off,
+            liveness: Liveness::default(),
             type_key: TypeKey::ReqType,
             ds_id: DsIdForm::Long,
         }
@@ -55,6 +58,23 @@ pub struct Reconnect {
 impl Default for Reconnect {
     fn default() -> Self {
         Self { first_wait: Duration::from_millis(100), cap: Duration::from_secs(5), jitter_seed: None }
+    }
+}
+
+/// After how much silence a connection, and values that should have been read again, are no longer trusted.
+///
+/// They are for whoever reads [`crate::Robot::link_quality`] and [`crate::Subscription`]; no connection ends by them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Liveness {
+    /// Suspect: shown with its age, not acted on. Default 1 s, which is 38 times the slowest reply that was measured.
+    pub suspect_after: Duration,
+    /// Dead: whoever depends on it gives up. Default 5 s.
+    pub dead_after: Duration,
+}
+
+impl Default for Liveness {
+    fn default() -> Self {
+        Self { suspect_after: Duration::from_secs(1), dead_after: Duration::from_secs(5) }
     }
 }
 

@@ -27,7 +27,7 @@ fn settings() -> RobotSettings {
 async fn cell() -> (VirtualController, Robot) {
     let controller = VirtualController::start().await.unwrap();
     let robot = Robot::connect(&controller.address().to_string(), settings()).await.unwrap();
-    robot.query(&[Address::CurMode]).await.unwrap();
+    robot.status().await.unwrap();
     (controller, robot)
 }
 

@@ -161,10 +161,11 @@ impl From<RequestError> for Failure {
                 | NotSent::ConnectTimedOut { .. }
                 | NotSent::Disconnected
                 | NotSent::StateNotRead
+                | NotSent::Unidentified { .. }
                 | NotSent::Busy { .. }
                 | NotSent::Closed,
             ) => Exit::NoReply,
-            RequestError::Refused(_) => Exit::Refused,
+            RequestError::NotSent(NotSent::AnotherRobot { .. }) | RequestError::Refused(_) => Exit::Refused,
             RequestError::OutcomeUnknown(unknown) => match unknown.request().effect {
                 Effect::Reads => Exit::NoReply,
                 Effect::Changes | Effect::Moves | Effect::Stops => Exit::Unknown,

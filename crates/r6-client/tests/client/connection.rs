@@ -133,7 +133,7 @@ async fn a_list_is_never_sent_again_and_brings_no_connection_back() {
         peer
     });
     result.unwrap();
-    assert!(matches!(soon(pushed.recv()).await.unwrap(), Pushed::Reconnected));
+    assert!(matches!(soon(pushed.recv()).await.unwrap(), Pushed::Reconnected(_)));
 
     // Nobody has looked at mode and alarm since.
     assert_eq!(soon(robot.clear_list()).await, Err(NotSent::StateNotRead.into()));
@@ -195,9 +195,10 @@ async fn replies_that_cannot_be_told_apart_end_the_connection() {
     let (controller, robot, mut peer) = Controller::with_robot(impatient()).await;
     let mut pushed = robot.pushed();
     // The controller is seen to send no packID, then leaves a command unanswered.
-    let (result, ()) = tokio::join!(robot.query(&[Address::CurMode]), async {
-        peer.frame().await;
-        peer.send("{\"reqType\":\"query\",\"queryData\":[\"7\"]}").await;
+    let who = [Address::Version, Address::MachineName, Address::AxisNum];
+    let (result, ()) = tokio::join!(robot.query(&who), async {
+        peer.any_frame().await;
+        peer.send("{\"reqType\":\"query\",\"queryData\":[\"F5\",\"cell 4\",\"6\"]}").await;
     });
     result.unwrap();
     let (sent, _) = tokio::join!(robot.command(Command::ClearAlarm), peer.frame());
@@ -206,8 +207,10 @@ async fn replies_that_cannot_be_told_apart_end_the_connection() {
     peer.ends().await;
     let (result, ()) = tokio::join!(robot.query(&[Address::CurAlarm]), async {
         let mut peer = controller.accept().await;
-        peer.frame().await;
-        peer.send("{\"reqType\":\"query\",\"queryData\":[\"42\"]}").await;
+        for values in ["\"F5\",\"cell 4\",\"6\",\"7\",\"0\"", "\"0\"", "\"42\""] {
+            peer.any_frame().await;
+            peer.send(format!("{{\"reqType\":\"query\",\"queryData\":[{values}]}}")).await;
+        }
     });
     assert_eq!(result.unwrap().integer(Address::CurAlarm), Some(42));
 }

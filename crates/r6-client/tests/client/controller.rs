@@ -23,6 +23,10 @@ pub struct Controller {
 pub struct Peer {
     stream: TcpStream,
     received: Vec<u8>,
+    /// `machineName` as told to a client that asks who is there.
+    pub name: &'static str,
+    /// Whether the client is about to ask for the length of the list, as the last of what it asks by itself.
+    introducing: bool,
 }
 
 /// Settings that never time out by accident, and reconnect at once.
@@ -49,7 +53,12 @@ pub async fn soon<T>(what: impl Future<Output = T>) -> T {
 
 impl Controller {
     pub async fn listen() -> Self {
-        Self { listener: TcpListener::bind("127.0.0.1:0").await.unwrap() }
+        Self::listen_at("127.0.0.1:0").await
+    }
+
+    /// Listens where a controller has listened before.
+    pub async fn listen_at(address: &str) -> Self {
+        Self { listener: TcpListener::bind(address).await.unwrap() }
     }
 
     pub fn address(&self) -> String {
@@ -59,7 +68,7 @@ impl Controller {
     pub async fn accept(&self) -> Peer {
         let (stream, _) = soon(self.listener.accept()).await.unwrap();
         stream.set_nodelay(true).unwrap();
-        Peer { stream, received: Vec::new() }
+        Peer { stream, received: Vec::new(), name: "cell 4", introducing: false }
     }
 
     /// A robot that is connected, and the controller's end of its connection.
@@ -72,8 +81,40 @@ impl Controller {
 }
 
 impl Peer {
-    /// The next frame from the client.
+    /// The next frame from the client, besides its asking who is there: that is answered.
     pub async fn frame(&mut self) -> Value {
+        loop {
+            let frame = self.any_frame().await;
+            match self.introduction(&frame) {
+                Some(reply) => self.send(reply).await,
+                None => return frame,
+            }
+        }
+    }
+
+    /// The reply to a query by which the client finds out who is there; `None` for anything else.
+    fn introduction(&mut self, request: &Value) -> Option<String> {
+        let data = match asked(request).as_slice() {
+            ["version", "machineName", "axisNum"] => json!(["F5", self.name, "6"]),
+            ["version", "machineName", "axisNum", "curMode", "curAlarm"] => {
+                self.introducing = true;
+                json!(["F5", self.name, "6", "7", "0"])
+            }
+            ["RemoteCmdLen"] if std::mem::take(&mut self.introducing) => json!(["0"]),
+            _ => return None,
+        };
+        Some(values(request, data))
+    }
+
+    /// The client asks who is there, and is told.
+    pub async fn introduces(&mut self) {
+        let request = self.any_frame().await;
+        let reply = self.introduction(&request).expect("who is there?");
+        self.send(reply).await;
+    }
+
+    /// The next frame from the client.
+    pub async fn any_frame(&mut self) -> Value {
         loop {
             let mut frames = serde_json::Deserializer::from_slice(&self.received).into_iter::<Value>();
             if let Some(Ok(frame)) = frames.next() {
@@ -106,18 +147,17 @@ impl Peer {
         assert_eq!(soon(self.stream.read(&mut bytes)).await.expect("an orderly end"), 0);
     }
 
-    /// Answers every frame by `answer` until the client ends the connection; `None` leaves one unanswered.
+    /// Answers every frame by `answer` until the client ends the connection; `None` leaves one unanswered. Who is there is
+    /// told without it.
     pub async fn answer_all(mut self, mut answer: impl FnMut(&Value) -> Option<String>) {
         let mut bytes = [0; 4096];
         loop {
             let mut frames = serde_json::Deserializer::from_slice(&self.received).into_iter::<Value>();
-            let mut replies = Vec::new();
-            while let Some(Ok(frame)) = frames.next() {
-                replies.extend(answer(&frame));
-            }
+            let requests: Vec<_> = frames.by_ref().map_while(Result::ok).collect();
             let used = frames.byte_offset();
             self.received.drain(..used);
-            for reply in replies {
+            for request in requests {
+                let Some(reply) = self.introduction(&request).or_else(|| answer(&request)) else { continue };
                 if self.stream.write_all(reply.as_bytes()).await.is_err() {
                     return;
                 }

@@ -4,9 +4,11 @@
 mod controller;
 
 mod connection;
+mod identity;
 mod motion;
 mod outcomes;
 mod queries;
 mod replies;
 mod status;
 mod stopping;
+mod subscriptions;

@@ -94,7 +94,8 @@ async fn a_reply_that_says_neither_yes_nor_no_is_unknown() {
 #[tokio::test]
 async fn a_list_that_is_too_long_is_not_sent() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
-    let error = robot.add_rcc(true, vec![axis_move(); 30]).await.unwrap_err();
+    let (sent, ()) = tokio::join!(robot.add_rcc(true, vec![axis_move(); 30]), peer.introduces());
+    let error = sent.unwrap_err();
     assert!(
         matches!(error, RequestError::NotSent(NotSent::Wire(SendError::TooLong { limit: 2048, .. }))),
         "{error:?}"

@@ -72,6 +72,13 @@ async fn old_firmware_answers_without_names_and_numbers() {
     let settings =
         r6_client::RobotSettings { type_key: TypeKey::CmdType, ds_id: DsIdForm::Short, ..settings() };
     let (_controller, robot, mut peer) = Controller::with_robot(settings).await;
+    let (who, ()) =
+        tokio::join!(robot.query(&[Address::Version, Address::MachineName, Address::AxisNum]), async {
+            peer.any_frame().await;
+            let reply = "{'dsID':'HCRemoteMonitor','cmdType':'queryEcho','queryData':['E1','cell 4','6']}";
+            peer.send(reply.replace('\'', "\"")).await;
+        });
+    assert_eq!(who.unwrap().text(Address::MachineName), Some("cell 4"));
     let (result, stored, ()) = tokio::join!(biased; robot.query(&[J1, Address::Counter(0)]), robot.command(Command::ClearAlarm), async {
         let (query, command) = (peer.frame().await, peer.frame().await);
         assert_eq!(query["cmdType"], "query");

@@ -1,0 +1,323 @@
+//! What the subscriptions of one connection share: who wants which address how often, and the last value of each.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use r6_proto::Reading;
+use r6_proto::address::Address;
+use tokio::sync::{Notify, watch};
+use tokio::task::AbortHandle;
+use tokio::time::Instant;
+
+use crate::clock::Clock;
+use crate::error::RequestError;
+use crate::poll_plan::{Next, PollPlan, next_due, slack};
+use crate::query::{NoReading, QueryResult};
+use crate::subscription::{MAX_ADDRESSES, MAX_POLLED, MAX_SUBSCRIPTIONS, NotSubscribed};
+
+/// The last value of an address.
+#[derive(Clone, Debug)]
+pub(crate) struct Last {
+    pub value: Result<Reading, NoReading>,
+    /// When it was asked for: the value is no older.
+    pub at: Instant,
+}
+
+/// Subscriptions, plan and values.
+#[derive(Debug)]
+pub(crate) struct Board {
+    clock: Clock,
+    shared: Mutex<Shared>,
+    /// The poller has something to think about.
+    changed: Notify,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    plan: PollPlan,
+    wishes: BTreeMap<u64, Wish>,
+    next_id: u64,
+    values: BTreeMap<Address, Last>,
+    failure: Option<RequestError>,
+    poller: Option<AbortHandle>,
+    /// How many connections were lost.
+    losses: u64,
+    closed: bool,
+}
+
+/// A query that is due.
+#[derive(Debug)]
+pub(crate) struct Poll {
+    pub addresses: Vec<Address>,
+    begun: Instant,
+    /// How many connections were lost before it.
+    losses: u64,
+}
+
+/// What one subscription wants.
+#[derive(Debug)]
+struct Wish {
+    addresses: BTreeSet<Address>,
+    every: Duration,
+    /// When it is to be told again.
+    due: r6_proto::time::Instant,
+    news: watch::Sender<()>,
+}
+
+/// What a subscription sees of the board.
+#[derive(Debug)]
+pub(crate) struct Seen {
+    /// For each address asked: its last value, and its period.
+    pub rows: Vec<(Address, Option<Last>, Duration)>,
+    pub failure: Option<RequestError>,
+}
+
+impl Default for Board {
+    fn default() -> Self {
+        Self { clock: Clock::start(), shared: Mutex::default(), changed: Notify::new() }
+    }
+}
+
+impl Shared {
+    /// The shortest period of each address that anybody wants; values that nobody wants any more are forgotten.
+    fn plan_anew(&mut self, now: r6_proto::time::Instant) {
+        let mut wanted = BTreeMap::new();
+        for wish in self.wishes.values() {
+            for address in &wish.addresses {
+                let every = wanted.entry(*address).or_insert(wish.every);
+                *every = wish.every.min(*every);
+            }
+        }
+        self.values.retain(|address, _| wanted.contains_key(address));
+        self.plan.replace(wanted, now);
+    }
+
+    /// Tells the subscriptions that it concerns, each at its own pace unless something went wrong.
+    fn tell(&mut self, asked: &[Address], now: r6_proto::time::Instant) {
+        for wish in self.wishes.values_mut() {
+            let concerned = asked.iter().any(|address| wish.addresses.contains(address));
+            if concerned && now + slack(wish.every) >= wish.due {
+                wish.due = next_due(now, wish.every);
+                wish.news.send_replace(());
+            }
+        }
+    }
+
+    /// Tells everybody, and again as soon as there is something new.
+    fn tell_all(&mut self) {
+        self.wishes.values_mut().for_each(|wish| {
+            wish.due = r6_proto::time::Instant::ORIGIN;
+            wish.news.send_replace(());
+        });
+    }
+}
+
+impl Board {
+    fn shared(&self) -> MutexGuard<'_, Shared> {
+        // Nothing that holds it can panic halfway, and nobody holds it across an await.
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds a subscription; `poll` starts the poller where none runs.
+    pub fn add(
+        &self,
+        addresses: &[Address],
+        every: Duration,
+        poll: impl FnOnce() -> AbortHandle,
+    ) -> Result<(u64, watch::Receiver<()>), NotSubscribed> {
+        let addresses: BTreeSet<Address> = addresses.iter().copied().collect();
+        let mut shared = self.shared();
+        if shared.closed {
+            return Err(NotSubscribed::Closed);
+        }
+        if addresses.is_empty() || addresses.len() > MAX_ADDRESSES {
+            return Err(NotSubscribed::Addresses { asked: addresses.len() });
+        }
+        if shared.wishes.len() >= MAX_SUBSCRIPTIONS {
+            return Err(NotSubscribed::Subscriptions);
+        }
+        let new = addresses.iter().filter(|address| shared.plan.every(**address).is_none()).count();
+        if shared.plan.len() + new > MAX_POLLED {
+            return Err(NotSubscribed::Polled { polled: shared.plan.len(), new });
+        }
+        let id = shared.next_id;
+        shared.next_id += 1;
+        let (news, seen) = watch::channel(());
+        let wish = Wish { addresses, every, due: r6_proto::time::Instant::ORIGIN, news };
+        shared.wishes.insert(id, wish);
+        shared.plan_anew(self.clock.now());
+        if shared.poller.is_none() {
+            shared.poller = Some(poll());
+        }
+        drop(shared);
+        self.changed.notify_one();
+        Ok((id, seen))
+    }
+
+    /// Ends a subscription; with the last one the poller ends too, whatever it waits for.
+    pub fn remove(&self, id: u64) {
+        let mut shared = self.shared();
+        shared.wishes.remove(&id);
+        shared.plan_anew(self.clock.now());
+        if shared.wishes.is_empty() {
+            shared.failure = None;
+            if let Some(poller) = shared.poller.take() {
+                poller.abort();
+            }
+        }
+    }
+
+    /// What one subscription sees.
+    pub fn seen(&self, addresses: &[Address]) -> Seen {
+        let shared = self.shared();
+        let row = |address: &Address| {
+            let every = shared.plan.every(*address).unwrap_or_default();
+            (*address, shared.values.get(address).cloned(), every)
+        };
+        Seen { rows: addresses.iter().map(row).collect(), failure: shared.failure.clone() }
+    }
+
+    /// The connection is lost: everybody is told, and all is read again as soon as there is a new one.
+    pub fn connection_lost(&self) {
+        let mut shared = self.shared();
+        shared.losses += 1;
+        shared.plan.all_due(self.clock.now());
+        shared.tell_all();
+        drop(shared);
+        self.changed.notify_one();
+    }
+
+    /// The handle is closed: nobody will be told anything any more.
+    pub fn close(&self) {
+        let mut shared = self.shared();
+        shared.closed = true;
+        shared.wishes.clear();
+        shared.plan.replace(BTreeMap::new(), self.clock.now());
+        drop(shared);
+        self.changed.notify_one();
+    }
+
+    /// What the poller has to ask for, as soon as it is due; `None` when nothing is wanted any more.
+    pub async fn due(&self) -> Option<Poll> {
+        loop {
+            let (next, losses) = {
+                let shared = self.shared();
+                (shared.plan.next(self.clock.now()), shared.losses)
+            };
+            match next {
+                Next::Ask(addresses) => return Some(Poll { addresses, begun: Instant::now(), losses }),
+                Next::Idle => return None,
+                Next::Wait(until) => {
+                    tokio::select! {
+                        () = tokio::time::sleep_until(self.clock.at(Some(until))) => {}
+                        () = self.changed.notified() => {}
+                    }
+                }
+            }
+        }
+    }
+
+    /// A poll was answered; each value comes with the time at which it was asked for.
+    pub fn answered(&self, poll: &Poll, result: &QueryResult, asked_at: &[Instant]) {
+        let now = self.clock.now();
+        let mut shared = self.shared();
+        for ((address, value), at) in result.rows().iter().zip(asked_at) {
+            if shared.plan.every(*address).is_some() {
+                shared.values.insert(*address, Last { value: value.clone(), at: *at });
+            }
+        }
+        shared.failure = None;
+        // What was answered before the connection was lost has to be read again on the next one.
+        if shared.losses == poll.losses {
+            shared.plan.answered(&poll.addresses, self.clock.of(poll.begun), now);
+        }
+        shared.tell(&poll.addresses, now);
+    }
+
+    /// A poll failed; the values stay, and grow old.
+    pub fn failed(&self, poll: &Poll, error: RequestError) {
+        let now = self.clock.now();
+        let mut shared = self.shared();
+        shared.failure = Some(error);
+        shared.plan.failed(&poll.addresses, now);
+        shared.tell_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    const SLOW: Duration = Duration::from_secs(1000);
+
+    fn board() -> (Board, u64, watch::Receiver<()>) {
+        let board = Board::default();
+        let poller = || tokio::spawn(std::future::pending::<()>()).abort_handle();
+        let (id, news) = board.add(&[Address::CurMode], SLOW, poller).unwrap();
+        (board, id, news)
+    }
+
+    fn mode(number: i64) -> QueryResult {
+        QueryResult::for_tests(vec![(Address::CurMode, Ok(Reading::Integer(number)))])
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_poll_waits_for_its_time_and_for_a_lost_connection() {
+        let (board, _id, mut news) = board();
+        let poll = board.due().await.unwrap();
+        board.answered(&poll, &mode(7), &[Instant::now()]);
+        assert!(news.has_changed().unwrap());
+        news.mark_unchanged();
+        let begun = Instant::now();
+        let next = board.due().await.unwrap();
+        assert!(begun.elapsed() > SLOW / 2, "{:?}", begun.elapsed());
+        board.answered(&next, &mode(7), &[Instant::now()]);
+        news.mark_unchanged();
+        let begun = Instant::now();
+        let (poll, ()) = tokio::join!(board.due(), async { board.connection_lost() });
+        assert_eq!((poll.unwrap().addresses, begun.elapsed()), (vec![Address::CurMode], Duration::ZERO));
+        assert!(news.has_changed().unwrap());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn an_answer_from_before_the_loss_does_not_save_reading_again() {
+        let (board, _id, _news) = board();
+        let poll = board.due().await.unwrap();
+        board.connection_lost();
+        board.answered(&poll, &mode(7), &[Instant::now()]);
+        let begun = Instant::now();
+        board.due().await.unwrap();
+        assert_eq!(begun.elapsed(), Duration::ZERO);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn nobody_is_told_more_often_than_he_asked_for() {
+        let (board, _id, mut slow) = board();
+        let poller = || unreachable!("there is one");
+        let fast = Duration::from_millis(20);
+        let (_fast, mut quick) = board.add(&[Address::CurMode], fast, poller).unwrap();
+        let (mut told_slow, mut told_quick) = (0, 0);
+        for _ in 0..100 {
+            let poll = board.due().await.unwrap();
+            board.answered(&poll, &mode(7), &[Instant::now()]);
+            told_slow += u32::from(slow.has_changed().unwrap());
+            told_quick += u32::from(quick.has_changed().unwrap());
+            slow.mark_unchanged();
+            quick.mark_unchanged();
+        }
+        assert_eq!((told_slow, told_quick), (1, 100));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn what_nobody_wants_any_more_is_neither_asked_for_nor_kept() {
+        let (board, id, _news) = board();
+        let poll = board.due().await.unwrap();
+        board.remove(id);
+        board.answered(&poll, &mode(7), &[Instant::now()]);
+        assert!(board.due().await.is_none());
+        assert!(board.shared().values.is_empty());
+    }
+}

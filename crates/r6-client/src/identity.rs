@@ -1,0 +1,264 @@
+//! Who is at the other end: read before the first command, and again on every connection that was made anew.
+
+use std::collections::VecDeque;
+use std::fmt;
+
+use r6_proto::OperationMode;
+use r6_proto::address::Address;
+use r6_proto::message::Reading;
+
+use crate::error::RequestError;
+use crate::job::Answer;
+use crate::query::QueryResult;
+use crate::robot::Robot;
+
+/// What tells one controller from another. There is no serial number on the wire.
+const IDENTITY: [Address; 3] = [Address::Version, Address::MachineName, Address::AxisNum];
+
+/// What is read on a connection that was made anew. All of it is in the oldest manual, so one query has it.
+const AGAIN: [Address; 5] =
+    [Address::Version, Address::MachineName, Address::AxisNum, Address::CurMode, Address::CurAlarm];
+
+/// Time-outs after which a controller that does not say who it is counts as dead: a lost reply passes, and whoever
+/// waits behind it waits twice the reply time-out at most.
+const MAX_TIMEOUTS: u32 = 2;
+
+/// So many characters of a text are told in an error; names on pendants are shorter.
+const TOLD_CHARS: usize = 64;
+
+/// What a controller says of itself. `None` where it has no such value.
+///
+/// Two controllers of one model, firmware and name cannot be told apart: give each machine a name of its own on its
+/// pendant.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Identity {
+    /// `version`.
+    pub firmware: Option<String>,
+    /// `machineName`.
+    pub machine_name: Option<String>,
+    /// `axisNum`.
+    pub axis_count: Option<i64>,
+}
+
+/// What was found on a connection that was made anew, before anything else was sent on it, a stop apart.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// Who answered.
+    pub identity: Identity,
+    /// Whether that is another controller than before: then no command leaves until [`Robot::accept_identity`].
+    pub another: bool,
+    /// `curMode`.
+    pub mode: Option<OperationMode>,
+    /// `curAlarm`: 0 for none.
+    pub alarm: Option<i64>,
+    /// `RemoteCmdLen`: instructions that are left in the list, which nobody resumes by himself.
+    pub list_length: Option<i64>,
+}
+
+impl Identity {
+    /// From a query that had all three values; `None` if one is missing.
+    pub(crate) fn of(read: &QueryResult) -> Option<Self> {
+        IDENTITY.iter().all(|address| read.reading(*address).is_some()).then(|| Self {
+            firmware: read.text(Address::Version).map(str::to_owned),
+            machine_name: read.text(Address::MachineName).map(str::to_owned),
+            axis_count: read.integer(Address::AxisNum),
+        })
+    }
+}
+
+impl fmt::Display for Identity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut text = |name: &str, value: &Option<String>| match value {
+            Some(value) => {
+                write!(f, "{name} `{}`, ", value.chars().take(TOLD_CHARS).collect::<String>())
+            }
+            None => write!(f, "no {name}, "),
+        };
+        text("machineName", &self.machine_name)?;
+        text("version", &self.firmware)?;
+        match self.axis_count {
+            Some(axes) => write!(f, "{axes} axes"),
+            None => f.write_str("no axisNum"),
+        }
+    }
+}
+
+/// Asks a controller who it is: one query where the firmware has everything, single ones where it leaves values out.
+#[derive(Debug)]
+pub(crate) struct Introduction {
+    /// What is still to be asked; the first is under way.
+    parts: VecDeque<Vec<Address>>,
+    read: Vec<(Address, Reading)>,
+    timeouts: u32,
+}
+
+impl Introduction {
+    /// On a handle's first connection: who is there, so that it can be known again.
+    pub fn first() -> Self {
+        Self::asking([IDENTITY.to_vec()])
+    }
+
+    /// On a connection that was made anew: who is there, in what state, and what is left in its list. Older firmware
+    /// lacks the list's length, which is therefore asked for alone.
+    pub fn again() -> Self {
+        Self::asking([AGAIN.to_vec(), vec![Address::RemoteCmdLen]])
+    }
+
+    fn asking<const N: usize>(parts: [Vec<Address>; N]) -> Self {
+        Self { parts: parts.into(), read: Vec::new(), timeouts: 0 }
+    }
+
+    /// What is to be asked next; `None` when all is known.
+    pub fn next(&self) -> Option<&[Address]> {
+        self.parts.front().map(Vec::as_slice)
+    }
+
+    /// The answer to [`Self::next`]. Whatever gives no value when it is asked for alone is none.
+    pub fn answered(&mut self, answer: Result<Answer, RequestError>) {
+        let Some(asked) = self.parts.pop_front() else { return };
+        match answer {
+            Ok(Answer::Values { values, .. }) => {
+                let read = asked.into_iter().zip(values);
+                self.read.extend(read.filter_map(|(address, value)| Some((address, value.ok()?))));
+            }
+            Ok(Answer::Mismatch { .. } | Answer::Accepted(_) | Answer::Left) | Err(_) => {
+                if asked.len() > 1 {
+                    asked.into_iter().rev().for_each(|address| self.parts.push_front(vec![address]));
+                }
+            }
+        }
+    }
+
+    /// No answer came in time: it is asked again. `true` if that has been tried often enough.
+    pub fn timed_out(&mut self) -> bool {
+        self.timeouts += 1;
+        self.timeouts >= MAX_TIMEOUTS
+    }
+
+    /// What was read.
+    pub fn found(self) -> Found {
+        let mut found = Found {
+            identity: Identity::default(),
+            another: false,
+            mode: None,
+            alarm: None,
+            list_length: None,
+        };
+        for (address, reading) in self.read {
+            match (address, reading) {
+                (Address::Version, Reading::Text(text)) => found.identity.firmware = Some(text),
+                (Address::MachineName, Reading::Text(text)) => found.identity.machine_name = Some(text),
+                (Address::AxisNum, Reading::Integer(axes)) => found.identity.axis_count = Some(axes),
+                (Address::CurMode, Reading::Integer(mode)) => {
+                    found.mode = Some(OperationMode::of_number(mode));
+                }
+                (Address::CurAlarm, Reading::Integer(alarm)) => found.alarm = Some(alarm),
+                (Address::RemoteCmdLen, Reading::Integer(length)) => found.list_length = Some(length),
+                _ => {}
+            }
+        }
+        found
+    }
+}
+
+impl Robot {
+    /// Who is at the other end of the present connection; `None` while that has not been read.
+    ///
+    /// It is read with [`Robot::status`], before the first command, and first of all on a connection that was made anew.
+    #[must_use]
+    pub fn identity(&self) -> Option<Identity> {
+        self.hub().known().present.clone()
+    }
+
+    /// Takes this controller for the one that is meant from now on, after
+    /// [`NotSent::AnotherRobot`](crate::NotSent::AnotherRobot) has refused a command: a cabinet was exchanged, its
+    /// firmware updated, or its machine renamed.
+    ///
+    /// Commands then reach whoever says the same of itself, and no other. Mode and alarm have to be read before the first
+    /// one, as after every reconnect. Nothing is sent.
+    ///
+    /// ```no_run
+    /// # async fn run(robot: r6_client::Robot) -> Result<(), r6_client::RequestError> {
+    /// use r6_client::{NotSent, RequestError};
+    ///
+    /// if let Err(RequestError::NotSent(NotSent::AnotherRobot { found, .. })) = robot.clear_list().await
+    ///     && found.machine_name.as_deref() == Some("spare of cell 4")
+    /// {
+    ///     robot.accept_identity(*found);
+    ///     robot.status().await?;
+    ///     robot.clear_list().await?;
+    /// }
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn accept_identity(&self, found: Identity) {
+        self.hub().known().expected = Some(found);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    fn text(text: &str) -> Reading {
+        Reading::Text(text.to_owned())
+    }
+
+    fn answer(values: Vec<Reading>) -> Result<Answer, RequestError> {
+        Ok(Answer::Values { values: values.into_iter().map(Ok).collect(), after: Duration::ZERO })
+    }
+
+    fn short(answered: usize) -> Result<Answer, RequestError> {
+        Ok(Answer::Mismatch { answered, after: Duration::ZERO })
+    }
+
+    #[test]
+    fn all_is_read_in_two_queries() {
+        let mut introduction = Introduction::again();
+        assert_eq!(introduction.next(), Some(AGAIN.as_slice()));
+        let integer = Reading::Integer;
+        introduction.answered(answer(vec![text("F5"), text("cell 4"), integer(6), integer(7), integer(135)]));
+        assert_eq!(introduction.next(), Some([Address::RemoteCmdLen].as_slice()));
+        introduction.answered(answer(vec![integer(3)]));
+        assert_eq!(introduction.next(), None);
+        let found = introduction.found();
+        assert_eq!(found.identity.machine_name.as_deref(), Some("cell 4"));
+        assert_eq!(found.identity.firmware.as_deref(), Some("F5"));
+        assert_eq!(found.identity.axis_count, Some(6));
+        assert_eq!(
+            (found.mode, found.alarm, found.list_length),
+            (Some(OperationMode::Running), Some(135), Some(3))
+        );
+    }
+
+    #[test]
+    fn what_a_firmware_lacks_is_found_out_one_by_one() {
+        let mut introduction = Introduction::first();
+        introduction.answered(short(2));
+        let mut asked = Vec::new();
+        while let Some([address]) = introduction.next() {
+            asked.push(*address);
+            let reply = match address {
+                Address::Version => answer(vec![text("F5")]),
+                Address::AxisNum => answer(vec![Reading::Integer(4)]),
+                _ => short(0),
+            };
+            introduction.answered(reply);
+        }
+        assert_eq!(asked, IDENTITY);
+        let identity = introduction.found().identity;
+        let axis_count = Some(4);
+        assert_eq!(identity, Identity { firmware: Some("F5".to_owned()), machine_name: None, axis_count });
+        assert_eq!(identity.to_string(), "no machineName, version `F5`, 4 axes");
+    }
+
+    #[test]
+    fn a_controller_that_does_not_say_who_it_is_is_given_up() {
+        let mut introduction = Introduction::again();
+        assert!(!introduction.timed_out());
+        assert_eq!(introduction.next(), Some(AGAIN.as_slice()), "asked again");
+        assert!(introduction.timed_out());
+    }
+}
