@@ -7,6 +7,9 @@
 //! knows. Only queries are ever repeated by this crate. "ok" means accepted, not done: whether the arm moved is read
 //! from its state ([`Robot::wait_until_done`], [`Robot::stop`]).
 //!
+//! A [`Motion`] is put together from typed values ([`units`]), streamed by [`Robot::run`] and followed through its
+//! [`MotionHandle`]; [`Robot::with_guard`] holds it against an [`Envelope`] first.
+//!
 //! A stop sent from here is an ordinary command on a network. It is no emergency stop.
 #![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::expect_used, clippy::panic))]
 
@@ -14,24 +17,38 @@ mod backoff;
 mod connect;
 mod driver;
 mod error;
+mod guard;
+mod handle;
 mod job;
 mod link;
 mod motion;
+mod moves;
+mod path;
 mod pushed;
 mod query;
 mod robot;
 mod settings;
 mod status;
 mod stop;
+mod stream;
+pub mod units;
 
 pub use connect::DEFAULT_PORT;
 pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+pub use guard::{Checked, Envelope, Violation};
+pub use handle::{MotionHandle, Progress, StepHandle, StepState};
 pub use job::CameraSet;
 pub use motion::{Done, WaitError, WaitOptions};
+pub use moves::{MAX_STEPS, Motion, StepError};
+pub use path::place::Missed;
 pub use pushed::{LostReason, Pushed};
 pub use query::{NoReading, QueryResult};
-pub use r6_proto::OperationMode;
+pub use r6_proto::message::instruction::{
+    BlendLevel, BoardOutput, Instruction, OutputBoard, OutputKind, WaitCondition, WaitSource,
+};
+pub use r6_proto::{AxisIndex, AxisMask, OperationMode};
 pub use robot::{Accepted, Robot};
 pub use settings::{Heartbeat, Reconnect, RobotSettings};
 pub use status::{Status, Unmet};
 pub use stop::{ListAfterStop, NotTried, StopReport};
+pub use stream::{Cause, MotionError, RunOptions};

@@ -164,7 +164,7 @@ impl From<RequestError> for Failure {
                 | NotSent::Busy { .. }
                 | NotSent::Closed,
             ) => Exit::NoReply,
-            RequestError::Refused(_) => Exit::Refused,
+            RequestError::NotSent(NotSent::OutsideEnvelope(_)) | RequestError::Refused(_) => Exit::Refused,
             RequestError::OutcomeUnknown(unknown) => match unknown.request().effect {
                 Effect::Reads => Exit::NoReply,
                 Effect::Changes | Effect::Moves | Effect::Stops => Exit::Unknown,
