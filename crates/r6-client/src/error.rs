@@ -8,6 +8,7 @@ use r6_proto::CommandName;
 use r6_proto::client::SendError;
 use r6_proto::error::FieldError;
 
+use crate::guard::Violation;
 use crate::identity::Identity;
 use crate::pushed::LostReason;
 
@@ -91,6 +92,8 @@ pub enum NotSent {
     Wire(SendError),
     /// The handle was closed.
     Closed,
+    /// It goes beyond the envelope of the handle's guard.
+    OutsideEnvelope(Violation),
 }
 
 /// A controller's no.
@@ -250,6 +253,7 @@ impl fmt::Display for NotSent {
             }
             Self::Wire(error) => error.fmt(f),
             Self::Closed => f.write_str("the handle is closed; connect again"),
+            Self::OutsideEnvelope(violation) => violation.fmt(f),
         }
     }
 }

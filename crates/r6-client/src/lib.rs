@@ -10,6 +10,8 @@
 //! Values that are wanted again and again are subscribed to ([`Robot::subscribe`]): one poller reads them for all clones.
 //! After a connection was made anew, who answers there is read first, and no command goes to another robot than before
 //! ([`Robot::accept_identity`]).
+//! A [`Motion`] is put together from typed values ([`units`]), streamed by [`Robot::run`] and followed through its
+//! [`MotionHandle`]; [`Robot::with_guard`] holds it against an [`Envelope`] first.
 //!
 //! A stop sent from here is an ordinary command on a network. It is no emergency stop.
 #![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::expect_used, clippy::panic))]
@@ -20,11 +22,15 @@ mod clock;
 mod connect;
 mod driver;
 mod error;
+mod guard;
+mod handle;
 mod identity;
 mod job;
 mod link;
 mod link_quality;
 mod motion;
+mod moves;
+mod path;
 mod poll_plan;
 mod pushed;
 mod query;
@@ -32,19 +38,29 @@ mod robot;
 mod settings;
 mod status;
 mod stop;
+mod stream;
 mod subscription;
+pub mod units;
 
 pub use connect::DEFAULT_PORT;
 pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+pub use guard::{Checked, Envelope, Violation};
+pub use handle::{MotionHandle, Progress, StepHandle, StepState};
 pub use identity::{Found, Identity};
 pub use job::CameraSet;
 pub use link_quality::{Latency, LinkQuality, LinkState};
 pub use motion::{Done, WaitError, WaitOptions};
+pub use moves::{MAX_STEPS, Motion, StepError};
+pub use path::place::Missed;
 pub use pushed::{LostReason, Pushed};
 pub use query::{NoReading, QueryResult};
-pub use r6_proto::OperationMode;
+pub use r6_proto::message::instruction::{
+    BlendLevel, BoardOutput, Instruction, OutputBoard, OutputKind, WaitCondition, WaitSource,
+};
+pub use r6_proto::{AxisIndex, AxisMask, OperationMode};
 pub use robot::{Accepted, Robot};
 pub use settings::{Heartbeat, Liveness, Reconnect, RobotSettings};
 pub use status::{Status, Unmet};
 pub use stop::{ListAfterStop, NotTried, StopReport};
+pub use stream::{Cause, MotionError, RunOptions};
 pub use subscription::{NotSubscribed, Quality, Snapshot, Subscription, Value};

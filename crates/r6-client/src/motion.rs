@@ -9,6 +9,7 @@ use r6_proto::message::Instruction;
 use tokio::time::{Instant, sleep, timeout_at};
 
 use crate::error::{NotSent, OutcomeUnknown, RequestError};
+use crate::guard::Start;
 use crate::job::Work;
 use crate::link::Lane;
 use crate::robot::{Accepted, Robot};
@@ -153,28 +154,28 @@ impl Sample {
 
 /// Judges reads, one after the other.
 #[derive(Debug)]
-struct Watch {
-    options: WaitOptions,
+pub(crate) struct Watch {
+    pub options: WaitOptions,
     begun: Instant,
     last: Option<Sample>,
     still_since: Option<Instant>,
     unreadable_since: Option<Instant>,
-    moved: bool,
+    pub moved: bool,
 }
 
 impl Watch {
-    fn new(options: WaitOptions, begun: Instant) -> Self {
+    pub fn new(options: WaitOptions, begun: Instant) -> Self {
         Self { options, begun, last: None, still_since: None, unreadable_since: None, moved: false }
     }
 
     /// A read failed: stillness has to be seen anew.
-    fn missed(&mut self) {
+    pub fn missed(&mut self) {
         self.still_since = None;
         self.last = None;
     }
 
     /// `Ok(true)` once the motion has ended.
-    fn judge(&mut self, sample: Sample, now: Instant) -> Result<bool, WaitError> {
+    pub fn judge(&mut self, sample: Sample, now: Instant) -> Result<bool, WaitError> {
         if let Some(code) = sample.alarm.filter(|code| *code != 0) {
             return Err(WaitError::AlarmRaised { code });
         }
@@ -227,7 +228,34 @@ impl Robot {
         replace: bool,
         instructions: Vec<Instruction>,
     ) -> Result<Accepted, RequestError> {
+        self.held_against_guard(replace, &instructions).await?;
+        self.add_unguarded(replace, instructions).await
+    }
+
+    /// The same, for what was checked before.
+    pub(crate) async fn add_unguarded(
+        &self,
+        replace: bool,
+        instructions: Vec<Instruction>,
+    ) -> Result<Accepted, RequestError> {
         self.accepted(Work::AddRcc { replace, instructions }, Lane::Ordinary).await
+    }
+
+    /// Checks a list against the guard of this handle, if it has one.
+    async fn held_against_guard(
+        &self,
+        replace: bool,
+        instructions: &[Instruction],
+    ) -> Result<(), RequestError> {
+        let Some(envelope) = self.guard() else { return Ok(()) };
+        let mut from = None;
+        if envelope.needs_start() && !instructions.is_empty() {
+            let sample = self.sample(Lane::Ordinary).await?;
+            // What is appended begins where the list ends, and nobody knows where that is.
+            let at_rest = sample.moving == Some(false) && (replace || sample.list_length == Some(0));
+            from = at_rest.then_some(Start { axes: sample.axes, pose: sample.pose });
+        }
+        envelope.check(instructions, from).map_err(|violation| NotSent::OutsideEnvelope(violation).into())
     }
 
     /// Empties the instruction list, so that nothing left in it runs at the next start.

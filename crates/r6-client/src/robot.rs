@@ -8,7 +8,7 @@ use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
 use r6_proto::message::{Command, PhotoAnswer};
 use tokio::runtime::Handle;
-use tokio::sync::{broadcast, mpsc, oneshot};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc, oneshot, watch};
 use tokio::time::Instant;
 
 use crate::backoff::Backoff;
@@ -16,6 +16,7 @@ use crate::board::Board;
 use crate::connect::Target;
 use crate::driver::{Driver, Urgent};
 use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError};
+use crate::guard::Envelope;
 use crate::identity::{Found, Identity};
 use crate::job::{Answer, CameraSet, Job, Work};
 use crate::link::Lane;
@@ -33,6 +34,8 @@ const LANE_LENGTH: usize = 64;
 #[derive(Clone, Debug)]
 pub struct Robot {
     lanes: Arc<Lanes>,
+    /// What every list is checked against before it is sent.
+    guard: Option<Arc<Envelope>>,
 }
 
 #[derive(Debug)]
@@ -44,6 +47,10 @@ struct Lanes {
     hub: Arc<Hub>,
     /// Where the poller of the subscriptions runs.
     runtime: Handle,
+    /// Counts the stops and pauses that handles asked for: a path that is being streamed ends with the next one.
+    stops: watch::Sender<u64>,
+    /// Whoever streams a path has it: two paths would mix in one list.
+    streaming: Arc<Semaphore>,
 }
 
 /// A controller's yes. It says that the request was taken, not that anything moves.
@@ -78,11 +85,13 @@ impl Robot {
             ordinary,
             hub: Arc::clone(&hub),
             runtime: Handle::current(),
+            stops: watch::Sender::new(0),
+            streaming: Arc::new(Semaphore::new(1)),
         };
         let backoff = Backoff::new(settings.reconnect, seed_from_clock);
         let driver = Driver::new(target, settings, urgent_jobs, ordinary_jobs, hub, backoff);
         tokio::spawn(driver.run(stream));
-        Ok(Self { lanes: Arc::new(lanes) })
+        Ok(Self { lanes: Arc::new(lanes), guard: None })
     }
 
     /// Ends the connection for all clones and waits until it is closed, half a second at most.
@@ -109,7 +118,10 @@ impl Robot {
     pub async fn command(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
         let work = Work::Command(command);
         let lane = match work.sent().effect {
-            Effect::Stops => Lane::Urgent,
+            Effect::Stops => {
+                self.announce_stop();
+                Lane::Urgent
+            }
             Effect::Reads | Effect::Changes | Effect::Moves => Lane::Ordinary,
         };
         self.accepted(work, lane).await
@@ -158,6 +170,36 @@ impl Robot {
                 Ok(result.text(Address::Version).map(str::to_owned))
             }
         }
+    }
+
+    /// The same robot behind a guard: what [`Self::run`] and [`Self::add_rcc`] of this handle and its clones send is held
+    /// against the envelope first, and not sent if it goes beyond.
+    ///
+    /// Commands are not checked: a start button, a register or an output can start a taught program that no envelope knows.
+    #[must_use]
+    pub fn with_guard(&self, envelope: Envelope) -> Self {
+        Self { lanes: Arc::clone(&self.lanes), guard: Some(Arc::new(envelope)) }
+    }
+
+    /// The envelope that this handle checks against.
+    #[must_use]
+    pub fn guard(&self) -> Option<&Envelope> {
+        self.guard.as_deref()
+    }
+
+    /// Somebody wants the arm to stop: nothing more of a path is to be sent.
+    pub(crate) fn announce_stop(&self) {
+        self.lanes.stops.send_modify(|stops| *stops = stops.wrapping_add(1));
+    }
+
+    /// Tells when somebody wants the arm to stop, from now on.
+    pub(crate) fn stops(&self) -> watch::Receiver<u64> {
+        self.lanes.stops.subscribe()
+    }
+
+    /// The right to stream a path over this connection, if nobody has it.
+    pub(crate) fn streaming(&self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()
     }
 
     pub(crate) fn hub(&self) -> &Hub {

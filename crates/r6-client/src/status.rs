@@ -8,6 +8,7 @@ use r6_proto::axis::{AXES, AxisIndex};
 
 use crate::error::RequestError;
 use crate::link::Lane;
+use crate::motion::Sample;
 use crate::query::QueryResult;
 use crate::robot::Robot;
 use r6_proto::OperationMode;
@@ -141,6 +142,18 @@ impl Status {
             self.list_length.filter(|length| *length != 0).map(|length| Unmet::LeftoverList { length });
         // In the order in which they are to be dealt with: a list that is left over starts with the next start.
         [moving, list, alarm, homed, mode].into_iter().flatten().collect()
+    }
+
+    /// What it tells about motion.
+    pub(crate) fn sample(&self) -> Sample {
+        Sample {
+            moving: self.moving,
+            alarm: self.alarm,
+            mode: self.mode,
+            list_length: self.list_length,
+            axes: self.axes,
+            pose: self.pose,
+        }
     }
 
     /// Whether nothing keeps the machine from taking instructions, as far as the wire tells.

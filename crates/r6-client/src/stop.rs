@@ -84,6 +84,7 @@ impl Robot {
     /// [`RequestError`] if no stop was answered at all. If one was, but the arm was not seen to stand, the report says so
     /// ([`StopReport::confirmed`]).
     pub async fn stop(&self) -> Result<StopReport, RequestError> {
+        self.announce_stop();
         let begun = Instant::now();
         let deadline = begun + CONFIRM_WITHIN;
         let mut attempts = 0;

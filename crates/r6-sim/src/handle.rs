@@ -35,6 +35,8 @@ struct Shared {
     /// The next deadline may have changed.
     timers: Notify,
     log: broadcast::Sender<LogLine>,
+    /// A reader of the log who was there before anything happened, until somebody takes its place.
+    log_from_start: Mutex<Option<broadcast::Receiver<LogLine>>>,
     /// What becomes of attempts to connect.
     door: watch::Sender<Door>,
     /// Seeds what is drawn on the links.
@@ -72,8 +74,10 @@ impl ControllerHandle {
         let door = watch::Sender::new(Door::of(controller.link_faults()));
         let link_changes = controller.link_changes();
         let state = Mutex::new(State { controller, pace, changes, connections, link_changes });
-        let log = broadcast::Sender::new(LOG_BACKLOG);
-        Self { shared: Arc::new(Shared { address, state, keeper, timers: Notify::new(), log, door, seed }) }
+        let (log, first) = broadcast::channel(LOG_BACKLOG);
+        let log_from_start = Mutex::new(Some(first));
+        let timers = Notify::new();
+        Self { shared: Arc::new(Shared { address, state, keeper, timers, log, log_from_start, door, seed }) }
     }
 
     /// Where it listens.
@@ -118,6 +122,13 @@ impl ControllerHandle {
     /// How long it is, in real time, until something is due.
     pub(crate) fn until(&self, due: Instant) -> Duration {
         self.state().pace.until(due)
+    }
+
+    /// What happens, from the start on: for the first who asks, and from now on for all others.
+    #[must_use]
+    pub fn log_from_start(&self) -> broadcast::Receiver<LogLine> {
+        let first = self.shared.log_from_start.lock().unwrap_or_else(PoisonError::into_inner).take();
+        first.unwrap_or_else(|| self.log())
     }
 
     /// Asks a camera for a photo, as a program does: see [`Controller::request_photo`].

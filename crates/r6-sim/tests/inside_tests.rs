@@ -38,3 +38,18 @@ fn what_cannot_be_started_is_an_error() {
     let error = robot.unwrap_err().to_string();
     assert!(error.contains(folder.path().to_str().unwrap()) && error.contains("opened"), "{error}");
 }
+
+/// Whoever reads the log first misses nothing, however late it comes.
+#[tokio::test]
+async fn the_first_reader_of_the_log_misses_nothing() {
+    let text = "[[at]]\ntime = 0\ndo = \"alarm\"\nnumber = 5001";
+    let scenario = r6_controller::Scenario::read(text).unwrap();
+    let robot = VirtualController::builder().scenario(scenario).start().await.unwrap();
+    let _ = robot.handle().snapshot();
+    let mut log = robot.handle().log_from_start();
+    let line = tokio::time::timeout(std::time::Duration::from_secs(20), log.recv()).await.unwrap().unwrap();
+    assert_eq!(line.text, "scenario: alarm 5001");
+    // The second reader hears what comes.
+    let mut second = robot.handle().log_from_start();
+    assert!(second.try_recv().is_err());
+}

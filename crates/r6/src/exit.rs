@@ -165,7 +165,8 @@ impl From<RequestError> for Failure {
                 | NotSent::Busy { .. }
                 | NotSent::Closed,
             ) => Exit::NoReply,
-            RequestError::NotSent(NotSent::AnotherRobot { .. }) | RequestError::Refused(_) => Exit::Refused,
+            RequestError::NotSent(NotSent::AnotherRobot { .. } | NotSent::OutsideEnvelope(_))
+            | RequestError::Refused(_) => Exit::Refused,
             RequestError::OutcomeUnknown(unknown) => match unknown.request().effect {
                 Effect::Reads => Exit::NoReply,
                 Effect::Changes | Effect::Moves | Effect::Stops => Exit::Unknown,

@@ -136,12 +136,11 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
     let listening = controllers.iter().map(|controller| format!("listening on {}", controller.address()));
     let panel = simulation.panel().map(panel_line);
     let listening: Vec<_> = listening.chain(panel).collect();
-    // The log is listened to before anybody can know the address.
     let named = controllers.len() > 1;
     let mut logs = JoinSet::new();
     lines.line(listening.join("\n"));
     for controller in controllers {
-        logs.spawn(print_log(controller.clone(), controller.log(), named, lines.clone()));
+        logs.spawn(print_log(controller.clone(), controller.log_from_start(), named, lines.clone()));
     }
     stdin::listen(controllers.to_vec())?;
     ending.signalled().await;

@@ -133,7 +133,7 @@ fn hints(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Vec<String
 }
 
 async fn show_lines(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Result<(), Failure> {
-    let log = controller.log();
+    let log = controller.log_from_start();
     let state = controller.snapshot();
     let lines = sim::output_queue()?;
     lines.line(format_args!("listening on {}", controller.address()));
@@ -150,7 +150,7 @@ async fn show_lines(controller: &ControllerHandle, panel: Option<SocketAddr>) ->
 
 async fn show_screen(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Result<(), Failure> {
     let failed = |error: std::io::Error| Failure::usage(format!("the terminal cannot be drawn on: {error}"));
-    let mut log = controller.log();
+    let mut log = controller.log_from_start();
     let mut view = View::new(controller.address(), hints(controller, panel));
     let mut screen = Screen::open().map_err(failed)?;
     let mut ticks = tokio::time::interval(DRAW_INTERVAL);

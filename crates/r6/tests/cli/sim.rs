@@ -244,8 +244,10 @@ fn a_scenario_happens() {
     let read = r6(&["-r", &address, "query", "input-0", "--json"]).json();
     assert_eq!(read["values"]["input-0"], 4, "{read}");
     // Nobody waits for the timeline: it comes at its time.
-    let lines: Vec<_> = (0..2).map(|_| sim.line()).collect();
-    assert!(lines[0].contains("modifyOutput") && lines[1].contains("alarm 5001"), "{lines:?}");
+    let lines: Vec<_> = (0..3).map(|_| sim.line()).collect();
+    let wanted = ["modifyOutput", "scenario: input X012 on", "scenario: alarm 5001"];
+    assert!(lines.iter().zip(wanted).all(|(line, wanted)| line.contains(wanted)), "{lines:?}");
+    assert!(sim.line().contains("alarm 5001"), "the machine's own line");
     assert_eq!(r6(&["-r", &address, "status", "--json"]).json()["alarm"], 5001);
     drop(sim);
 

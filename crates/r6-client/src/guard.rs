@@ -1,0 +1,142 @@
+//! A guard: an envelope that lists are held against before anything of them is sent.
+//!
+//! It compares numbers with numbers and is no measure of protection (docs/SAFETY.md).
+
+mod arc;
+mod violation;
+mod walk;
+
+use r6_proto::axis::{AXES, AxisIndex};
+use r6_proto::message::Instruction;
+
+pub use crate::guard::violation::{Checked, Violation};
+use crate::guard::walk::Walk;
+use crate::units::{AxisCoordinate, Degrees, Millimetres, MillimetresPerSecond, Percent};
+
+/// What a list may ask for. What is not set is not checked.
+///
+/// Speeds are those of the list, before the global speed. Axis limits are held against the targets of axis moves, and
+/// the workspace against those of linear and curve moves: without a model of the arm nobody can tell one from the other.
+/// Where both matter, allow only one kind of move ([`Self::only`]). A straight line between two points of the workspace
+/// does not leave it; of a curve the whole arc is checked.
+///
+/// What cannot be told counts as beyond: a step length from an unknown place, a workspace in another work frame.
+///
+/// ```
+/// use r6_client::units::{AxisPosition, Degrees, Percent};
+/// use r6_client::{AxisIndex, Envelope, Motion};
+///
+/// let first = AxisIndex::ALL[0];
+/// let envelope = Envelope::new()
+///     .speed_cap(Percent::new(20.0)?)
+///     .axis_limits(first, Degrees(-90.0), Degrees(90.0));
+/// let motion = Motion::new().axis_move(AxisPosition::degrees([95.0]), Percent::new(10.0)?);
+/// let beyond = envelope.check_motion(&motion).unwrap_err();
+/// assert_eq!(beyond.to_string(), "step 1: J1 goes to 95 deg, outside of -90 to 90 deg");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Envelope {
+    speed_cap: Option<Percent>,
+    path_speed_cap: Option<MillimetresPerSecond>,
+    axis_limits: [Option<(AxisCoordinate, AxisCoordinate)>; AXES],
+    workspace: Option<[(Millimetres, Millimetres); 3]>,
+    largest_axis_step: Option<Degrees>,
+    largest_distance: Option<Millimetres>,
+    only: Option<Vec<i64>>,
+}
+
+/// Where the arm stands before the first step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Start {
+    pub axes: [Option<f64>; AXES],
+    pub pose: [Option<f64>; AXES],
+}
+
+impl Envelope {
+    /// An envelope that allows everything.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// No move is faster than this. A move at the path speed is held against [`Self::path_speed_cap`] instead, and is
+    /// beyond where there is none: nobody knows for sure how many percent so many mm/s are.
+    #[must_use]
+    pub fn speed_cap(mut self, cap: Percent) -> Self {
+        self.speed_cap = Some(cap);
+        self
+    }
+
+    /// No path speed (action 51) is higher than this.
+    #[must_use]
+    pub fn path_speed_cap(mut self, cap: MillimetresPerSecond) -> Self {
+        self.path_speed_cap = Some(cap);
+        self
+    }
+
+    /// No axis move takes this axis further than this: degrees, or millimetres for an axis that slides.
+    #[must_use]
+    pub fn axis_limits<T: Into<AxisCoordinate>>(mut self, axis: AxisIndex, lowest: T, highest: T) -> Self {
+        if let Some(slot) = self.axis_limits.get_mut(axis.index()) {
+            *slot = Some((lowest.into(), highest.into()));
+        }
+        self
+    }
+
+    /// No linear or curve move leaves this box: X, Y, Z, each from its lowest to its highest, in the work frame in use.
+    #[must_use]
+    pub fn workspace(mut self, lowest: [Millimetres; 3], highest: [Millimetres; 3]) -> Self {
+        let ([x, y, z], [to_x, to_y, to_z]) = (lowest, highest);
+        self.workspace = Some([(x, to_x), (y, to_y), (z, to_z)]);
+        self
+    }
+
+    /// No axis move turns an axis by more than this, from the present position and from target to target.
+    #[must_use]
+    pub fn largest_axis_step(mut self, largest: Degrees) -> Self {
+        self.largest_axis_step = Some(largest);
+        self
+    }
+
+    /// No linear or curve move ends further than this from where it begins, and no axis that slides goes further.
+    #[must_use]
+    pub fn largest_distance(mut self, largest: Millimetres) -> Self {
+        self.largest_distance = Some(largest);
+        self
+    }
+
+    /// Only these actions, by their numbers: 4 axis move, 10 linear move, 17 curve move, 51 path speed, 52 stop on
+    /// a signal, 100 wait, 200 output, 204 outputs of a board, 800 workbench.
+    #[must_use]
+    pub fn only(mut self, actions: impl IntoIterator<Item = i64>) -> Self {
+        self.only = Some(actions.into_iter().collect());
+        self
+    }
+
+    /// Checks a motion, without the step from the present position to the first target.
+    ///
+    /// # Errors
+    /// [`Violation`]: the first step that goes beyond. A motion that is wrong in itself is not looked at:
+    /// [`crate::Robot::run`] refuses it.
+    pub fn check_motion(&self, motion: &crate::Motion) -> Result<(), Violation> {
+        let mut walk = Walk::new(self);
+        walk.start_is_open = true;
+        motion.instructions().unwrap_or_default().iter().try_for_each(|step| walk.step(step))
+    }
+
+    /// Whether the present position has to be known.
+    pub(crate) fn needs_start(&self) -> bool {
+        self.largest_axis_step.is_some() || self.largest_distance.is_some() || self.workspace.is_some()
+    }
+
+    /// Checks a list that begins with the arm at `from`.
+    pub(crate) fn check(&self, steps: &[Instruction], from: Option<Start>) -> Result<(), Violation> {
+        let mut walk = Walk::new(self);
+        if let Some(Start { axes, pose }) = from {
+            walk.axes = axes;
+            walk.pose = pose;
+        }
+        steps.iter().try_for_each(|step| walk.step(step))
+    }
+}

@@ -1,0 +1,113 @@
+//! What goes beyond an envelope.
+
+use std::fmt;
+
+use r6_proto::axis::AxisIndex;
+
+/// A step that goes beyond an envelope; nothing of its list was sent.
+#[derive(Clone, Copy, Debug)]
+pub struct Violation {
+    /// The step, counted from 1.
+    pub step: usize,
+    /// What goes beyond.
+    pub what: Checked,
+    /// Its value; `None` where it cannot be told, which counts as beyond.
+    pub value: Option<f64>,
+    /// The least and the most that is allowed, in the same unit.
+    pub limit: (f64, f64),
+}
+
+/// What is held against an envelope.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Checked {
+    /// The `speed` of a move, percent.
+    Speed,
+    /// The path speed, mm/s.
+    PathSpeed,
+    /// The target of an axis, degrees, or mm if it slides.
+    Axis(AxisIndex, bool),
+    /// How far a move turns an axis, degrees, or, if it slides, mm.
+    AxisStep(AxisIndex, bool),
+    /// X, Y or Z of the tool, mm.
+    Place(AxisIndex),
+    /// How far a move goes, mm.
+    Distance,
+    /// The way of a curve that begins at an unknown place.
+    Arc,
+    /// The frame that a pose refers to: another one than that of the envelope.
+    Frame,
+    /// The kind of instruction, by its action number.
+    Action(i64),
+}
+
+impl PartialEq for Violation {
+    fn eq(&self, other: &Self) -> bool {
+        let bits = |violation: &Self| {
+            let (least, most) = violation.limit;
+            (violation.value.map(f64::to_bits), least.to_bits(), most.to_bits())
+        };
+        (self.step, self.what, bits(self)) == (other.step, other.what, bits(other))
+    }
+}
+
+// Numbers are compared bit by bit: even what is no number equals itself.
+impl Eq for Violation {}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (least, most) = self.limit;
+        let length = |slides: bool| if slides { "mm" } else { "deg" };
+        write!(f, "step {}: ", self.step)?;
+        match (self.what, self.value) {
+            (Checked::Speed, Some(value)) => write!(f, "the speed is {value} %, above {most} %"),
+            (Checked::Speed, None) => write!(f, "the move has no speed, and {most} % is the most"),
+            (Checked::PathSpeed, value) => {
+                write!(f, "the path speed is {} mm/s, above {most} mm/s", Value(value))
+            }
+            (Checked::Axis(axis, slides), value) => {
+                let unit = length(slides);
+                write!(f, "{axis} goes to {} {unit}, outside of {least} to {most} {unit}", Value(value))
+            }
+            (Checked::AxisStep(axis, slides), Some(value)) => {
+                let unit = length(slides);
+                write!(f, "{axis} goes {value} {unit} in one step, more than {most} {unit}")
+            }
+            (Checked::AxisStep(axis, _), None) => write!(
+                f,
+                "how far {axis} goes cannot be told, because where it begins is not known: read the position first, or \
+                 begin a motion of its own here"
+            ),
+            (Checked::Place(axis), value) => {
+                let name = axis.world_name();
+                write!(f, "{name} gets to {} mm, outside of {least} to {most} mm", Value(value))
+            }
+            (Checked::Distance, Some(value)) => {
+                write!(f, "the tool goes {value} mm in one step, more than {most} mm")
+            }
+            (Checked::Distance, None) => f.write_str(
+                "how far the tool goes cannot be told, because where it begins is not known: read the position first, \
+                 or begin a motion of its own here",
+            ),
+            (Checked::Arc, _) => f.write_str(
+                "the way of the curve cannot be told, because where it begins is not known: begin it with a linear move",
+            ),
+            (Checked::Frame, _) => f.write_str(
+                "the pose is told for another tool, work frame or workbench than the limits: the two do not compare",
+            ),
+            (Checked::Action(number), _) => write!(f, "action {number} is not allowed"),
+        }
+    }
+}
+
+impl std::error::Error for Violation {}
+
+struct Value(Option<f64>);
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(value) => value.fmt(f),
+            None => f.write_str("?"),
+        }
+    }
+}

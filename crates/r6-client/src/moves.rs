@@ -1,0 +1,388 @@
+//! Motions: moves, outputs and waits in their order, checked while they are put together.
+
+use std::fmt;
+use std::time::Duration;
+
+use r6_proto::axis::AxisMask;
+use r6_proto::error::EncodeError;
+use r6_proto::message::instruction::{
+    Action, BlendLevel, BoardOutput, CurveMove, Instruction, Manner, Move, Output, OutputKind, PathSpeed,
+    StopOnSignal, Wait, WaitCondition, WaitSource, Workbench,
+};
+
+use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose};
+
+/// Steps of one motion at most: hours of moves, and some tens of megabytes.
+pub const MAX_STEPS: usize = 100_000;
+
+/// Moves, outputs and waits in their order: what [`crate::Robot::run`] sends.
+///
+/// Every step runs once. What is wrong is kept until [`Self::instructions`] tells it, so that a motion can be written
+/// as one chain; [`crate::Robot::run`] sends nothing of it then.
+///
+/// ```
+/// use std::time::Duration;
+/// use r6_client::units::{AxisPosition, Degrees, Millimetres, Percent, Pose};
+/// use r6_client::{Motion, OutputKind, WaitCondition, WaitSource};
+///
+/// let fast = Percent::new(50.0)?;
+/// let slow = Percent::new(5.0)?;
+/// let above = Pose::new([500.0, 0.0, 300.0].map(Millimetres), [180.0, 0.0, 0.0].map(Degrees));
+/// let part = Pose::position([500.0, 0.0, 200.0].map(Millimetres));
+/// let pick = Motion::new()
+///     .axis_move(AxisPosition::degrees([0.0, 0.0, 0.0, 0.0, 45.0, 0.0]), fast)
+///     .blend(3)
+///     .linear_move(above, fast)
+///     .linear_move(part, slow)
+///     .set_output(OutputKind::Y, 2, true)
+///     .wait_for(WaitSource::Input { board: 0, point: 4 }, WaitCondition::On, Some(Duration::from_secs(2)))
+///     .linear_move(above, fast);
+/// assert_eq!(pick.instructions()?.len(), 6);
+///
+/// let wrong = Motion::new().axis_move(AxisPosition::degrees([0.0]), fast).set_output(OutputKind::Y, 40, true);
+/// assert_eq!(wrong.instructions().unwrap_err().to_string(), "step 2: `point` has to be a point from 0 to 32");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Motion {
+    steps: Vec<Instruction>,
+    /// Whether a path speed is set for the steps to come.
+    path_speed: bool,
+    wrong: Option<StepError>,
+}
+
+/// What is wrong with a step of a motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepError {
+    /// The step, counted from 1; 0 where the whole motion is meant.
+    pub step: usize,
+    /// The field, by its name on the wire.
+    pub field: &'static str,
+    /// What it has to be.
+    pub wanted: &'static str,
+}
+
+impl fmt::Display for StepError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.step {
+            0 => f.write_str("the motion: ")?,
+            step => write!(f, "step {step}: ")?,
+        }
+        write!(f, "`{}` has to be {}", self.field, self.wanted)
+    }
+}
+
+impl std::error::Error for StepError {}
+
+impl StepError {
+    pub(crate) fn of(step: usize, error: &EncodeError) -> Self {
+        Self { step, field: error.field, wanted: error.wanted }
+    }
+}
+
+impl Motion {
+    /// A motion without steps.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The axes go to this position, all arriving together (action 4).
+    #[must_use]
+    pub fn axis_move(self, to: AxisPosition, speed: Percent) -> Self {
+        let manner = manner(to.mask(), Some(speed));
+        let named = to.mask() != AxisMask::NONE;
+        self.instruct(Action::AxisMove(Move { target: to.coordinates(), manner })).check(
+            named,
+            "ckStatus",
+            "a mask with one axis at least",
+        )
+    }
+
+    /// The tool goes straight to a pose (action 10). 100 % are 2000 mm/s (reported, unit B).
+    #[must_use]
+    pub fn linear_move(self, to: Pose, speed: Percent) -> Self {
+        let manner = manner(to.mask(), Some(speed));
+        self.instruct(Action::LinearMove(Move { target: to.coordinates(), manner }))
+    }
+
+    /// The same at the speed that [`Self::path_speed`] set.
+    #[must_use]
+    pub fn linear_move_at_path_speed(self, to: Pose) -> Self {
+        let set = self.path_speed;
+        self.instruct(Action::LinearMove(Move { target: to.coordinates(), manner: manner(to.mask(), None) }))
+            .check(set, "speed", "given, or set by a path speed before")
+    }
+
+    /// The tool goes through a middle pose to an end (action 17).
+    ///
+    /// A controller was seen to say ok to a curve without a linear move before it, and not to go there (reported).
+    #[must_use]
+    pub fn curve_move(self, through: Pose, to: Pose, speed: Percent) -> Self {
+        let manner = manner(to.mask().and(through.mask()), Some(speed));
+        let same = to.mask() == through.mask();
+        self.instruct(Action::CurveMove(CurveMove {
+            middle: through.coordinates(),
+            end: to.coordinates(),
+            manner,
+        }))
+        .check(same, "ckStatus", "the same for both poses: give the turn of both, or of neither")
+    }
+
+    /// Rounds the corner after the last step, a move: 0 stops there, 9 rounds most.
+    #[must_use]
+    pub fn blend(self, level: u8) -> Self {
+        const WANTED: &str = "a blend level from 0 to 9, after a move";
+        match BlendLevel::new(level) {
+            Some(level) => self.modify("smooth", WANTED, |manner| manner.smooth = Some(level)),
+            None => self.check(false, "smooth", WANTED),
+        }
+    }
+
+    /// Waits before the last step, a move: at most a day, in steps of 0.1 s by the manual.
+    #[must_use]
+    pub fn delay(self, time: Duration) -> Self {
+        self.modify("delay", "a time to wait, after a move", |manner| manner.delay = Some(time.as_secs_f64()))
+    }
+
+    /// Makes the last step, a move, with this tool frame.
+    #[must_use]
+    pub fn tool(self, number: u32) -> Self {
+        self.modify("tool", "a tool number, after a move", |manner| manner.tool = Some(number))
+    }
+
+    /// Makes the last step, a move, in this work frame.
+    #[must_use]
+    pub fn work_frame(self, number: u32) -> Self {
+        self.modify("coord", "a number of a work frame, after a move", |manner| manner.coord = Some(number))
+    }
+
+    /// Sets the speed of later moves along a path that bring none of their own (action 51).
+    #[must_use]
+    pub fn path_speed(self, speed: MillimetresPerSecond) -> Self {
+        self.instruct(Action::PathSpeed(PathSpeed { in_use: true, speed: Some(speed.value()) }))
+    }
+
+    /// Sets an output, point 0 to 32 (action 200).
+    #[must_use]
+    pub fn set_output(self, kind: OutputKind, point: u8, on: bool) -> Self {
+        self.instruct(Action::Output(Output { kind, point, on, delay: 0.0 }))
+    }
+
+    /// Sets output Y for a time, then sets it back (action 200, timed).
+    #[must_use]
+    pub fn pulse_output(self, point: u8, on: bool, time: Duration) -> Self {
+        self.instruct(Action::Output(Output {
+            kind: OutputKind::TimedY,
+            point,
+            on,
+            delay: time.as_secs_f64(),
+        }))
+    }
+
+    /// Sets many outputs of a board at once (action 204).
+    #[must_use]
+    pub fn set_board(self, outputs: BoardOutput) -> Self {
+        self.instruct(Action::BoardOutput(outputs))
+    }
+
+    /// Waits for a time, with the arm at rest (action 100).
+    #[must_use]
+    pub fn wait(self, time: Duration) -> Self {
+        self.instruct(Action::Wait(Wait {
+            source: WaitSource::Time,
+            condition: WaitCondition::Off,
+            limit: time.as_secs_f64(),
+            unlimited: false,
+        }))
+    }
+
+    /// Waits for a signal, with the arm at rest: for so long at most, or, without a limit, for ever (action 100).
+    #[must_use]
+    pub fn wait_for(self, source: WaitSource, condition: WaitCondition, limit: Option<Duration>) -> Self {
+        self.instruct(Action::Wait(Wait {
+            source,
+            condition,
+            limit: limit.unwrap_or_default().as_secs_f64(),
+            unlimited: limit.is_none(),
+        }))
+    }
+
+    /// Lets an input, 0 to 31, stop the motion from here on when it takes a state (action 52).
+    #[must_use]
+    pub fn stop_on_input(self, input: u8, on: bool) -> Self {
+        self.instruct(Action::StopOnSignal(StopOnSignal { in_use: true, input, on }))
+    }
+
+    /// Changes the workbench (action 800).
+    #[must_use]
+    pub fn workbench(self, id: u32) -> Self {
+        self.instruct(Action::Workbench(Workbench { id }))
+    }
+
+    /// Any other step. It has to be one-shot: what stays in the list has no end.
+    #[must_use]
+    pub fn instruction(self, instruction: Instruction) -> Self {
+        self.push(instruction).check(
+            instruction.oneshot,
+            "oneshot",
+            "1: a step that stays in the list never ends",
+        )
+    }
+
+    /// How many steps there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// Whether there is no step.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.steps.is_empty()
+    }
+
+    /// The steps.
+    ///
+    /// # Errors
+    /// [`StepError`]: the first thing that is wrong with them.
+    pub fn instructions(&self) -> Result<&[Instruction], StepError> {
+        match self.wrong {
+            Some(wrong) => Err(wrong),
+            None => Ok(&self.steps),
+        }
+    }
+
+    fn instruct(self, action: Action) -> Self {
+        self.push(Instruction { oneshot: true, action })
+    }
+
+    fn push(mut self, instruction: Instruction) -> Self {
+        if self.steps.len() >= MAX_STEPS {
+            return self.check(false, "instructions", "100000 at most");
+        }
+        self.steps.push(instruction);
+        if let Action::PathSpeed(speed) = instruction.action {
+            self.path_speed = speed.in_use;
+        }
+        let encoded = crate::path::encoded_bytes(&instruction);
+        if let Err(error) = encoded {
+            return self.check(false, error.field, error.wanted);
+        }
+        self
+    }
+
+    /// Keeps what is wrong with the last step; what was wrong before stays.
+    fn check(mut self, right: bool, field: &'static str, wanted: &'static str) -> Self {
+        if !right {
+            self.wrong.get_or_insert(StepError { step: self.steps.len(), field, wanted });
+        }
+        self
+    }
+
+    /// Changes how the last step moves, if it is a move.
+    fn modify(mut self, field: &'static str, wanted: &'static str, change: impl FnOnce(&mut Manner)) -> Self {
+        let manner = match self.steps.last_mut().map(|step| &mut step.action) {
+            Some(Action::AxisMove(step) | Action::LinearMove(step)) => Some(&mut step.manner),
+            Some(Action::CurveMove(curve)) => Some(&mut curve.manner),
+            Some(
+                Action::PathSpeed(_)
+                | Action::StopOnSignal(_)
+                | Action::Wait(_)
+                | Action::Output(_)
+                | Action::BoardOutput(_)
+                | Action::Workbench(_)
+                | Action::Unknown(_),
+            )
+            | None => None,
+        };
+        match manner {
+            Some(manner) => {
+                change(manner);
+                let encoded = self.steps.last().map(crate::path::encoded_bytes);
+                match encoded {
+                    Some(Err(error)) => self.check(false, error.field, error.wanted),
+                    Some(Ok(_)) | None => self,
+                }
+            }
+            None => self.check(false, field, wanted),
+        }
+    }
+}
+
+/// A list of instructions as a motion.
+impl FromIterator<Instruction> for Motion {
+    fn from_iter<I: IntoIterator<Item = Instruction>>(instructions: I) -> Self {
+        instructions.into_iter().fold(Self::new(), Self::instruction)
+    }
+}
+
+fn manner(mask: AxisMask, speed: Option<Percent>) -> Manner {
+    Manner { mask: Some(mask), speed: speed.map(Percent::value), ..Manner::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::{Degrees, Millimetres};
+
+    fn slow() -> Percent {
+        Percent::new(5.0).unwrap()
+    }
+
+    fn step() -> Motion {
+        Motion::new().axis_move(AxisPosition::degrees([1.0; 6]), slow())
+    }
+
+    fn wrong(motion: &Motion) -> (usize, &'static str) {
+        let error = motion.instructions().unwrap_err();
+        (error.step, error.field)
+    }
+
+    #[test]
+    fn the_first_mistake_is_told_with_its_step_and_field() {
+        let place = Pose::position([Millimetres(1.0); 3]);
+        let pose = Pose::new([Millimetres(1.0); 3], [Degrees(0.0); 3]);
+        let kept = WaitSource::M { board: 3, point: 0 };
+        let day = Duration::from_secs(86_401);
+        for (motion, expected) in [
+            (step().blend(10), (1, "smooth")),
+            (Motion::new().blend(1), (0, "smooth")),
+            (step().wait(Duration::from_secs(1)).blend(1), (2, "smooth")),
+            (step().delay(day), (1, "delay")),
+            (step().wait(day), (2, "limit")),
+            (step().wait_for(kept, WaitCondition::On, None), (2, "type")),
+            (step().set_output(OutputKind::M, 33, true).blend(10), (2, "point")),
+            (step().stop_on_input(32, true), (2, "ioNumber")),
+            (step().linear_move_at_path_speed(pose), (2, "speed")),
+            (step().curve_move(place, pose, slow()), (2, "ckStatus")),
+            (Motion::new().axis_move(AxisPosition::none(), slow()), (1, "ckStatus")),
+            (Motion::new().axis_move(AxisPosition::degrees([f64::NAN]), slow()), (1, "m0")),
+        ] {
+            assert_eq!(wrong(&motion), expected, "{motion:?}");
+        }
+    }
+
+    #[test]
+    fn what_never_ends_is_no_step_of_a_motion() {
+        let again = Instruction { oneshot: false, ..step().steps[0] };
+        assert_eq!(wrong(&Motion::from_iter([again])), (1, "oneshot"));
+    }
+
+    #[test]
+    fn a_path_speed_serves_the_moves_after_it() {
+        let pose = Pose::position([Millimetres(1.0); 3]);
+        let speed = MillimetresPerSecond::new(200).unwrap();
+        let motion = Motion::new().path_speed(speed).linear_move_at_path_speed(pose);
+        let steps = motion.instructions().unwrap();
+        let Action::LinearMove(last) = steps[1].action else { panic!("{steps:?}") };
+        assert_eq!((last.manner.speed, last.manner.mask), (None, Some(AxisMask::POSITION)));
+    }
+
+    #[test]
+    fn a_step_too_many_is_refused() {
+        let many = std::iter::repeat_n(step().steps[0], MAX_STEPS + 1).collect::<Motion>();
+        assert_eq!(wrong(&many).1, "instructions");
+        assert_eq!(many.len(), MAX_STEPS);
+    }
+}

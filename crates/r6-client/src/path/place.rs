@@ -1,0 +1,114 @@
+//! Where a step ends, as far as positions tell.
+
+use std::fmt;
+
+use r6_proto::axis::{AXES, AxisIndex, AxisMask};
+use r6_proto::message::Action;
+use r6_proto::message::instruction::{Coordinates, Manner};
+
+use crate::motion::Sample;
+use crate::status::ASKED_AXES;
+
+/// How far an axis may end from its target, degrees. Real arms end within 0.001 (reported, unit A).
+const AXIS_TOLERANCE: f64 = 0.05;
+
+/// How far the tool may end from its target, mm. Real arms end within 0.005 (reported, unit B).
+const POSITION_TOLERANCE: f64 = 0.1;
+
+/// Where a step ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Place {
+    /// These axes at these angles.
+    Axes(Coordinates, AxisMask),
+    /// The tool at this position. Orientation is not compared: one orientation has many triples of angles.
+    Position(Coordinates, AxisMask),
+    /// The step does not move the arm.
+    Same,
+    /// It moves, or changes what positions refer to: nobody can tell from here where it ends.
+    Unknown,
+}
+
+/// An axis or a component of the pose that is not where the motion should have ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Missed {
+    /// Which one.
+    pub axis: AxisIndex,
+    /// Whether it is a component of the pose (mm) and no axis (degrees).
+    pub of_pose: bool,
+    /// Where it should be.
+    pub wanted: f64,
+    /// Where it is; `None` if that could not be read.
+    pub found: Option<f64>,
+}
+
+impl fmt::Display for Missed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = if self.of_pose {
+            f.write_str(self.axis.world_name())?;
+            "mm"
+        } else {
+            self.axis.fmt(f)?;
+            "deg"
+        };
+        match self.found {
+            Some(found) => write!(f, " is at {found:.3}, not at {:.3} {unit}", self.wanted),
+            None => write!(f, " should be at {:.3} {unit} and cannot be read", self.wanted),
+        }
+    }
+}
+
+impl Place {
+    /// Where this step ends.
+    pub fn of(action: &Action) -> Self {
+        match action {
+            Action::AxisMove(step) => Self::Axes(step.target, moved(&step.manner, &step.target)),
+            Action::LinearMove(step) => Self::position(&step.manner, step.target),
+            Action::CurveMove(curve) => Self::position(&curve.manner, curve.end),
+            Action::PathSpeed(_) | Action::Wait(_) | Action::Output(_) | Action::BoardOutput(_) => Self::Same,
+            Action::StopOnSignal(_) | Action::Workbench(_) | Action::Unknown(_) => Self::Unknown,
+        }
+    }
+
+    fn position(manner: &Manner, end: Coordinates) -> Self {
+        if manner.tool.is_some() || manner.coord.is_some() {
+            return Self::Unknown;
+        }
+        Self::Position(end, moved(manner, &end).and(AxisMask::POSITION))
+    }
+
+    /// What is compared, axis by axis: which one, where it should be, where it is.
+    fn compared(&self, sample: &Sample) -> impl Iterator<Item = (AxisIndex, f64, Option<f64>)> {
+        let (wanted, mask, values) = match self {
+            Self::Axes(wanted, mask) => (*wanted, *mask, sample.axes),
+            Self::Position(wanted, mask) => (*wanted, *mask, sample.pose),
+            Self::Same | Self::Unknown => (Coordinates::default(), AxisMask::NONE, [None; AXES]),
+        };
+        AxisIndex::ALL.into_iter().take(ASKED_AXES).filter(move |axis| mask.contains(*axis)).filter_map(
+            move |axis| Some((axis, wanted.at(axis)?, values.get(axis.index()).copied().flatten())),
+        )
+    }
+
+    /// The first axis that is not where the step ends; `None` if the arm is there, or nothing can be compared.
+    pub fn missed(&self, sample: &Sample) -> Option<Missed> {
+        let of_pose = matches!(self, Self::Position(..));
+        let tolerance = if of_pose { POSITION_TOLERANCE } else { AXIS_TOLERANCE };
+        let off = |found: Option<f64>, wanted: f64| {
+            // What is no number is not there either.
+            !found.is_some_and(|found| (found - wanted).abs() <= tolerance)
+        };
+        self.compared(sample)
+            .find(|(_, wanted, found)| off(*found, *wanted))
+            .map(|(axis, wanted, found)| Missed { axis, of_pose, wanted, found })
+    }
+
+    /// Where the sample has what this place is told in: for each coordinate the end of the step and the present value.
+    pub fn beside(&self, sample: &Sample) -> Option<Vec<(AxisIndex, f64, f64)>> {
+        let all: Option<Vec<_>> =
+            self.compared(sample).map(|(axis, wanted, found)| Some((axis, wanted, found?))).collect();
+        all.filter(|all| !all.is_empty())
+    }
+}
+
+fn moved(manner: &Manner, given: &Coordinates) -> AxisMask {
+    manner.mask.unwrap_or(AxisMask::ALL).and(given.given())
+}

@@ -1,0 +1,214 @@
+//! Running a motion: checked first, then streamed, list by list, into the controller.
+
+mod error;
+mod task;
+
+use std::time::Duration;
+
+use r6_proto::OperationMode;
+use tokio::sync::{oneshot, watch};
+
+use crate::error::NotSent;
+use crate::guard::Start;
+use crate::handle::{MotionHandle, Progress};
+use crate::motion::WaitOptions;
+use crate::moves::{Motion, StepError};
+use crate::path::progress::{PathProgress, standing_time};
+use crate::path::{cut, envelope, frame};
+use crate::robot::Robot;
+use crate::status::{Status, Unmet};
+pub use crate::stream::error::{Cause, MotionError};
+use crate::stream::task::Task;
+
+/// How a motion is run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunOptions {
+    /// The time between two reads of the state. Default 50 ms, which real controllers bear for hours.
+    pub interval: Duration,
+    /// Instructions in one frame at most, within [`crate::RobotSettings::max_frame_bytes`]. Default 8: eight were always
+    /// answered, ten to sixteen never on one unit (reported, unit A), and nobody knows whether their number counts or
+    /// their bytes.
+    pub frame_instructions: usize,
+    /// Instructions in the controller's list at most. Default 24: three frames, so that one can be late by the time of
+    /// sixteen moves. How much room real lists have is not known; 17 in one go were streamed (reported, unit A).
+    ///
+    /// What is in the list runs on when the connection breaks.
+    pub room: usize,
+    /// As [`WaitOptions::settle`].
+    pub settle: Duration,
+    /// How long after a list was accepted the arm may stand elsewhere than at its end, with an empty list. Default 1 s.
+    pub start_within: Duration,
+    /// How long the arm may stand without progress, waits and delays of the motion apart. Default 5 s.
+    pub stall_within: Duration,
+    /// As [`WaitOptions::idle_mode`].
+    pub idle_mode: OperationMode,
+    /// Whether a list that is left from before is cleared first, if nothing else is in the way. Default: no, it is told.
+    pub clear_leftover: bool,
+    /// Whether the arm is stopped and its list cleared ([`Robot::stop`]) when the motion fails after something has left:
+    /// outcome unknown, alarm, another mode, no progress. Default: yes.
+    pub stop_on_failure: bool,
+    /// Whether the arm is stopped when the handle is dropped. Default: no, it finishes what is in its list.
+    pub stop_on_drop: bool,
+}
+
+impl Default for RunOptions {
+    fn default() -> Self {
+        let wait = WaitOptions::default();
+        Self {
+            interval: wait.interval,
+            frame_instructions: 8,
+            room: 24,
+            settle: wait.settle,
+            start_within: wait.start_within,
+            stall_within: Duration::from_secs(5),
+            idle_mode: wait.idle_mode,
+            clear_leftover: false,
+            stop_on_failure: true,
+            stop_on_drop: false,
+        }
+    }
+}
+
+impl RunOptions {
+    /// Instructions in one frame at most: no more than there is room for.
+    fn frame_length(&self) -> usize {
+        self.frame_instructions.min(self.room).max(1)
+    }
+}
+
+impl Robot {
+    /// Runs a motion: checks it, looks at the machine, then streams it in lists that the controller takes. The first
+    /// replaces the list, the others are appended while the arm moves, as soon as there is room.
+    ///
+    /// It returns once everything is checked; what then happens is told by the handle. How far the arm is, is read from the
+    /// length of the list (`RemoteCmdLen`), or, from firmware without it, from where the arm is. A list whose outcome is
+    /// unknown is never sent again: the motion ends there.
+    ///
+    /// ```
+    /// # #[tokio::main(flavor = "current_thread")]
+    /// # async fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// # let controller = r6_sim::VirtualController::builder().clock(r6_sim::Clock::AsFastAsPossible).start().await?;
+    /// # let address = controller.address().to_string();
+    /// use r6_client::units::{AxisPosition, Percent};
+    /// use r6_client::{Motion, Robot, RobotSettings, RunOptions};
+    ///
+    /// let robot = Robot::connect(&address, RobotSettings::default()).await?;
+    /// let fast = Percent::new(50.0)?;
+    /// let motion = (0..100).fold(Motion::new(), |motion, n| {
+    ///     motion.axis_move(AxisPosition::degrees([f64::from(n) / 4.0, 0.0, 10.0, 0.0, 30.0, 0.0]), fast).blend(5)
+    /// });
+    /// let handle = robot.run(&motion, RunOptions::default()).await?;
+    /// let mut middle = handle.step(50).expect("there are a hundred");
+    /// assert!(middle.done().await);
+    /// let done = handle.finished().await?;
+    /// assert_eq!(done.axes[0], Some(24.75));
+    /// # Ok(()) }
+    /// ```
+    ///
+    /// # Errors
+    /// [`MotionError`], nothing of the motion was sent: a wrong step, a step beyond the guard's envelope
+    /// ([`Robot::with_guard`]), a condition of the machine that is not met, another motion that is being streamed, or
+    /// a state that cannot be read.
+    pub async fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
+        let failed = |cause| MotionError {
+            cause,
+            progress: Progress { total: motion.len(), ended: true, ..Progress::default() },
+            stop: None,
+        };
+        let steps = motion.instructions().map_err(|error| failed(Cause::Step(error)))?;
+        if steps.is_empty() {
+            let wanted = "one step at least";
+            return Err(failed(Cause::Step(StepError { step: 0, field: "instructions", wanted })));
+        }
+        let frames = cut(steps, self.settings(), options.frame_length())
+            .map_err(|error| failed(Cause::Step(error)))?;
+        let turn = self.streaming().ok_or_else(|| failed(Cause::AnotherRuns))?;
+        let stops = self.stops();
+        let status = self.look_before(options).await.map_err(failed)?;
+        let sample = status.sample();
+        if status.list_length.is_none() && ends_in_endless_wait(motion) {
+            let wanted =
+                "limited: this firmware does not tell the length of its list, and nobody could see the end";
+            let error = StepError { step: steps.len(), field: "isUnlimit", wanted };
+            return Err(failed(Cause::Step(error)));
+        }
+        if let Some(envelope) = self.guard() {
+            let from = Start { axes: status.axes, pose: status.pose };
+            envelope
+                .check(steps, Some(from))
+                .map_err(|violation| failed(Cause::OutsideEnvelope(violation)))?;
+        }
+        let (progress, watched) = watch::channel(Progress { total: steps.len(), ..Progress::default() });
+        let (end, ended) = oneshot::channel();
+        let path = PathProgress::new(steps.to_vec(), sample);
+        let task = Task::new(self.clone(), options, path, frames, progress);
+        let task = tokio::spawn(task.run(ended, stops, turn));
+        Ok(MotionHandle {
+            robot: self.clone(),
+            progress: watched,
+            end: Some(end),
+            task,
+            steps: steps.to_vec(),
+        })
+    }
+
+    /// The frames that [`Self::run`] would send, in their order, byte by byte but for `packID`: here they are numbered from
+    /// 1, and on the wire they are counted together with queries.
+    ///
+    /// Nothing is sent and nothing is asked. A guard is consulted, without the step from the present position.
+    ///
+    /// # Errors
+    /// [`Cause`]: a wrong step, or one beyond the envelope.
+    pub fn dry_run(&self, motion: &Motion, options: RunOptions) -> Result<Vec<Vec<u8>>, Cause> {
+        let steps = motion.instructions().map_err(Cause::Step)?;
+        if let Some(guard) = self.guard() {
+            guard.check_motion(motion).map_err(Cause::OutsideEnvelope)?;
+        }
+        let cut = cut(steps, self.settings(), options.frame_length()).map_err(Cause::Step)?;
+        let mut frames = Vec::with_capacity(cut.len());
+        for (number, range) in cut.into_iter().enumerate() {
+            let first = range.start + 1;
+            let pack_id = (number + 1).to_string();
+            let listed = steps.get(range).unwrap_or_default();
+            let bytes = frame(&envelope(self.settings(), &pack_id), number == 0, listed)
+                .map_err(|error| Cause::Step(StepError::of(first, &error)))?;
+            frames.push(bytes);
+        }
+        Ok(frames)
+    }
+
+    /// Looks at the machine, and clears a list that is left over if that is wished and possible.
+    async fn look_before(&self, options: RunOptions) -> Result<Status, Cause> {
+        let mut status = self.status().await.map_err(Cause::Unreadable)?;
+        let unmet = |status: &Status| -> Vec<Unmet> {
+            let idle = |unmet: &Unmet| matches!(unmet, Unmet::Mode { found } if *found == options.idle_mode);
+            status.unmet().into_iter().filter(|unmet| !idle(unmet)).collect()
+        };
+        let mut found = unmet(&status);
+        if options.clear_leftover && matches!(found.as_slice(), [Unmet::LeftoverList { .. }]) {
+            self.clear_list().await.map_err(Cause::NotCleared)?;
+            status = self.status().await.map_err(Cause::Unreadable)?;
+            found = unmet(&status);
+        }
+        if found.is_empty() { Ok(status) } else { Err(Cause::NotReady(found)) }
+    }
+}
+
+/// Whether the motion ends in a wait without a limit.
+fn ends_in_endless_wait(motion: &Motion) -> bool {
+    use r6_proto::message::Action;
+    let steps = motion.instructions().unwrap_or_default();
+    let moves = |action: &Action| {
+        matches!(action, Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_))
+    };
+    steps.iter().rev().take_while(|step| !moves(&step.action)).any(|step| standing_time(step).is_none())
+}
+
+impl From<NotSent> for Cause {
+    fn from(error: NotSent) -> Self {
+        match error {
+            NotSent::OutsideEnvelope(violation) => Self::OutsideEnvelope(violation),
+            other => Self::NotSent(other),
+        }
+    }
+}

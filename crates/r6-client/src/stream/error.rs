@@ -1,0 +1,142 @@
+//! Why a motion did not come to its end.
+
+use std::fmt;
+use std::time::Duration;
+
+use crate::error::{NotSent, OutcomeUnknown, Refused, RequestError};
+use crate::guard::Violation;
+use crate::handle::Progress;
+use crate::moves::StepError;
+use crate::path::place::Missed;
+use crate::status::{AlarmAdvice, Unmet};
+use crate::stop::StopReport;
+use r6_proto::OperationMode;
+
+/// A motion that did not come to its end: why, what became of its steps, and what became of the arm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionError {
+    /// Why.
+    pub cause: Cause,
+    /// What became of its steps; [`Progress::current`] is the one whose turn it was.
+    pub progress: Progress,
+    /// What became of the arm, where it was stopped.
+    pub stop: Option<Box<Result<StopReport, RequestError>>>,
+}
+
+/// Why a motion did not come to its end.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cause {
+    /// A step is wrong; nothing was sent.
+    Step(StepError),
+    /// A step goes beyond the envelope of the guard; nothing was sent.
+    OutsideEnvelope(Violation),
+    /// The machine is not ready, nothing was sent: what is not met, in the order in which it is to be dealt with.
+    NotReady(Vec<Unmet>),
+    /// The list that was left over could not be cleared; nothing of the motion was sent.
+    NotCleared(RequestError),
+    /// Another motion is being streamed over this connection; nothing was sent.
+    AnotherRuns,
+    /// A list could not be sent. Those before it were.
+    NotSent(NotSent),
+    /// The controller said no to a list.
+    Refused(Refused),
+    /// A list left, and nobody knows whether the controller has it. It was not sent again.
+    OutcomeUnknown(OutcomeUnknown),
+    /// There is an alarm.
+    AlarmRaised {
+        /// Its number.
+        code: i64,
+    },
+    /// The program does not run any more: somebody stopped or paused it, or changed the mode.
+    Stopped {
+        /// The mode the controller is in.
+        mode: OperationMode,
+    },
+    /// A handle of this connection sent a stop or a pause.
+    StoppedHere,
+    /// The handle of the motion was dropped.
+    Dropped,
+    /// The lists were accepted and the arm stands, but not where it should.
+    Elsewhere(Missed),
+    /// The arm stands and nothing goes on.
+    Stalled {
+        /// For how long.
+        after: Duration,
+    },
+    /// The state cannot be read; the motion may go on.
+    Unreadable(RequestError),
+    /// The runtime ended; the motion may go on.
+    Abandoned,
+}
+
+impl MotionError {
+    /// Whether nothing of the motion has left.
+    #[must_use]
+    pub fn nothing_left(&self) -> bool {
+        self.progress.left == 0
+    }
+}
+
+impl fmt::Display for MotionError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let progress = &self.progress;
+        if !self.nothing_left() {
+            write!(f, "step {} of {}: ", progress.current(), progress.total)?;
+        }
+        self.cause.fmt(f)?;
+        if !self.nothing_left() {
+            let queued = progress.total - progress.left;
+            write!(
+                f,
+                "; {} done, {} sent and not seen to be done, {queued} never sent",
+                progress.done,
+                progress.under_way()
+            )?;
+        }
+        match self.stop.as_deref() {
+            Some(Ok(report)) => write!(f, "; {report}"),
+            Some(Err(error)) => write!(f, "; the stop failed, use the emergency stop: {error}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Step(error) => write!(f, "nothing was sent: {error}"),
+            Self::OutsideEnvelope(violation) => write!(f, "nothing was sent: {violation}"),
+            Self::NotReady(unmet) => {
+                f.write_str("nothing was sent: ")?;
+                for (number, unmet) in unmet.iter().enumerate() {
+                    write!(f, "{}{unmet}", if number == 0 { "" } else { "; " })?;
+                }
+                Ok(())
+            }
+            Self::NotCleared(error) => {
+                write!(f, "nothing of the motion was sent, the list that was left over could not be cleared: {error}")
+            }
+            Self::AnotherRuns => f.write_str(
+                "nothing was sent: another motion is being streamed over this connection; wait for its end, or stop it",
+            ),
+            Self::NotSent(error) => error.fmt(f),
+            Self::Refused(error) => error.fmt(f),
+            Self::OutcomeUnknown(error) => error.fmt(f),
+            Self::AlarmRaised { code } => AlarmAdvice(*code).fmt(f),
+            Self::Stopped { mode } => {
+                write!(f, "the program does not run any more, the mode is {mode}")
+            }
+            Self::StoppedHere => f.write_str("a stop or a pause was sent over this connection"),
+            Self::Dropped => f.write_str("the handle of the motion was dropped"),
+            Self::Elsewhere(missed) => write!(f, "the lists were accepted and the arm stands, but {missed}"),
+            Self::Stalled { after } => {
+                write!(f, "nothing has gone on for {after:?}: look at the global speed and at the pendant")
+            }
+            Self::Unreadable(error) => write!(f, "the state cannot be read: {error}"),
+            Self::Abandoned => f.write_str("the runtime ended, and nobody watches the motion any more"),
+        }
+    }
+}
+
+impl std::error::Error for MotionError {}
+impl std::error::Error for Cause {}

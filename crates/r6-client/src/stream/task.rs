@@ -1,0 +1,265 @@
+//! The task that streams one motion: it looks, sends what there is room for, and looks again.
+
+use std::collections::VecDeque;
+use std::future;
+use std::ops::Range;
+use std::time::Duration;
+
+use r6_proto::axis::AXES;
+use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
+use tokio::time::{Instant, sleep};
+
+use crate::error::{NotSent, RequestError};
+use crate::handle::Progress;
+use crate::link::Lane;
+use crate::motion::{Done, Sample, WaitError, WaitOptions, Watch};
+use crate::path::progress::PathProgress;
+use crate::robot::Robot;
+use crate::stream::RunOptions;
+use crate::stream::error::{Cause, MotionError};
+
+/// Reads, or attempts to send, that may fail in a row: one lost reply says nothing about the arm.
+const MAX_FAILED: u32 = 3;
+
+/// Less than this, degrees, is no progress: encoders tremble.
+const NO_PROGRESS: f64 = 1e-3;
+
+/// A motion that is being streamed.
+#[derive(Debug)]
+pub(super) struct Task {
+    robot: Robot,
+    options: RunOptions,
+    path: PathProgress,
+    /// What was not sent yet.
+    frames: VecDeque<Range<usize>>,
+    /// Steps of a frame that may have left and was not answered.
+    in_doubt: usize,
+    progress: watch::Sender<Progress>,
+    begun: Instant,
+    watch: Watch,
+    /// When a list was last accepted.
+    fed: Instant,
+    failed: u32,
+    /// When something last went on, how many steps were over, and where the axes were.
+    went_on: (Instant, usize, [Option<f64>; AXES]),
+}
+
+impl Task {
+    pub fn new(
+        robot: Robot,
+        options: RunOptions,
+        path: PathProgress,
+        frames: Vec<Range<usize>>,
+        progress: watch::Sender<Progress>,
+    ) -> Self {
+        let begun = Instant::now();
+        let wait = WaitOptions {
+            settle: options.settle,
+            start_within: options.start_within,
+            idle_mode: options.idle_mode,
+            ..WaitOptions::default()
+        };
+        Self {
+            robot,
+            options,
+            path,
+            frames: frames.into(),
+            in_doubt: 0,
+            progress,
+            begun,
+            watch: Watch::new(wait, begun),
+            fed: begun,
+            failed: 0,
+            went_on: (begun, 0, [None; AXES]),
+        }
+    }
+
+    /// Runs the motion until it has ended, in whatever way. `ended` is told when the arm is to stop, or is dropped.
+    pub async fn run(
+        mut self,
+        mut ended: oneshot::Receiver<()>,
+        mut stops: watch::Receiver<u64>,
+        turn: OwnedSemaphorePermit,
+    ) -> Result<Done, MotionError> {
+        let result = tokio::select! {
+            biased;
+            asked = &mut ended => Err(match asked {
+                Ok(()) => (Cause::StoppedHere, true),
+                Err(_dropped) => (Cause::Dropped, self.options.stop_on_drop),
+            }),
+            cause = stopped(&mut stops) => Err((cause, false)),
+            result = self.stream() => result.map_err(|cause| (cause, self.options.stop_on_failure)),
+        };
+        let (cause, stop) = match result {
+            Ok(done) => {
+                self.publish(true);
+                return Ok(done);
+            }
+            Err(failed) => failed,
+        };
+        self.publish(true);
+        let progress = *self.progress.borrow();
+        tracing::info!(%cause, ?progress, "the motion did not come to its end");
+        let stop = match cause {
+            _ if !stop || progress.left == 0 => None,
+            _ => Some(Box::new(self.robot.stop().await)),
+        };
+        drop(turn);
+        Err(MotionError { cause, progress, stop })
+    }
+
+    async fn stream(&mut self) -> Result<Done, Cause> {
+        loop {
+            self.feed().await?;
+            match self.robot.sample(Lane::Ordinary).await {
+                Ok(sample) => {
+                    self.failed = 0;
+                    if self.judge(&sample, Instant::now())? {
+                        return Ok(Done {
+                            axes: sample.axes,
+                            pose: sample.pose,
+                            mode: sample.mode,
+                            moved: self.watch.moved,
+                            took: self.begun.elapsed(),
+                        });
+                    }
+                }
+                Err(error) => {
+                    self.watch.missed();
+                    self.failed += 1;
+                    if self.failed >= MAX_FAILED || error == RequestError::NotSent(NotSent::Closed) {
+                        return Err(Cause::Unreadable(error));
+                    }
+                    // What cannot be seen is not fed.
+                    sleep(self.options.interval).await;
+                    continue;
+                }
+            }
+            if !self.has_room() {
+                sleep(self.options.interval).await;
+            }
+        }
+    }
+
+    fn has_room(&self) -> bool {
+        let fits = |frame: &Range<usize>| self.path.in_list() + frame.len() <= self.options.room.max(1);
+        self.frames.front().is_some_and(fits)
+    }
+
+    /// Sends what there is room for. Every frame leaves once, whatever becomes of it; only one of which nothing has left is tried
+    /// again.
+    async fn feed(&mut self) -> Result<(), Cause> {
+        while self.failed == 0
+            && self.has_room()
+            && let Some(frame) = self.frames.pop_front()
+        {
+            let replace = frame.start == 0;
+            let steps = self.path.steps().get(frame.clone()).unwrap_or_default().to_vec();
+            self.in_doubt = frame.len();
+            self.publish(false);
+            let answer = self.robot.add_unguarded(replace, steps).await;
+            match answer {
+                Ok(_) => {
+                    self.in_doubt = 0;
+                    self.path.accepted = frame.end;
+                    self.fed = Instant::now();
+                    self.publish(false);
+                }
+                Err(RequestError::NotSent(NotSent::Busy { waited })) => {
+                    self.in_doubt = 0;
+                    self.frames.push_front(frame);
+                    self.failed += 1;
+                    if self.failed >= MAX_FAILED {
+                        return Err(NotSent::Busy { waited }.into());
+                    }
+                }
+                Err(RequestError::NotSent(error)) => {
+                    self.in_doubt = 0;
+                    return Err(error.into());
+                }
+                // Controllers have run lists that they refused.
+                Err(RequestError::Refused(error)) => return Err(Cause::Refused(error)),
+                Err(RequestError::OutcomeUnknown(error)) => return Err(Cause::OutcomeUnknown(error)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes in one read; `true` once the motion has come to its end.
+    fn judge(&mut self, sample: &Sample, now: Instant) -> Result<bool, Cause> {
+        // Without the length of the list, a wait in it looks like its end.
+        self.watch.options.settle = match (sample.list_length, self.path.all_may_stand()) {
+            (Some(_), _) => self.options.settle,
+            (None, Some(time)) => self.options.settle + time,
+            (None, None) => Duration::MAX,
+        };
+        let judged = self.watch.judge(*sample, now);
+        // What ended the motion is told with the step that it ended in.
+        self.path.see(sample, judged == Ok(true));
+        self.publish(false);
+        let rests = judged.map_err(|error| match error {
+            WaitError::AlarmRaised { code } => Cause::AlarmRaised { code },
+            WaitError::Stopped { mode } => Cause::Stopped { mode },
+            WaitError::TimedOut { after, .. } => Cause::Stalled { after },
+            WaitError::Request(error) => Cause::Unreadable(error),
+        })?;
+        if rests && self.frames.is_empty() && self.path.done == self.path.steps().len() {
+            return Ok(true);
+        }
+        if rests
+            && now - self.fed >= self.options.start_within
+            && let Some(missed) = self.path.end_of_accepted().missed(sample)
+        {
+            return Err(Cause::Elsewhere(missed));
+        }
+        self.notice_progress(sample, now)?;
+        Ok(false)
+    }
+
+    /// Fails when nothing goes on, although no step says that the arm shall stand.
+    fn notice_progress(&mut self, sample: &Sample, now: Instant) -> Result<(), Cause> {
+        let (since, done, axes) = self.went_on;
+        let moved = sample.axes.iter().zip(axes).any(|(now, before)| match (now, before) {
+            (Some(now), Some(before)) => (now - before).abs() > NO_PROGRESS,
+            (Some(_), None) => true,
+            (None, _) => false,
+        });
+        if moved || done != self.path.done {
+            self.went_on = (now, self.path.done, sample.axes);
+            return Ok(());
+        }
+        let may_stand = match sample.list_length {
+            Some(_) => self.path.may_stand(),
+            None => self.path.all_may_stand(),
+        };
+        let after = now - since;
+        match may_stand {
+            Some(time) if after >= self.options.stall_within + time => Err(Cause::Stalled { after }),
+            Some(_) | None => Ok(()),
+        }
+    }
+
+    fn publish(&self, ended: bool) {
+        let progress = Progress {
+            total: self.path.steps().len(),
+            left: self.path.accepted + self.in_doubt,
+            accepted: self.path.accepted,
+            done: self.path.done,
+            ended,
+        };
+        self.progress.send_if_modified(|known| {
+            let news = *known != progress;
+            *known = progress;
+            news
+        });
+    }
+}
+
+/// Ends when somebody wants the arm to stop.
+async fn stopped(stops: &mut watch::Receiver<u64>) -> Cause {
+    match stops.changed().await {
+        Ok(()) => Cause::StoppedHere,
+        // The task has a handle, so the sender is there.
+        Err(_gone) => future::pending().await,
+    }
+}

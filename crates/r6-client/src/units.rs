@@ -1,0 +1,249 @@
+//! Values with units: a mistake in the unit does not compile.
+//!
+//! ```
+//! use r6_client::units::{AxisPosition, Degrees, Millimetres, Percent, Pose};
+//!
+//! let home = AxisPosition::degrees([0.0, -20.0, 30.0, 0.0, 45.0, 0.0]);
+//! let rail = home.with(r6_client::AxisIndex::ALL[6], Millimetres(1200.0));
+//! let above = Pose::new([500.0, 0.0, 400.0].map(Millimetres), [180.0, 0.0, 0.0].map(Degrees));
+//! let speed = Percent::new(20.0)?;
+//! assert_eq!(speed.to_string(), "20 %");
+//! assert_eq!((Millimetres(400.0) + Millimetres(2.5)).to_string(), "402.5 mm");
+//! assert_eq!(rail.at(r6_client::AxisIndex::ALL[6]).unwrap().to_string(), "1200 mm");
+//! # let _ = above; Ok::<(), r6_client::units::OutOfRange>(())
+//! ```
+//!
+//! Degrees and millimetres do not add up:
+//!
+//! ```compile_fail,E0308
+//! use r6_client::units::{Degrees, Millimetres};
+//! let sum = Degrees(1.0) + Millimetres(1.0);
+//! ```
+//!
+//! A speed in mm/s is no percentage, and a bare number is neither:
+//!
+//! ```compile_fail,E0308
+//! use r6_client::Motion;
+//! use r6_client::units::{AxisPosition, MillimetresPerSecond};
+//! let speed = MillimetresPerSecond::new(20).unwrap();
+//! Motion::new().axis_move(AxisPosition::degrees([0.0; 6]), speed);
+//! ```
+//!
+//! ```compile_fail,E0308
+//! use r6_client::Motion;
+//! use r6_client::units::AxisPosition;
+//! Motion::new().axis_move(AxisPosition::degrees([0.0; 6]), 20.0);
+//! ```
+//!
+//! A linear move does not go to axis positions, nor an axis move to a pose:
+//!
+//! ```compile_fail,E0308
+//! use r6_client::Motion;
+//! use r6_client::units::{AxisPosition, Percent};
+//! let speed = Percent::new(20.0).unwrap();
+//! Motion::new().linear_move(AxisPosition::degrees([0.0; 6]), speed);
+//! ```
+//!
+//! There are no more than eight axes:
+//!
+//! ```compile_fail,E0080
+//! let nine = r6_client::units::AxisPosition::degrees([0.0; 9]);
+//! ```
+
+mod position;
+
+use std::fmt;
+use std::ops::{Add, Mul, Neg, Sub};
+
+pub use crate::units::position::{AxisCoordinate, AxisPosition, Pose};
+
+/// The slowest speed that the wire can carry, percent: three decimals.
+const SLOWEST_PERCENT: f64 = 0.001;
+
+/// The fastest path speed that is sent, mm/s: arms of this protocol reach 2000 (reported, unit B).
+const FASTEST_PATH: u32 = 100_000;
+
+/// An angle, degrees.
+///
+/// ```compile_fail,E0308
+/// let angle: r6_client::units::Degrees = r6_client::units::Millimetres(3.0);
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+pub struct Degrees(pub f64);
+
+/// A length, millimetres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+pub struct Millimetres(pub f64);
+
+/// What adds up: two angles, two lengths; and their multiples.
+macro_rules! adds_up {
+    ($unit:ident, $symbol:literal) => {
+        impl $unit {
+            /// The number alone.
+            #[must_use]
+            pub const fn value(self) -> f64 {
+                self.0
+            }
+
+            /// The same without its sign.
+            #[must_use]
+            pub const fn abs(self) -> Self {
+                Self(self.0.abs())
+            }
+        }
+
+        impl Add for $unit {
+            type Output = Self;
+            fn add(self, other: Self) -> Self {
+                Self(self.0 + other.0)
+            }
+        }
+
+        impl Sub for $unit {
+            type Output = Self;
+            fn sub(self, other: Self) -> Self {
+                Self(self.0 - other.0)
+            }
+        }
+
+        impl Neg for $unit {
+            type Output = Self;
+            fn neg(self) -> Self {
+                Self(-self.0)
+            }
+        }
+
+        impl Mul<f64> for $unit {
+            type Output = Self;
+            fn mul(self, times: f64) -> Self {
+                Self(self.0 * times)
+            }
+        }
+
+        impl fmt::Display for $unit {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.0.fmt(f)?;
+                f.write_str(concat!(" ", $symbol))
+            }
+        }
+    };
+}
+
+adds_up!(Degrees, "deg");
+adds_up!(Millimetres, "mm");
+
+/// A number that the unit does not allow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OutOfRange {
+    /// The number.
+    pub value: f64,
+    /// What it has to be.
+    pub wanted: &'static str,
+}
+
+impl fmt::Display for OutOfRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} does not do: it has to be {}", self.value, self.wanted)
+    }
+}
+
+impl std::error::Error for OutOfRange {}
+
+/// A share of the most that is possible: the `speed` of a move, from 0.001 to 100.
+///
+/// An axis move at 100 % drives its slowest axis as fast as it goes; a linear move at 100 % goes 2000 mm/s (reported,
+/// unit B). The global speed multiplies both.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct Percent(f64);
+
+impl Percent {
+    /// All of it.
+    pub const MAX: Self = Self(100.0);
+
+    /// This share.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] below 0.001, which the wire would round to 0, above 100, and for what is no number.
+    pub const fn new(percent: f64) -> Result<Self, OutOfRange> {
+        // A comparison with what is no number is never true.
+        if percent >= SLOWEST_PERCENT && percent <= 100.0 {
+            Ok(Self(percent))
+        } else {
+            Err(OutOfRange { value: percent, wanted: "percent, from 0.001 to 100" })
+        }
+    }
+
+    /// The number alone.
+    #[must_use]
+    pub const fn value(self) -> f64 {
+        self.0
+    }
+}
+
+impl fmt::Display for Percent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)?;
+        f.write_str(" %")
+    }
+}
+
+/// The speed of the tool along its path, before the global speed is applied: a whole number of mm/s from 1, because
+/// a fraction raised alarm 219 (reported, unit B).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct MillimetresPerSecond(u32);
+
+impl MillimetresPerSecond {
+    /// This speed.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] for 0 and above 100 000.
+    pub fn new(speed: u32) -> Result<Self, OutOfRange> {
+        if (1..=FASTEST_PATH).contains(&speed) {
+            Ok(Self(speed))
+        } else {
+            Err(OutOfRange { value: f64::from(speed), wanted: "mm/s, from 1 to 100000" })
+        }
+    }
+
+    /// The number alone.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        f64::from(self.0)
+    }
+}
+
+impl fmt::Display for MillimetresPerSecond {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} mm/s", self.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_percentage_is_above_zero_and_at_most_all() {
+        for good in [0.001, 0.1, 100.0] {
+            assert_eq!(Percent::new(good).map(Percent::value), Ok(good));
+        }
+        for bad in [0.0, 0.000_9, 100.1, -1.0, f64::INFINITY, f64::NAN] {
+            let error = Percent::new(bad).unwrap_err();
+            assert!(error.to_string().contains("from 0.001 to 100"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_path_speed_is_a_whole_number_from_one() {
+        assert_eq!(MillimetresPerSecond::new(250).unwrap().to_string(), "250 mm/s");
+        assert!(MillimetresPerSecond::new(0).is_err());
+        assert!(MillimetresPerSecond::new(100_001).is_err());
+    }
+
+    #[test]
+    fn units_show_as_wide_as_told() {
+        assert_eq!(format!("{:.1}", Degrees(12.345)), "12.3 deg");
+        assert_eq!((Degrees(90.0) - Degrees(100.0)).abs() * 2.0, Degrees(20.0));
+        assert_eq!(-Millimetres(4.0), Millimetres(-4.0));
+    }
+}

@@ -1,0 +1,191 @@
+//! Where axes and tool are.
+
+use std::fmt;
+
+use r6_proto::axis::{AXES, AxisIndex, AxisMask};
+use r6_proto::message::instruction::Coordinates;
+
+use crate::units::{Degrees, Millimetres};
+
+/// Where one axis is: an angle, or a length for an axis that slides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AxisCoordinate {
+    /// The axis turns.
+    Degrees(Degrees),
+    /// The axis slides.
+    Millimetres(Millimetres),
+}
+
+impl AxisCoordinate {
+    /// The number alone, as `axis-n` and `m0` to `m7` have it.
+    #[must_use]
+    pub const fn value(self) -> f64 {
+        match self {
+            Self::Degrees(Degrees(value)) | Self::Millimetres(Millimetres(value)) => value,
+        }
+    }
+}
+
+impl From<Degrees> for AxisCoordinate {
+    fn from(angle: Degrees) -> Self {
+        Self::Degrees(angle)
+    }
+}
+
+impl From<Millimetres> for AxisCoordinate {
+    fn from(length: Millimetres) -> Self {
+        Self::Millimetres(length)
+    }
+}
+
+impl fmt::Display for AxisCoordinate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Degrees(angle) => angle.fmt(f),
+            Self::Millimetres(length) => length.fmt(f),
+        }
+    }
+}
+
+/// Where one to eight axes are. An axis that is not named stays where it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AxisPosition {
+    coordinates: [Option<AxisCoordinate>; AXES],
+}
+
+impl AxisPosition {
+    /// No axis: for [`Self::with`].
+    #[must_use]
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// J1 and the axes that follow it, degrees. More than eight do not compile.
+    #[must_use]
+    pub fn degrees<const N: usize>(angles: [f64; N]) -> Self {
+        const { assert!(N >= 1 && N <= AXES, "an arm has one to eight axes") };
+        let mut position = Self::none();
+        for (slot, angle) in position.coordinates.iter_mut().zip(angles) {
+            *slot = Some(Degrees(angle).into());
+        }
+        position
+    }
+
+    /// The same with one axis elsewhere: [`Degrees`], or [`Millimetres`] for an axis that slides.
+    #[must_use]
+    pub fn with(mut self, axis: AxisIndex, to: impl Into<AxisCoordinate>) -> Self {
+        if let Some(slot) = self.coordinates.get_mut(axis.index()) {
+            *slot = Some(to.into());
+        }
+        self
+    }
+
+    /// Where this axis is, if it is named.
+    #[must_use]
+    pub fn at(&self, axis: AxisIndex) -> Option<AxisCoordinate> {
+        self.coordinates.get(axis.index()).copied().flatten()
+    }
+
+    /// The axes that are named.
+    #[must_use]
+    pub fn mask(&self) -> AxisMask {
+        let named = AxisIndex::ALL.into_iter().filter(|axis| self.at(*axis).is_some());
+        named.fold(AxisMask::NONE, AxisMask::with)
+    }
+
+    pub(crate) fn coordinates(&self) -> Coordinates {
+        all_eight(|axis| self.at(axis).map(AxisCoordinate::value))
+    }
+}
+
+/// Where the tool is, in the work frame, and how it is turned; or only where.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    place: [Millimetres; 3],
+    turn: Option<[Degrees; 3]>,
+}
+
+impl Pose {
+    /// X, Y, Z and U, V, W.
+    ///
+    /// +180° and −180° are the same orientation and a full turn of the wrist apart: give the one that is nearer to the
+    /// present value, or use [`Self::position`].
+    #[must_use]
+    pub const fn new(place: [Millimetres; 3], turn: [Degrees; 3]) -> Self {
+        Self { place, turn: Some(turn) }
+    }
+
+    /// X, Y, Z; the tool stays turned as it is.
+    #[must_use]
+    pub const fn position(place: [Millimetres; 3]) -> Self {
+        Self { place, turn: None }
+    }
+
+    /// X, Y, Z.
+    #[must_use]
+    pub const fn place(&self) -> [Millimetres; 3] {
+        self.place
+    }
+
+    /// U, V, W, if they are given.
+    #[must_use]
+    pub const fn turn(&self) -> Option<[Degrees; 3]> {
+        self.turn
+    }
+
+    /// The components that are given.
+    #[must_use]
+    pub const fn mask(&self) -> AxisMask {
+        match self.turn {
+            Some(_) => AxisMask::SIX,
+            None => AxisMask::POSITION,
+        }
+    }
+
+    pub(crate) fn coordinates(&self) -> Coordinates {
+        let turn = self.turn.unwrap_or_default();
+        let values: Vec<f64> =
+            self.place.iter().map(|mm| mm.0).chain(turn.iter().map(|degrees| degrees.0)).collect();
+        all_eight(|axis| values.get(axis.index()).copied())
+    }
+}
+
+impl fmt::Display for Pose {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.place;
+        write!(f, "X {x}, Y {y}, Z {z}")?;
+        match self.turn {
+            Some([u, v, w]) => write!(f, ", U {u}, V {v}, W {w}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported (unit A),
+/// and the mask keeps the others where they are.
+fn all_eight(at: impl Fn(AxisIndex) -> Option<f64>) -> Coordinates {
+    Coordinates::from_slice(&AxisIndex::ALL.map(|axis| at(axis).unwrap_or(0.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_axes_that_are_named_move() {
+        let second = AxisIndex::ALL[1];
+        let position = AxisPosition::none().with(second, Degrees(5.0));
+        assert_eq!(position.mask().bits(), 0b10);
+        assert_eq!(position.coordinates().given(), AxisMask::ALL, "unit A wants all eight");
+        assert_eq!(position.coordinates().at(second), Some(5.0));
+        assert_eq!(AxisPosition::degrees([1.0; 6]).mask(), AxisMask::SIX);
+    }
+
+    #[test]
+    fn a_pose_without_a_turn_keeps_the_orientation() {
+        let place = [1.0, 2.0, 3.0].map(Millimetres);
+        assert_eq!(Pose::position(place).mask(), AxisMask::POSITION);
+        assert_eq!(Pose::new(place, [Degrees(180.0); 3]).mask(), AxisMask::SIX);
+        assert_eq!(Pose::position(place).to_string(), "X 1 mm, Y 2 mm, Z 3 mm");
+    }
+}

@@ -1,0 +1,171 @@
+//! A guarded handle: what goes beyond the envelope never leaves.
+
+use r6_client::units::{AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Pose};
+use r6_client::{AxisIndex, Cause, Checked, Envelope, Motion, NotSent, RequestError, RunOptions, Violation};
+use r6_controller::Profile;
+use r6_sim::Clock;
+
+use crate::cell::{Cell, percent, soon, through, wave};
+
+const J1: AxisIndex = AxisIndex::ALL[0];
+const J6: AxisIndex = AxisIndex::ALL[5];
+
+fn place(x: f64, y: f64, z: f64) -> Pose {
+    Pose::position([x, y, z].map(Millimetres))
+}
+
+fn axes(first: f64) -> AxisPosition {
+    AxisPosition::degrees([first, 0.0, 0.0, 0.0, 30.0, 0.0])
+}
+
+/// What a check of this motion finds.
+fn found(envelope: &Envelope, motion: &Motion) -> Option<(usize, Checked)> {
+    motion.instructions().unwrap();
+    envelope.check_motion(motion).err().map(|violation| (violation.step, violation.what))
+}
+
+#[test]
+fn speeds_are_capped() {
+    let envelope =
+        Envelope::new().speed_cap(percent(20.0)).path_speed_cap(MillimetresPerSecond::new(250).unwrap());
+    let path = |speed| {
+        Motion::new()
+            .path_speed(MillimetresPerSecond::new(speed).unwrap())
+            .linear_move_at_path_speed(place(1.0, 1.0, 1.0))
+    };
+    assert_eq!(found(&envelope, &Motion::new().axis_move(axes(1.0), percent(20.0))), None);
+    assert_eq!(
+        found(&envelope, &Motion::new().axis_move(axes(1.0), percent(20.1))),
+        Some((1, Checked::Speed))
+    );
+    assert_eq!(found(&envelope, &path(250)), None);
+    assert_eq!(found(&envelope, &path(251)), Some((1, Checked::PathSpeed)));
+    let without_path_speed = Envelope::new().speed_cap(percent(20.0));
+    assert_eq!(found(&without_path_speed, &path(1)), Some((2, Checked::Speed)));
+}
+
+#[test]
+fn axes_stay_within_their_limits_and_a_mask_counts() {
+    let envelope = Envelope::new().axis_limits(J6, Degrees(-90.0), Degrees(90.0)).axis_limits(
+        AxisIndex::ALL[6],
+        Millimetres(0.0),
+        Millimetres(500.0),
+    );
+    let turn = |angle| Motion::new().axis_move(AxisPosition::none().with(J6, Degrees(angle)), percent(1.0));
+    assert_eq!(found(&envelope, &turn(90.0)), None);
+    assert_eq!(found(&envelope, &turn(90.5)), Some((1, Checked::Axis(J6, false))));
+    let rail = AxisPosition::degrees([1.0]).with(AxisIndex::ALL[6], Millimetres(501.0));
+    let beyond = envelope.check_motion(&Motion::new().axis_move(rail, percent(1.0))).unwrap_err();
+    assert_eq!(beyond.to_string(), "step 1: J7 goes to 501 mm, outside of 0 to 500 mm");
+}
+
+#[test]
+fn the_tool_stays_in_its_workspace_on_curves_too() {
+    let corner = |by: f64| [by, by, by].map(Millimetres);
+    let envelope = Envelope::new().workspace(corner(-100.0), corner(100.0));
+    let line = |x| Motion::new().linear_move(place(x, 0.0, 0.0), percent(1.0));
+    assert_eq!(found(&envelope, &line(100.0)), None);
+    assert_eq!(found(&envelope, &line(101.0)), Some((1, Checked::Place(J1))));
+    // All three points are inside, the arc between them is not.
+    let arc = |across: f64| {
+        line(across).curve_move(place(0.0, across, 0.0), place(-across, 0.0, 0.0), percent(1.0))
+    };
+    assert_eq!(found(&envelope, &arc(99.0)), None);
+    let bulge = line(90.0).curve_move(place(90.0, 80.0, 0.0), place(0.0, 90.0, 0.0), percent(1.0));
+    assert_eq!(found(&envelope, &bulge), Some((2, Checked::Place(J1))));
+    // In another work frame the numbers mean another place.
+    assert_eq!(found(&envelope, &line(1.0).work_frame(2)), Some((1, Checked::Frame)));
+    let bench = Motion::new().workbench(2).linear_move(place(0.0, 0.0, 0.0), percent(1.0));
+    assert_eq!(found(&envelope, &bench), Some((2, Checked::Frame)));
+}
+
+#[test]
+fn steps_from_target_to_target_are_measured() {
+    let envelope = Envelope::new().largest_axis_step(Degrees(10.0)).largest_distance(Millimetres(50.0));
+    let motion = Motion::new().axis_move(axes(40.0), percent(1.0));
+    assert_eq!(found(&envelope, &motion.clone().axis_move(axes(50.0), percent(1.0))), None);
+    assert_eq!(
+        found(&envelope, &motion.clone().axis_move(axes(50.1), percent(1.0))),
+        Some((2, Checked::AxisStep(J1, false)))
+    );
+    // Where a pose is for the axes, nobody knows.
+    let mixed = motion.linear_move(place(1.0, 1.0, 1.0), percent(1.0));
+    assert_eq!(found(&envelope, &mixed), Some((2, Checked::Distance)));
+    let lines = Motion::new()
+        .linear_move(place(0.0, 0.0, 0.0), percent(1.0))
+        .linear_move(place(30.0, 40.0, 0.0), percent(1.0));
+    assert_eq!(found(&envelope, &lines), None);
+    let beyond = lines.linear_move(place(30.0, 40.0, 51.0), percent(1.0));
+    assert_eq!(found(&envelope, &beyond), Some((3, Checked::Distance)));
+}
+
+#[test]
+fn only_what_is_allowed_passes() {
+    let envelope = Envelope::new().only([10, 100]);
+    let line = Motion::new().linear_move(place(1.0, 1.0, 1.0), percent(100.0));
+    assert_eq!(found(&envelope, &line), None);
+    assert_eq!(found(&envelope, &line.axis_move(axes(0.0), percent(1.0))), Some((2, Checked::Action(4))));
+}
+
+#[tokio::test(start_paused = true)]
+async fn all_motion_of_a_guarded_handle_is_checked_raw_lists_too() {
+    let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let guarded = cell.robot.with_guard(Envelope::new().speed_cap(percent(20.0)).axis_limits(
+        J1,
+        Degrees(-90.0),
+        Degrees(90.0),
+    ));
+    let beyond = Motion::new().axis_move(axes(10.0), percent(20.0)).axis_move(axes(91.0), percent(20.0));
+    let violation =
+        Violation { step: 2, what: Checked::Axis(J1, false), value: Some(91.0), limit: (-90.0, 90.0) };
+    for robot in [guarded.clone(), guarded.clone().clone()] {
+        let error = robot.run(&beyond, RunOptions::default()).await.unwrap_err();
+        assert_eq!(error.cause, Cause::OutsideEnvelope(violation));
+        assert_eq!(robot.dry_run(&beyond, RunOptions::default()).unwrap_err(), error.cause);
+        let raw = robot.add_rcc(true, beyond.instructions().unwrap().to_vec()).await.unwrap_err();
+        assert_eq!(raw, RequestError::NotSent(NotSent::OutsideEnvelope(violation)));
+        assert!(raw.to_string().contains("step 2: J1 goes to 91 deg"), "{raw}");
+    }
+    assert_eq!(cell.taken(), 0, "nothing was sent");
+    let within = Motion::new().axis_move(axes(10.0), percent(20.0));
+    soon(guarded.run(&within, RunOptions::default()).await.unwrap().finished()).await.unwrap();
+    guarded.clear_list().await.unwrap();
+    assert!(cell.error(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]) < 0.01);
+    // The handle without a guard still does what it is told.
+    cell.robot.add_rcc(true, beyond.instructions().unwrap().to_vec()).await.unwrap();
+}
+
+#[tokio::test(start_paused = true)]
+async fn the_step_from_the_present_position_counts() {
+    let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let guarded = cell.robot.with_guard(Envelope::new().largest_axis_step(Degrees(45.0)));
+    let far = Motion::new().axis_move(AxisPosition::degrees([46.0]), percent(20.0));
+    assert_eq!(guarded.guard().unwrap().check_motion(&far), Ok(()), "by itself it may begin anywhere");
+    let error = guarded.run(&far, RunOptions::default()).await.unwrap_err();
+    let Cause::OutsideEnvelope(violation) = error.cause else { panic!("{error}") };
+    assert_eq!((violation.step, violation.what), (1, Checked::AxisStep(J1, false)));
+    let steps = far.instructions().unwrap().to_vec();
+    assert!(guarded.add_rcc(true, steps.clone()).await.is_err());
+    // What is appended to a list that runs begins nobody knows where.
+    let near = Motion::new().axis_move(AxisPosition::degrees([40.0]), percent(1.0));
+    let near = near.instructions().unwrap().to_vec();
+    guarded.add_rcc(true, near.clone()).await.unwrap();
+    let error = guarded.add_rcc(false, near).await.unwrap_err();
+    assert!(error.to_string().contains("cannot be told"), "{error}");
+    assert_eq!(cell.taken(), 1);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_long_path_within_the_envelope_is_streamed() {
+    let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let envelope = Envelope::new().speed_cap(percent(20.0)).largest_axis_step(Degrees(1.0));
+    let handle =
+        cell.robot.with_guard(envelope).run(&through(&wave(100), 20.0, 5), RunOptions::default()).await;
+    let error = handle.unwrap_err();
+    assert!(matches!(error.cause, Cause::OutsideEnvelope(_)), "{error}");
+    let envelope = Envelope::new().speed_cap(percent(20.0)).largest_axis_step(Degrees(2.1));
+    let handle =
+        cell.robot.with_guard(envelope).run(&through(&wave(100), 20.0, 5), RunOptions::default()).await;
+    soon(handle.unwrap().finished()).await.unwrap();
+    assert_eq!(cell.taken(), 100);
+}
