@@ -82,6 +82,13 @@ pub(super) fn read(name: &str, text: &str) -> Result<Program, ProgramError> {
         .optional("counter", "a list of [[counter]] tables", fields::tables)
         .map_err(wrong)?
         .unwrap_or_default();
+    if top.has("instruction") || top.has("instructions") {
+        return Err(wrong(
+            "it is a list of instructions for a PC to send (`r6 run FILE`, `r6 plot FILE`), not a taught program: \
+             that has [[step]] tables (docs/PROGRAMS.md)"
+                .to_owned(),
+        ));
+    }
     top.nothing_else().map_err(wrong)?;
     if steps.len() > MAX_STEPS {
         return Err(wrong(format!("it has {} steps; {MAX_STEPS} are possible", steps.len())));

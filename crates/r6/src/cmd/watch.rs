@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 use crossterm::{cursor, queue, terminal};
-use r6_client::{QueryResult, Robot};
+use r6_client::{QueryResult, RequestError, Robot};
 use r6_proto::Address;
 use tokio::time::MissedTickBehavior;
 
@@ -73,8 +73,8 @@ async fn watch(args: &WatchArgs, robot: &Robot) -> Result<Exit, Failure> {
                 seen = true;
                 view.show(robot.address(), &result);
             }
-            // Nothing was ever read: there is no robot here. Later on it may come back.
-            Err(error) if !seen => return Err(error.into()),
+            // It was never reached: there is no robot here. Later on it may come back.
+            Err(error @ RequestError::NotSent(_)) if !seen => return Err(error.into()),
             Err(error) => {
                 let failure = Failure::from(error);
                 view.show_failure(&failure);

@@ -133,3 +133,21 @@ fn what_is_wrong_in_a_file_has_its_line() {
         assert!(outcome.err.lines().count() <= 2, "{name}: {}", outcome.err);
     }
 }
+
+/// The two kinds of programs point at each other.
+#[test]
+fn a_taught_program_is_told_apart() {
+    let taught = TempFile::new("taught.toml", "[[step]]\ndo = \"remote\"\n");
+    for command in ["run", "plot"] {
+        let outcome = r6(&[command, taught.path()]);
+        assert!(
+            outcome.code == 2 && outcome.err.contains("a taught program runs on the controller"),
+            "{outcome:?}"
+        );
+    }
+    let outcome = r6(&["sim", "--listen", "127.0.0.1:0", "--program", "examples/programs/square.toml"]);
+    assert!(
+        outcome.code == 2 && outcome.err.contains("a list of instructions for a PC to send"),
+        "{outcome:?}"
+    );
+}

@@ -116,7 +116,16 @@ impl Place<'_> {
     ) -> FileError {
         let word = key.get_ref().as_ref();
         let near = || r6_proto::nearest(word, names.iter().copied()).map(|near| format!("nearest: `{near}`"));
-        let advice = advice.or_else(near).or_else(|| Some(format!("there are: {}", names.join(", "))));
+        let taught = || {
+            let taught = self.number.is_none() && matches!(word, "step" | "stack" | "counter");
+            taught.then(|| {
+                "a taught program runs on the controller: `r6 sim --program FILE`, or `r6 panel load FILE` \
+                 (docs/PROGRAMS.md)"
+                    .to_owned()
+            })
+        };
+        let advice =
+            advice.or_else(taught).or_else(near).or_else(|| Some(format!("there are: {}", names.join(", "))));
         self.error(key.span().start, format!("there is no key `{word}`"), advice)
     }
 
