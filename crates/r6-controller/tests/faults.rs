@@ -23,12 +23,11 @@ use std::time::Duration;
 use proptest::prelude::*;
 use r6_controller::fault::file::FAULTS;
 use r6_controller::fault::{Fault, LinkFault};
-use r6_controller::scenario::{Happening, Scenario};
-use r6_controller::{Button, PanelAction};
+use r6_controller::scenario::Scenario;
 use r6_proto::time::Instant;
 
 use cases::CASES;
-use client::{Client, Motion};
+use client::Motion;
 use watch::Sight;
 use world::{World, end_of};
 
@@ -291,25 +290,4 @@ proptest! {
         world.run_to(Instant::ORIGIN + end);
         prop_assert!(world.growth() < 200_000);
     }
-}
-
-/// Where two clients count alike, the question tells whose reply it is.
-#[test]
-fn crossed_replies_with_the_same_numbers() {
-    for seed in SEEDS {
-        let mut world = World::new(scenario("P4-crossed-reply"), seed);
-        world.other = Client::new(world.other.id, false, 1, world.now);
-        world.run_to(Instant::ORIGIN + Duration::from_secs(20));
-        assert!(world.other.seen.strays("contradiction") > 5, "{:?}", world.other.seen);
-    }
-}
-
-/// The text of a scenario is no place for what a person does not do.
-#[test]
-fn a_scenario_moves_nothing_by_itself_at_rest() {
-    let mut world = World::with(scenario("C8-io"), 0, "remote", false);
-    world.run_to(Instant::ORIGIN + Duration::from_secs(30));
-    assert_eq!(world.rests.len(), 1, "{:?}", world.rests);
-    let starts = |what: &Happening| matches!(what, Happening::Panel(PanelAction::Press(Button::Start)));
-    assert!(!scenario("C8-io").timeline.iter().any(|entry| starts(&entry.what)));
 }

@@ -7,6 +7,7 @@ use r6_controller::{Button, Key, PanelAction};
 use r6_proto::time::Instant;
 use serde_json::{Value, json};
 
+use crate::client::Client;
 use crate::world::World;
 
 fn at(seconds: f64) -> Instant {
@@ -136,4 +137,25 @@ fn a_heartbeat_is_no_proof() {
         assert_eq!(answers(&mut world, heartbreak.clone()), !served, "a heartbreak at {seconds} s");
         assert_eq!(answers(&mut world, query.clone()), served, "a query at {seconds} s");
     }
+}
+
+/// Where two clients count alike, the question tells whose reply it is.
+#[test]
+fn crossed_replies_with_the_same_numbers() {
+    for seed in crate::SEEDS {
+        let mut world = World::new(crate::scenario("P4-crossed-reply"), seed);
+        world.other = Client::new(world.other.id, false, 1, world.now);
+        world.run_to(at(20.0));
+        assert!(world.other.seen.strays("contradiction") > 5, "{:?}", world.other.seen);
+    }
+}
+
+/// The text of a scenario is no place for what a person does not do.
+#[test]
+fn a_scenario_moves_nothing_by_itself_at_rest() {
+    let mut world = World::with(crate::scenario("C8-io"), 0, "remote", false);
+    world.run_to(at(30.0));
+    assert_eq!(world.rests.len(), 1, "{:?}", world.rests);
+    let starts = |what: &Happening| matches!(what, Happening::Panel(PanelAction::Press(Button::Start)));
+    assert!(!crate::scenario("C8-io").timeline.iter().any(|entry| starts(&entry.what)));
 }

@@ -15,6 +15,7 @@ use r6_proto::time::Instant;
 use serde_json::json;
 
 use crate::client::{Client, FIRST, REGISTERS, value_of};
+use crate::told::is_started;
 use crate::watch::Watch;
 
 /// How long an arm takes to come to rest at most: half a second after a pause, and a step.
@@ -382,23 +383,6 @@ fn end(now: Instant, controller: &mut Controller, client: &mut Client, line: &Li
 
 fn arm(seen: &ControllerSnapshot, now: Instant) -> Arm {
     Arm { at: now, axes: seen.axes, runs: seen.mode.may_run() && seen.alarm == 0, moves: seen.moving }
-}
-
-/// Whether one of these lines is a start that the machine did not refuse: a person's, or one that came over the wire. Nothing else may
-/// have an arm run that rests: no stop, no program that is chosen, no list where nothing waits for it.
-fn is_started(lines: &[String]) -> bool {
-    let pressed = |button: &str| {
-        let press = format!("scenario: button {button}");
-        let refusal = format!("{press}: ");
-        let accepted = lines.iter().filter(|line| **line == press).count();
-        // Where the mains have failed a press is not even told as one.
-        let refused =
-            lines.iter().filter(|line| line.starts_with(&refusal) && !line.contains("the mains have failed"));
-        accepted > refused.count()
-    };
-    let over_the_wire = |line: &String| line.starts_with("connection ") && line.ends_with(": startButton");
-    ["start", "single-cycle", "single-step"].into_iter().any(pressed)
-        || lines.iter().any(|line| line == "person: start" || over_the_wire(line))
 }
 
 /// When the last thing has happened that a scenario plans.
