@@ -1,5 +1,6 @@
 //! Which scenarios there are, and how each is felt.
 
+use crate::machine_cases as cases;
 use crate::world::World;
 
 /// Who was there when a scenario had ended.
@@ -7,20 +8,16 @@ pub type Felt = fn(&World) -> bool;
 
 /// Each scenario with what shows that its fault was felt.
 pub const CASES: [(&str, Felt); 37] = [
-    ("C1-keys", |world| world.said("key to manual")),
-    ("C2-emergency-stop", |world| world.said("the emergency stop is pressed")),
-    ("C3-alarms", |world| world.said("alarm 840")),
-    ("C4-power-cut", |world| {
-        world.client.seen.connections > 4 && world.said("button start: the emergency stop is pressed")
-    }),
-    ("C5-counter", |world| world.said("counter 0 is set to -9007199254740992")),
-    ("C6-poses", |world| world.said("alarm") && world.said("refused")),
-    ("C7-speed", |world| world.said("modifyGSPD [\"0\"]") && world.said("actionPause")),
-    ("C8-io", |world| world.said("input X010 off") && world.said("input X011 changes 9 times and ends on")),
-    ("C9-frozen-values", |world| world.stale > 10),
-    ("C10-program-overwritten", |world| {
-        world.said("`own` runs") && world.said("program `own` was loaded: 1 steps")
-    }),
+    ("C1-keys", cases::keys),
+    ("C2-emergency-stop", cases::emergency_stops),
+    ("C3-alarms", cases::alarms),
+    ("C4-power-cut", cases::power_cuts),
+    ("C5-counter", cases::counters),
+    ("C6-poses", cases::poses),
+    ("C7-speed", cases::speeds),
+    ("C8-io", cases::points),
+    ("C9-frozen-values", cases::frozen_values),
+    ("C10-program-overwritten", cases::programs),
     ("P1-bad-json", |world| world.client.seen.broken > 10),
     ("P2-bad-field", |world| world.client.seen.rejected > 3),
     ("P3-bad-pack-id", |world| world.client.seen.strays("unknown packID") > 10),
@@ -29,7 +26,7 @@ pub const CASES: [(&str, Felt); 37] = [
     }),
     ("P4-crossed-reply", |world| world.other.seen.strays("unknown packID") > 20),
     ("P5-bad-list", |world| world.client.seen.mismatches > 10),
-    ("P6-echo", |world| world.client.seen.strays("echo") > 10),
+    ("P6-echo", |world| world.client.seen.strays("echo") > 10 && world.client.seen.timeouts > 10),
     ("P7-unsolicited", |world| world.client.seen.photos > 5 && world.client.seen.strays("no reply") > 3),
     ("P10-not-executed", |world| {
         world.client.motions.iter().any(|one| one.verdict == Some(true) && world.visits(one.target) == 0)
@@ -37,15 +34,17 @@ pub const CASES: [(&str, Felt); 37] = [
     ("P10-not-acknowledged", |world| {
         world.client.motions.iter().any(|one| one.verdict.is_none() && world.visits(one.target) == 1)
     }),
-    ("P11-list-full", |world| world.client.motions.iter().any(|one| one.verdict == Some(false))),
+    ("P11-list-full", |world| {
+        let mut refused = world.client.motions.iter().filter(|one| one.verdict == Some(false)).peekable();
+        refused.peek().is_some()
+            && refused.all(|one| world.visits(one.target) == 0 && world.visits(one.half) == 0)
+    }),
     ("P11-list-frozen", |world| world.client.seen.longest_list == 2),
     ("P12-rejected-mid-batch", |world| {
         world.client.motions.iter().any(|one| one.verdict == Some(false) && world.visits(one.half) == 1)
     }),
     ("P13-task-dead", |world| world.client.seen.timeouts > 20 && world.client.seen.connections > 3),
-    ("P14-two-masters", |world| {
-        world.rests.iter().any(|rest| (rest - 5.0).abs() < 1e-6) && world.said("actionStop")
-    }),
+    ("P14-two-masters", cases::two_masters),
     ("T1-refuse", |world| world.client.seen.refused > 50 && world.client.seen.lost > 0),
     ("T2-black-hole", |world| world.client.seen.unanswered > 50),
     ("T3-silence", |world| world.client.seen.connections > 4 && world.client.seen.timeouts > 20),
@@ -59,9 +58,3 @@ pub const CASES: [(&str, Felt); 37] = [
     ("T11-noise", |world| world.client.seen.broken + world.client.seen.rejected > 1),
     ("T14-stall", |world| world.client.seen.parts > 50 && world.client.seen.timeouts == 0),
 ];
-
-impl World {
-    pub fn said(&self, text: &str) -> bool {
-        self.log.iter().any(|line| line.contains(text))
-    }
-}

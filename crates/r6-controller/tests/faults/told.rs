@@ -1,4 +1,4 @@
-//! What a session tells, without what it borrows.
+//! What a session tells, without what it borrows; and what the log tells of starts.
 
 use r6_proto::client::{Event, StrayReason};
 use r6_proto::message::{Body, Message};
@@ -53,4 +53,21 @@ pub fn word(reason: StrayReason) -> &'static str {
         StrayReason::OutOfStep => "out of step",
         StrayReason::NoReply => "no reply",
     }
+}
+
+/// Whether one of these lines is a start that the machine did not refuse: a person's, or one that came over the wire. Nothing else may
+/// have an arm run that rests: no stop, no program that is chosen, no list where nothing waits for it.
+pub fn is_started(lines: &[String]) -> bool {
+    let pressed = |button: &str| {
+        let press = format!("scenario: button {button}");
+        let refusal = format!("{press}: ");
+        let accepted = lines.iter().filter(|line| **line == press).count();
+        // Where the mains have failed a press is not even told as one.
+        let refused =
+            lines.iter().filter(|line| line.starts_with(&refusal) && !line.contains("the mains have failed"));
+        accepted > refused.count()
+    };
+    let over_the_wire = |line: &String| line.starts_with("connection ") && line.ends_with(": startButton");
+    ["start", "single-cycle", "single-step"].into_iter().any(pressed)
+        || lines.iter().any(|line| line == "person: start" || over_the_wire(line))
 }

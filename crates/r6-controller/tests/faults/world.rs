@@ -8,12 +8,15 @@ use std::time::Duration;
 use r6_controller::fault::link::{Delivery, Door, Link};
 use r6_controller::scenario::{Happening, Scenario};
 use r6_controller::{
-    Button, ConnectionId, Controller, ControllerSettings, Key, PanelAction, Profile, RobotModel,
+    Button, ConnectionId, Controller, ControllerSettings, ControllerSnapshot, Key, PanelAction, Profile,
+    RobotModel,
 };
 use r6_proto::time::Instant;
 use serde_json::json;
 
 use crate::client::{Client, FIRST, REGISTERS, value_of};
+use crate::told::is_started;
+use crate::watch::Watch;
 
 /// How long an arm takes to come to rest at most: half a second after a pause, and a step.
 const COMES_TO_REST: Duration = Duration::from_millis(650);
@@ -76,6 +79,8 @@ pub struct World {
     /// How often the client had just read that J1 is where it is not.
     pub stale: u32,
     pub log: Vec<String>,
+    /// Who only looks, at the machine and over the wire.
+    pub watch: Watch,
     speeds: Vec<(f64, f64, f64)>,
     hash: DefaultHasher,
     pub steps: usize,
@@ -121,7 +126,7 @@ impl World {
             seed,
             deaf,
             next_deaf: now,
-            arm: arm(&mut controller, now),
+            arm: arm(&controller.snapshot(now), now),
             controller,
             now,
             halted: None,
@@ -132,6 +137,7 @@ impl World {
             rests_since: now,
             stale: 0,
             log: Vec::new(),
+            watch: Watch::default(),
             speeds,
             hash: DefaultHasher::new(),
             steps: 0,
@@ -144,6 +150,11 @@ impl World {
         for client in [&mut self.client, &mut self.other] {
             (client.trusts_values, client.trusts_bytes) = (false, false);
         }
+    }
+
+    /// Somebody asks over the wire from now on, on a connection of its own.
+    pub fn watch(&mut self) {
+        self.watch.begin_to_ask(self.now, &mut self.controller);
     }
 
     /// Lets time pass up to this time.
@@ -163,6 +174,7 @@ impl World {
                 Some(self.client.next()),
                 Some(self.other.next()),
                 Some(self.next_deaf),
+                self.watch.next(),
             ];
             let due = due.into_iter().flatten().min().unwrap_or(end);
             self.now = due.max(self.now).min(end);
@@ -174,7 +186,6 @@ impl World {
         self.steps += 1;
         assert!(self.steps < 1_000_000, "time stands still");
         let logged = self.log.len();
-        let sent = self.client.motions.len();
         self.controller.handle_timeout(self.now);
         self.pump();
         if self.now >= self.next_deaf {
@@ -186,12 +197,13 @@ impl World {
                 self.deaf = self.controller.connect(self.now);
             }
         }
+        self.watch.ask(self.now, &mut self.controller);
         while self.controller.poll_woken().is_some() {}
         while let Some(line) = self.controller.poll_log() {
             line.to_string().hash(&mut self.hash);
             self.log.push(line.to_string());
         }
-        self.check(self.log[logged..].join("\n"), self.client.motions.len() > sent);
+        self.check(logged);
     }
 
     /// Carries bytes both ways until nobody has anything to say.
@@ -252,8 +264,12 @@ impl World {
         }
     }
 
-    fn check(&mut self, told: String, motion_sent: bool) {
-        let before = std::mem::replace(&mut self.arm, arm(&mut self.controller, self.now));
+    fn check(&mut self, logged: usize) {
+        let seen = self.controller.snapshot(self.now);
+        self.watch.look(self.now, &seen);
+        let before = std::mem::replace(&mut self.arm, arm(&seen, self.now));
+        let lines = &self.log[logged..];
+        let (told_to, told) = (is_started(lines), lines.join("\n"));
         let after = self.arm;
         let seconds = after.at.since(before.at).as_secs_f64();
         for (axis, (min, max, speed)) in self.speeds.iter().enumerate() {
@@ -262,9 +278,6 @@ impl World {
             let most = speed * seconds * (1.0 + 1e-6) + 1e-6;
             assert!((to - from).abs() <= most, "J{} went from {from} to {to} in {seconds} s", axis + 1);
         }
-        let starts =
-            ["scenario: button", "scenario: another master speaks", "scenario: program", "person: start"];
-        let told_to = motion_sent || starts.iter().any(|word| told.contains(word));
         if after.runs && !before.runs {
             assert!(told_to, "it runs, and nobody started it: {told}");
         }
@@ -368,8 +381,7 @@ fn end(now: Instant, controller: &mut Controller, client: &mut Client, line: &Li
     client.lose(now);
 }
 
-fn arm(controller: &mut Controller, now: Instant) -> Arm {
-    let seen = controller.snapshot(now);
+fn arm(seen: &ControllerSnapshot, now: Instant) -> Arm {
     Arm { at: now, axes: seen.axes, runs: seen.mode.may_run() && seen.alarm == 0, moves: seen.moving }
 }
 
