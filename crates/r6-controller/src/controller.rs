@@ -179,7 +179,9 @@ impl Controller {
     pub fn connect_camera(&mut self, now: Instant, cam_id: Option<i64>) -> ConnectionId {
         self.advance(now);
         let id = self.next_id();
-        self.insert(id, Service::Served, true);
+        // Without mains nobody dials: the shell is told to hang up.
+        let service = if self.is_off() { Service::Over } else { Service::Served };
+        self.insert(id, service, true);
         self.cameras.connect(id, cam_id);
         id
     }

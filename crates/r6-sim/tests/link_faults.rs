@@ -92,6 +92,15 @@ async fn read_reply(stream: &mut TcpStream) -> String {
     String::from_utf8(bytes).unwrap()
 }
 
+/// Reads up to the end of a reply without lists in lists.
+async fn read_object(stream: &mut TcpStream) -> String {
+    let mut bytes = Vec::new();
+    while bytes.last() != Some(&b'}') {
+        assert!(soon(stream.read_buf(&mut bytes)).await.unwrap() > 0, "it was closed");
+    }
+    String::from_utf8(bytes).unwrap()
+}
+
 async fn assert_answered(stream: &mut TcpStream) {
     ask(stream).await;
     assert_eq!(read_reply(stream).await, REPLY);
@@ -483,4 +492,31 @@ async fn a_scenario_begins_and_ends_them() {
         }
     };
     assert_eq!(soon(closed).await, b"");
+}
+
+/// The mains fail: who is connected hears nothing and is reset when they are back; what is savable is there again, and nothing runs.
+#[tokio::test]
+async fn a_scenario_cuts_the_power() {
+    let text = "[[at]]\ntime = 1\ndo = \"power-cut\"\nfor = 1";
+    let folder = tempfile::TempDir::new().unwrap();
+    let settings = SimSettings {
+        scenario: Some(Arc::new(Scenario::read(text).unwrap())),
+        state: Some(folder.path().to_owned()),
+        ..SimSettings::default()
+    };
+    let cell = Cell::with(settings).await;
+    let mut log = cell.broken().log();
+    let mut stream = cell.connect().await;
+    let write = br#"{"reqType":"command","cmdData":["rewriteData","800","4711","1"]}"#;
+    stream.write_all(write).await.unwrap();
+    assert!(read_object(&mut stream).await.contains(r#","ok"]"#));
+    told(&mut log, "the mains fail").await;
+    ask(&mut stream).await;
+    assert_silent(&mut stream).await;
+    told(&mut log, "the mains are back").await;
+    let mut rest = [0; 64];
+    assert_eq!(soon(stream.read(&mut rest)).await.unwrap_err().kind(), ErrorKind::ConnectionReset);
+    let mut stream = soon(cell.try_connect()).await.unwrap();
+    stream.write_all(br#"{"reqType":"query","queryAddr":["Addr-800","curMode"]}"#).await.unwrap();
+    assert!(read_object(&mut stream).await.contains(r#""queryData":["4711","2"]"#));
 }

@@ -1,7 +1,7 @@
 //! `r6 sim --state` is killed at random moments while clients write: nothing that was acknowledged is lost, and no file is
 //! ever half written.
 //!
-//! `R6_POWER_CUTS=1000 cargo nextest run -p r6 power_cut` does it a thousand times, `R6_SEED=7` at other moments.
+//! `R6_POWER_CUTS=10000 cargo nextest run -p r6 power_cut` does it more often, `R6_SEED=7` at other moments.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -17,7 +17,7 @@ use tempfile::TempDir;
 use crate::support::{Running, r6};
 
 /// How often the power is cut in an ordinary run of the tests.
-const POWER_CUTS: u64 = 30;
+const POWER_CUTS: u64 = 1000;
 
 /// Long enough for a loaded machine and a slow disk.
 const PATIENCE: Duration = Duration::from_secs(30);
