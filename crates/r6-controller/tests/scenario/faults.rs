@@ -49,7 +49,8 @@ fn a_window_begins_and_ends_to_the_nanosecond() {
         struck.push(cell.ask(ASK) == ASK);
     }
     assert_eq!(struck, [false, true, true, false]);
-    assert_eq!(cell.log(), "scenario: fault echo begins\nscenario: fault echo ends\n");
+    let strike = "connection 0: a reply was struck by fault echo\n".repeat(2);
+    assert_eq!(cell.log(), format!("scenario: fault echo begins\n{strike}scenario: fault echo ends\n"));
 }
 
 #[test]
@@ -323,4 +324,29 @@ fn what_was_not_carried_out_is_told_so() {
     cell.run_ok(&json!([axis_move([5.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0)]));
     let log = cell.log();
     assert_eq!(log.matches("answered ok and not carried out (fault not-executed)").count(), 2, "{log}");
+}
+
+/// The log tells of each strike, so that a chance can be followed.
+#[test]
+fn each_strike_is_told() {
+    for (word, more, told) in [
+        ("bad-json", "kind = \"truncated\"", "a reply was struck by fault bad-json (truncated)"),
+        ("task-dead", "", "not answered: fault task-dead"),
+    ] {
+        let mut cell = cell(&(fault(word, more) + "chance = 0.5"));
+        let mut quiet = 0;
+        for _ in 0..100 {
+            cell.send(ASK);
+            let whole = frames(&mut cell).iter().any(|frame| frame.ends_with(b"}"));
+            quiet += usize::from(!whole);
+        }
+        assert!((20..80).contains(&quiet), "{quiet}");
+        assert_eq!(cell.log().matches(told).count(), quiet, "{word}");
+    }
+    let mut cell = cell(&fault("not-acknowledged", ""));
+    cell.send(r#"{"reqType":"command","cmdData":["modifyGSPD","500"]}"#);
+    assert_eq!(frames(&mut cell).len(), 0);
+    assert!(cell.log().contains("not answered: fault not-acknowledged"));
+    cell.send(ASK);
+    assert!(!cell.log().contains("not answered"));
 }

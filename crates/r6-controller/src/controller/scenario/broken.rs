@@ -9,8 +9,9 @@ use r6_proto::time::Instant;
 use super::super::desk::Desk;
 use super::super::{ConnectionId, Controller, Service};
 use super::Breakage;
-use crate::fault::TaskFault;
 use crate::fault::reply::{self, Fate, Outgoing};
+use crate::fault::{Fault, TaskFault};
+use crate::log::Level;
 
 /// How many frames faults make of one reply at most, but for the last one's: enough to see what each of them does.
 const MAX_FRAMES: usize = 16;
@@ -61,12 +62,14 @@ impl Breakage {
         &mut self,
         asked: &Asked,
         frames: Vec<(Option<Instant>, Vec<u8>)>,
-    ) -> Vec<(Option<Instant>, Fate)> {
+    ) -> (Vec<(Option<Instant>, Fate)>, Vec<String>) {
         let mut fates = Vec::with_capacity(frames.len());
+        let mut struck = Vec::new();
         for (due, frame) in frames {
             let mut fate = Fate { to_asker: vec![Outgoing::at_once(frame)], ..Fate::default() };
             for (fault, chance) in &self.replies {
                 if self.run.random().strikes(*chance) && !fate.is_full() {
+                    struck.push(format!("a reply was struck by fault {}", Fault::Reply(*fault)));
                     for outgoing in std::mem::take(&mut fate.to_asker) {
                         let next = reply::strike(fault, &asked.frame, outgoing.bytes, self.run.random());
                         fate.take(next, outgoing.later);
@@ -75,7 +78,21 @@ impl Breakage {
             }
             fates.push((due, fate));
         }
-        fates
+        (fates, struck)
+    }
+}
+
+impl Strikes {
+    /// What the log says of a request that gets no answer.
+    fn unanswered(self, is_order: bool) -> Option<String> {
+        let task = if self.task_dead {
+            TaskFault::TaskDead
+        } else if self.not_acknowledged && is_order {
+            TaskFault::NotAcknowledged
+        } else {
+            return None;
+        };
+        Some(format!("not answered: fault {}", Fault::Task(task)))
     }
 }
 
@@ -108,7 +125,12 @@ impl Controller {
         let is_order = matches!(asked.request, Some(RequestType::Command | RequestType::AddRcc));
         let frames = if strikes.not_acknowledged && is_order { Vec::new() } else { replies.into_frames() };
         let mut to_others = Vec::new();
-        for (due, fate) in breakage.fate_of(&asked, frames) {
+        let (fates, struck) = breakage.fate_of(&asked, frames);
+        let unanswered = strikes.unanswered(is_order).filter(|_| may_be_answered(asked.request));
+        for text in unanswered.into_iter().chain(struck) {
+            self.log.add(now, Some(id), Level::Info, text);
+        }
+        for (due, fate) in fates {
             to_others.extend(breakage.send(now, id, due, fate, outbox));
         }
         if reset || outbox.is_overfull() {
@@ -168,6 +190,16 @@ impl Breakage {
             }
         }
         to_others
+    }
+}
+
+/// Whether a controller answers such a request at all; a heartbreak is answered although the task is dead.
+fn may_be_answered(request: Option<RequestType>) -> bool {
+    match request {
+        Some(RequestType::Query | RequestType::Command | RequestType::AddPoints | RequestType::AddRcc) => {
+            true
+        }
+        Some(RequestType::Heartbreak | RequestType::Photo) | None => false,
     }
 }
 
