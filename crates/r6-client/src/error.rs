@@ -127,6 +127,8 @@ pub enum OutcomeUnknown {
         request: Sent,
         /// The time it was given.
         after: Duration,
+        /// What came last in that time and answered nothing; `None` where nothing came.
+        heard: Option<String>,
     },
     /// The connection ended before the reply.
     ConnectionLost {
@@ -288,7 +290,13 @@ impl fmt::Display for OutcomeUnknown {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let request = self.request();
         match self {
-            Self::TimedOut { after, .. } => write!(f, "{}: no reply within {after:?}", request.word)?,
+            Self::TimedOut { after, heard: None, .. } => {
+                write!(f, "{}: no reply within {after:?}", request.word)?;
+            }
+            Self::TimedOut { after, heard: Some(heard), .. } => {
+                let word = request.word;
+                write!(f, "{word}: no usable reply within {after:?}; what came last was {heard}")?;
+            }
             Self::ConnectionLost { reason, .. } => {
                 write!(f, "{}: the connection was lost before the reply ({reason})", request.word)?;
             }

@@ -54,6 +54,8 @@ pub(crate) enum Answer {
 pub(crate) struct Job {
     pub work: Work,
     pub asked_at: tokio::time::Instant,
+    /// When it was put into the output of its connection.
+    pub sent_at: Instant,
     /// How the connection ended that it left on, if it did before.
     pub lost: Option<LostReason>,
     /// Whether it is being sent for the second time: a query, over a new connection.
@@ -181,6 +183,7 @@ impl Job {
         Self {
             work,
             asked_at: tokio::time::Instant::now(),
+            sent_at: Instant::ORIGIN,
             lost: None,
             retried: false,
             background: false,

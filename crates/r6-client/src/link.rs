@@ -55,6 +55,9 @@ pub(crate) struct Link {
     reply_timeout: Duration,
     heartbeat: Option<(Duration, Instant)>,
     silent: u32,
+    /// When bytes last came that were no frame yet, and when the last frame that answered nothing, with what it was.
+    heard: Option<Instant>,
+    unusable: Option<(Instant, String)>,
     /// Whether the controller ever answered on this connection.
     answered: bool,
     /// What has to be read before commands may leave; nothing on a handle's first connection.
@@ -110,6 +113,8 @@ impl Link {
             reply_timeout: settings.reply_timeout,
             heartbeat,
             silent: 0,
+            heard: None,
+            unusable: None,
             answered: false,
             unread: if first { Vec::new() } else { STATE.to_vec() },
             first,
@@ -177,7 +182,7 @@ impl Link {
     }
 
     /// Sends the job's request, or says at once why not.
-    pub fn hand_over(&mut self, job: Job, now: Instant) {
+    pub fn hand_over(&mut self, mut job: Job, now: Instant) {
         if job.is_moot() {
             return;
         }
@@ -188,6 +193,7 @@ impl Link {
         match job.work.send(&mut self.session, now) {
             Err(error) => return job.not_sent(NotSent::Wire(error)),
             Ok(Some(ticket)) => {
+                job.sent_at = now;
                 self.in_flight.insert(ticket, job);
                 self.hub.meter().asked(tokio::time::Instant::now());
             }
@@ -231,6 +237,7 @@ impl Link {
     /// Bytes came from the controller.
     pub fn received(&mut self, bytes: &[u8], now: Instant) -> Result<(), LostReason> {
         tracing::trace!(received = %String::from_utf8_lossy(bytes));
+        self.heard = Some(now);
         let mut rest = bytes;
         while !rest.is_empty() {
             let taken = self.session.handle_input(now, rest);
@@ -280,6 +287,7 @@ impl Link {
                 Event::Reply { ticket, message, after } => {
                     replied = true;
                     self.silent = 0;
+                    self.heard = None;
                     if self.introducing == Some(ticket) {
                         self.introducing = None;
                         if let Some(introduction) = &mut self.introduction {
@@ -307,20 +315,27 @@ impl Link {
                     } else if let Some(job) = self.in_flight.remove(&ticket) {
                         let (request, after) = (job.work.sent(), self.reply_timeout);
                         tracing::info!(request = request.word, ?after, "no reply in time");
-                        job.finish(Err(OutcomeUnknown::TimedOut { request, after }.into()));
+                        let heard = heard_since(job.sent_at, self.heard, self.unusable.as_ref());
+                        job.finish(Err(OutcomeUnknown::TimedOut { request, after, heard }.into()));
                     }
                 }
-                Event::Photo { cam_id, .. } => hub.push(Pushed::Photo { cam_id }),
+                Event::Photo { cam_id, .. } => {
+                    self.heard = None;
+                    hub.push(Pushed::Photo { cam_id });
+                }
                 Event::Stray { reason, message } => {
                     hub.meter().stray();
+                    self.unusable = Some((now, reason.to_string()));
                     hub.push(Pushed::stray(reason, message.frame()));
                 }
                 Event::BadFrame(error) => {
                     hub.meter().garbled();
+                    self.unusable = Some((now, error.to_string()));
                     hub.push(Pushed::BadFrame(error));
                 }
                 Event::NotJson(error) => {
                     hub.meter().garbled();
+                    self.unusable = Some((now, error.to_string()));
                     hub.push(Pushed::NotJson(error));
                 }
                 // Only after `abandon`.
@@ -376,6 +391,18 @@ impl Link {
             job.not_sent(NotSent::Disconnected);
         }
         (again, self.session.next_pack_id())
+    }
+}
+
+/// What came last since a request was sent.
+fn heard_since(
+    sent: Instant,
+    heard: Option<Instant>,
+    unusable: Option<&(Instant, String)>,
+) -> Option<String> {
+    match unusable {
+        Some((at, what)) if *at >= sent => Some(what.clone()),
+        Some(_) | None => heard.filter(|at| *at >= sent).map(|_| "no whole frame".to_owned()),
     }
 }
 

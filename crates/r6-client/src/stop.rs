@@ -117,7 +117,7 @@ impl Robot {
         let took = begun.elapsed();
         if !answered {
             let request = Work::Command(Command::ActionStop).sent();
-            let timed_out = OutcomeUnknown::TimedOut { request, after: CONFIRM_WITHIN };
+            let timed_out = OutcomeUnknown::TimedOut { request, after: CONFIRM_WITHIN, heard: None };
             return Err(last_error.unwrap_or(timed_out.into()));
         }
         let list = self.clear_after_stop(confirmed, seen).await;

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use r6_client::{NotSent, OutcomeUnknown, Reconnect, RequestError, Robot, RobotSettings};
+use r6_controller::Scenario;
 use r6_controller::fault::{LinkFault, LinkFaultNow};
 use r6_proto::{Address, Command, RegisterIndex};
 use r6_sim::VirtualController;
@@ -140,4 +141,25 @@ async fn late_cut_and_gathered_replies_are_still_replies() {
     }
     set(&controller, &[]);
     write(&robot, 6).await.unwrap();
+}
+
+/// A time-out says what came in place of the reply: a broken cable and a firmware that answers nonsense are not the same.
+#[tokio::test]
+async fn a_time_out_tells_what_came() {
+    for (fault, heard) in [
+        ("task-dead\"", None),
+        ("echo\"", Some("the request itself")),
+        ("bad-pack-id\"\nkind = \"wrong\"", Some("a reply with a packID that nothing waits for")),
+        ("bad-json\"\nkind = \"truncated\"", Some("no whole frame")),
+    ] {
+        let scenario = Scenario::read(&format!("[[fault]]\nfault = \"{fault}")).unwrap();
+        let controller = VirtualController::builder().scenario(scenario).start().await.unwrap();
+        let robot = Robot::connect(&controller.address().to_string(), settings()).await.unwrap();
+        let error = robot.query(&[Address::CurMode]).await.unwrap_err();
+        let RequestError::OutcomeUnknown(OutcomeUnknown::TimedOut { heard: told, .. }) = &error else {
+            panic!("{fault}: {error}")
+        };
+        assert_eq!(told.as_deref(), heard, "{fault}");
+        assert_eq!(error.to_string().contains("no usable reply within 300ms"), heard.is_some(), "{error}");
+    }
 }

@@ -170,6 +170,19 @@ pub enum StrayReason {
     NoReply,
 }
 
+impl std::fmt::Display for StrayReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::UnknownPackId => "a reply with a packID that nothing waits for",
+            Self::Contradiction => "a reply to something else with the same packID",
+            Self::NothingWaits => "a reply to something else",
+            Self::Echo => "the request itself",
+            Self::OutOfStep => "a reply that cannot be told from a late one",
+            Self::NoReply => "a frame that is no reply",
+        })
+    }
+}
+
 /// What the replies so far tell about the firmware's dialect; `None` where nothing told yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LearnedDialect {

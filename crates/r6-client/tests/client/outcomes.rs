@@ -47,7 +47,8 @@ async fn no_reply_to_a_motion_forbids_sending_it_again() {
     assert_eq!(request["reqType"], "AddRCC");
     let error = sent.unwrap_err();
     match &error {
-        RequestError::OutcomeUnknown(OutcomeUnknown::TimedOut { request, after }) => {
+        RequestError::OutcomeUnknown(OutcomeUnknown::TimedOut { request, after, heard }) => {
+            assert_eq!(*heard, None);
             assert_eq!((request.word, request.effect, *after), ("AddRCC", Effect::Moves, SHORT));
         }
         other => panic!("{other:?}"),
