@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::mpsc;
 use std::thread;
 
-use r6_controller::{Profile, RobotModel, Scenario, StartState};
+use r6_controller::{LibraryError, Profile, Program, RobotModel, Scenario, StartState};
 use tokio::sync::oneshot;
 
 use crate::camera::Camera;
@@ -36,6 +36,31 @@ use crate::simulation::Simulation;
 /// let robot = builder.start_blocking()?;
 /// let stream = std::net::TcpStream::connect(robot.address()).unwrap();
 /// # drop(stream); Ok::<(), r6_sim::SimError>(())
+/// ```
+///
+/// With a taught program, and a person at the machine: a part comes (X010), and the gripper closes (Y010).
+///
+/// ```
+/// use r6_controller::io::OutputPoint;
+/// use r6_controller::{PanelAction, Program};
+/// use r6_sim::{Clock, VirtualController};
+///
+/// let text = r#"
+///     [[step]]
+///     do = "wait"
+///     point = "X010"
+///     [[step]]
+///     do = "output"
+///     point = "Y010"
+///     on = true
+/// "#;
+/// let gripper = Program::read("gripper", text)?;
+/// let robot = VirtualController::builder().program(gripper)?.clock(Clock::AsFastAsPossible).start_blocking()?;
+/// let closed = || robot.handle().snapshot().io.is_set(OutputPoint::Y(0, 0));
+/// assert!(!closed());
+/// robot.handle().operate(&PanelAction::SetInput { board: 0, point: 0, on: true })?;
+/// assert!(closed());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
 pub struct VirtualController {
@@ -135,6 +160,16 @@ impl Builder {
     pub fn model(mut self, model: RobotModel) -> Self {
         self.settings.model = model;
         self
+    }
+
+    /// The taught program that it runs, besides those that every controller has; the last one that is given.
+    ///
+    /// # Errors
+    /// [`LibraryError`] where it has too many programs.
+    pub fn program(mut self, program: Program) -> Result<Self, LibraryError> {
+        program.name().clone_into(&mut self.settings.mold);
+        self.settings.library.insert(program)?;
+        Ok(self)
     }
 
     /// How it stands when it is switched on.
