@@ -20,7 +20,7 @@ use r6_proto::time::Instant;
 
 use cameras::{Cameras, Route};
 use desk::Desk;
-use scenario::{Breakage, Strikes};
+use scenario::Breakage;
 
 use crate::fault::LinkFaultNow;
 use crate::io::OutputPoint;
@@ -272,17 +272,7 @@ impl Controller {
             return self.serve_broken(now, id);
         }
         let (inbox, outbox) = connection.session.split();
-        let mut desk = Desk {
-            now,
-            id,
-            machine: &mut self.machine,
-            log: &mut self.log,
-            cameras: &mut self.cameras,
-            reset: false,
-            strikes: Strikes::default(),
-            frozen: None,
-            asked: None,
-        };
+        let mut desk = Desk::new(now, id, &mut self.machine, &mut self.log, &mut self.cameras);
         let served = desk.serve_next(inbox, outbox);
         if desk.reset || outbox.is_overfull() {
             connection.service = Service::Over;

@@ -21,7 +21,7 @@ pub mod mode;
 pub mod panel;
 pub mod profile;
 pub mod program;
-mod random;
+pub mod random;
 pub mod saved;
 pub mod scenario;
 pub mod settings;

@@ -4,9 +4,11 @@ use std::time::Duration;
 
 /// A small generator (SplitMix64): one word of state, no bad seeds. For what varies in a cell, never for secrets.
 #[derive(Clone, Debug)]
-pub(crate) struct Random(u64);
+pub struct Random(u64);
 
 impl Random {
+    /// One that begins with this seed.
+    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }

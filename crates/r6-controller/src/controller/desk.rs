@@ -35,7 +35,28 @@ pub(super) struct Desk<'c> {
     pub asked: Option<Asked>,
 }
 
-impl Desk<'_> {
+impl<'c> Desk<'c> {
+    /// A desk where nothing is wrong.
+    pub fn new(
+        now: Instant,
+        id: ConnectionId,
+        machine: &'c mut Machine,
+        log: &'c mut Log,
+        cameras: &'c mut Cameras,
+    ) -> Self {
+        Self {
+            now,
+            id,
+            machine,
+            log,
+            cameras,
+            reset: false,
+            strikes: Strikes::default(),
+            frozen: None,
+            asked: None,
+        }
+    }
+
     /// Deals with the next message that is complete; false if there is none.
     pub fn serve_next(&mut self, inbox: &mut Inbox, outbox: &mut Outbox) -> bool {
         match inbox.next_message() {

@@ -65,8 +65,7 @@ impl Breakage {
 
     /// Whether requests are to be dealt with by [`Controller::serve_broken`].
     pub fn is_in_the_way(&self) -> bool {
-        let quiet = self.replies.is_empty() && self.tasks.is_empty() && self.held.is_empty();
-        !quiet
+        !(self.replies.is_empty() && self.tasks.is_empty() && self.held.is_empty())
     }
 }
 

@@ -106,15 +106,10 @@ impl Controller {
         let (inbox, outbox) = connection.session.split();
         let mut replies = Outbox::default();
         let mut desk = Desk {
-            now,
-            id,
-            machine: &mut self.machine,
-            log: &mut self.log,
-            cameras: &mut self.cameras,
-            reset: false,
             strikes,
             frozen: breakage.frozen.as_deref().filter(|_| strikes.frozen_values),
             asked: Some(Asked::default()),
+            ..Desk::new(now, id, &mut self.machine, &mut self.log, &mut self.cameras)
         };
         let served = desk.serve_next(inbox, &mut replies);
         let (reset, asked) = (desk.reset, desk.asked.take().unwrap_or_default());
