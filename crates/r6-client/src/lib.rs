@@ -18,10 +18,12 @@
 
 mod backoff;
 mod board;
+mod camera;
 mod clock;
 mod connect;
 mod driver;
 mod error;
+mod follow;
 mod guard;
 mod handle;
 mod identity;
@@ -34,6 +36,7 @@ mod path;
 mod poll_plan;
 mod pushed;
 mod query;
+mod registers;
 mod robot;
 mod settings;
 mod status;
@@ -42,8 +45,10 @@ mod stream;
 mod subscription;
 pub mod units;
 
+pub use camera::{PhotosEnded, Shot};
 pub use connect::DEFAULT_PORT;
 pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+pub use follow::{FollowOptions, Followed};
 pub use guard::{Checked, Envelope, Violation};
 pub use handle::{MotionHandle, Progress, StepHandle, StepState};
 pub use identity::{Found, Identity};
@@ -57,7 +62,9 @@ pub use query::{NoReading, QueryResult};
 pub use r6_proto::message::instruction::{
     BlendLevel, BoardOutput, Instruction, OutputBoard, OutputKind, WaitCondition, WaitSource,
 };
-pub use r6_proto::{AxisIndex, AxisMask, OperationMode};
+pub use r6_proto::message::{PhotoAnswer, Point, Reading};
+pub use r6_proto::{Address, AxisIndex, AxisMask, Command, OperationMode, RegisterIndex};
+pub use registers::{Keep, RegisterError, from_thousandths, to_thousandths};
 pub use robot::{Accepted, Robot};
 pub use settings::{Heartbeat, Liveness, Reconnect, RobotSettings};
 pub use status::{Status, Unmet};
