@@ -5,6 +5,7 @@
 use r6_client::units::{AxisPosition, Percent};
 use r6_client::{Motion, Robot, RobotSettings, RunOptions};
 
+/// Says what keeps the robot from moving, and moves it.
 pub async fn ten_lines(address: &str) -> Result<(), Box<dyn std::error::Error>> {
     let robot = Robot::connect(address, RobotSettings::default()).await?;
     for unmet in robot.status().await?.unmet() {

@@ -3,11 +3,13 @@
 
 mod controller;
 
+mod camera;
 mod connection;
 mod identity;
 mod motion;
 mod outcomes;
 mod queries;
+mod registers;
 mod replies;
 mod status;
 mod stopping;
