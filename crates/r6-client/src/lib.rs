@@ -42,7 +42,7 @@ mod stream;
 mod subscription;
 pub mod units;
 
-pub use connect::DEFAULT_PORT;
+pub use connect::{Connect, DEFAULT_PORT};
 pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 pub use guard::{Checked, Envelope, Violation};
 pub use handle::{MotionHandle, Progress, StepHandle, StepState};
