@@ -1,24 +1,53 @@
 //! From an address to a connected socket.
 
 use std::fmt;
+use std::future::Future;
+use std::io;
 use std::net::Ipv6Addr;
 use std::time::Duration;
 
+use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
+use tokio::time::timeout;
 
 use crate::error::NotSent;
 
 /// The port that controllers listen on unless the pendant says otherwise.
 pub const DEFAULT_PORT: u16 = 9760;
 
-/// Where a controller is.
+/// Makes the connections of a handle ([`crate::Robot::connect_with`]). What it displays is what messages call the controller.
+///
+/// [`crate::Robot::connect`] does it over TCP. This is for whoever simulates the network, or reaches the controller through
+/// something else that carries bytes in order.
+pub trait Connect: fmt::Display + Send + 'static {
+    /// A connection: bytes in order, both ways, until one side ends it.
+    type Stream: AsyncRead + AsyncWrite + Unpin + Send + 'static;
+
+    /// Makes one connection. It is given up after [`crate::RobotSettings::connect_timeout`] by dropping the future.
+    fn connect(&mut self) -> impl Future<Output = io::Result<Self::Stream>> + Send;
+}
+
+/// One attempt to connect, within a time.
+pub(crate) async fn connect<C: Connect>(target: &mut C, within: Duration) -> Result<C::Stream, NotSent> {
+    let attempt = timeout(within, target.connect()).await;
+    let address = target.to_string();
+    match attempt {
+        Ok(Ok(stream)) => Ok(stream),
+        Ok(Err(error)) => {
+            Err(NotSent::Unreachable { address, kind: error.kind(), detail: error.to_string() })
+        }
+        Err(_elapsed) => Err(NotSent::ConnectTimedOut { address, after: within }),
+    }
+}
+
+/// A controller that is reached over TCP.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Target {
+pub(crate) struct Tcp {
     host: String,
     port: u16,
 }
 
-impl Target {
+impl Tcp {
     /// Reads `host`, `host:port`, `[v6]`, `[v6]:port` or a bare IPv6 address.
     pub fn parse(address: &str) -> Result<Self, NotSent> {
         let bad = |problem| NotSent::BadAddress { address: address.chars().take(256).collect(), problem };
@@ -55,28 +84,20 @@ impl Target {
         };
         Ok(Self { host: host.to_owned(), port })
     }
+}
 
-    /// A new connection, with small frames sent at once.
-    pub async fn connect(&self, within: Duration) -> Result<TcpStream, NotSent> {
-        let attempt = TcpStream::connect((self.host.as_str(), self.port));
-        let unreachable = |error: std::io::Error| NotSent::Unreachable {
-            address: self.to_string(),
-            kind: error.kind(),
-            detail: error.to_string(),
-        };
-        let stream = match tokio::time::timeout(within, attempt).await {
-            Ok(connected) => connected.map_err(unreachable)?,
-            Err(_elapsed) => {
-                return Err(NotSent::ConnectTimedOut { address: self.to_string(), after: within });
-            }
-        };
+impl Connect for Tcp {
+    type Stream = TcpStream;
+
+    async fn connect(&mut self) -> io::Result<TcpStream> {
+        let stream = TcpStream::connect((self.host.as_str(), self.port)).await?;
         // A frame that waits for the acknowledgement of the one before costs up to 200 ms.
-        stream.set_nodelay(true).map_err(unreachable)?;
+        stream.set_nodelay(true)?;
         Ok(stream)
     }
 }
 
-impl fmt::Display for Target {
+impl fmt::Display for Tcp {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.host.contains(':') {
             write!(f, "[{}]:{}", self.host, self.port)
@@ -100,11 +121,7 @@ mod tests {
             ("[::1]", "[::1]:9760"),
             ("[fe80::1%eth0]:502", "[fe80::1%eth0]:502"),
         ] {
-            assert_eq!(
-                Target::parse(given).map(|target| target.to_string()),
-                Ok(meant.to_owned()),
-                "{given}"
-            );
+            assert_eq!(Tcp::parse(given).map(|target| target.to_string()), Ok(meant.to_owned()), "{given}");
         }
     }
 
@@ -122,7 +139,7 @@ mod tests {
             "http://robot",
             "a b",
         ] {
-            assert!(matches!(Target::parse(given), Err(NotSent::BadAddress { .. })), "{given}");
+            assert!(matches!(Tcp::parse(given), Err(NotSent::BadAddress { .. })), "{given}");
         }
     }
 }

@@ -1,27 +1,26 @@
 //! The task behind a handle: one loop that carries bytes, time and jobs between the handles, the session and the socket.
 
+mod wake;
+
 use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::TcpStream;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::sync::{mpsc, oneshot};
-use tokio::time::{sleep, sleep_until, timeout};
+use tokio::time::{sleep, timeout};
 
 use crate::backoff::Backoff;
 use crate::clock::Clock;
-use crate::connect::Target;
+use crate::connect::{Connect, connect};
+use crate::driver::wake::{Waiter, Woken};
 use crate::error::{Effect, NotSent};
 use crate::job::Job;
 use crate::link::{Lane, Link};
 use crate::pushed::LostReason;
 use crate::robot::Hub;
 use crate::settings::RobotSettings;
-
-/// Replies are below 4 KiB; a longer one is read in pieces.
-const READ_BUFFER: usize = 4096;
 
 /// How long a closing connection may take to write what waits, and then to say that it has read everything. A
 /// controller that gets a reset instead of an orderly end may keep the connection's slot for good.
@@ -43,19 +42,10 @@ enum Ended {
     Closed(Option<oneshot::Sender<()>>),
 }
 
-/// What the loop over one connection was woken by.
-enum Woken {
-    Urgent(Option<Urgent>),
-    Written(io::Result<usize>),
-    Time,
-    Ordinary(Option<Job>),
-    Read(io::Result<usize>),
-}
-
 /// The task behind a handle.
 #[derive(Debug)]
-pub(crate) struct Driver {
-    pub target: Target,
+pub(crate) struct Driver<C> {
+    pub target: C,
     pub settings: RobotSettings,
     pub urgent: mpsc::Receiver<Urgent>,
     pub ordinary: mpsc::Receiver<Job>,
@@ -68,9 +58,9 @@ pub(crate) struct Driver {
     next_pack_id: u64,
 }
 
-impl Driver {
+impl<C: Connect> Driver<C> {
     pub fn new(
-        target: Target,
+        target: C,
         settings: RobotSettings,
         urgent: mpsc::Receiver<Urgent>,
         ordinary: mpsc::Receiver<Job>,
@@ -92,7 +82,7 @@ impl Driver {
     }
 
     /// Serves the handles until the last is gone.
-    pub async fn run(mut self, first: TcpStream) {
+    pub async fn run(mut self, first: C::Stream) {
         let mut link = Link::new(&self.settings, true, self.next_pack_id, &self.hub, self.clock.now());
         let mut stream = first;
         loop {
@@ -130,30 +120,13 @@ impl Driver {
     }
 
     /// One connection, from its first byte to its end.
-    async fn serve(&mut self, stream: &mut TcpStream, link: &mut Link) -> Ended {
-        let (mut reader, writer) = stream.split();
-        let mut buffer = [0; READ_BUFFER];
+    async fn serve(&mut self, stream: &mut C::Stream, link: &mut Link) -> Ended {
+        let mut waiter = Waiter::new();
         loop {
             self.hand_over_held(link);
             link.introduce(self.clock.now());
-            let deadline = self.clock.at(link.deadline());
-            // In this order: a stop before all, writing before reading, so that no flood of input delays a stop.
-            let woken = tokio::select! {
-                biased;
-                urgent = self.urgent.recv(), if link.has_room(Lane::Urgent) => Woken::Urgent(urgent),
-                writable = writer.writable(), if !link.output().is_empty() => {
-                    // Whoever gave up while the connection took nothing has not asked for anything any more.
-                    link.withdraw_moot();
-                    match writable.and_then(|()| writer.try_write(link.output())) {
-                        Err(error) if error.kind() == io::ErrorKind::WouldBlock => continue,
-                        _ if link.output().is_empty() => continue,
-                        written => Woken::Written(written),
-                    }
-                }
-                () = sleep_until(deadline) => Woken::Time,
-                job = self.ordinary.recv(), if link.has_room(Lane::Ordinary) => Woken::Ordinary(job),
-                read = reader.read(&mut buffer) => Woken::Read(read),
-            };
+            let (urgent, ordinary) = (&mut self.urgent, &mut self.ordinary);
+            let woken = waiter.woken(stream, link, urgent, ordinary, self.clock).await;
             let now = self.clock.now();
             let mut alive = Ok(());
             match woken {
@@ -165,7 +138,7 @@ impl Driver {
                 Woken::Written(Ok(bytes)) => link.written(bytes),
                 Woken::Read(Ok(0)) => return Ended::Lost(LostReason::ClosedByPeer),
                 Woken::Read(Ok(bytes)) => {
-                    alive = link.received(buffer.get(..bytes).unwrap_or_default(), now);
+                    alive = link.received(waiter.bytes(bytes), now);
                 }
                 Woken::Written(Err(error)) | Woken::Read(Err(error)) => {
                     return Ended::Lost(LostReason::Io(error.kind()));
@@ -230,7 +203,7 @@ impl Driver {
     }
 
     /// Waits until a query or a stop wants a connection, then makes one. `Err`: it is time to end.
-    async fn reconnect(&mut self) -> Result<TcpStream, Option<oneshot::Sender<()>>> {
+    async fn reconnect(&mut self) -> Result<C::Stream, Option<oneshot::Sender<()>>> {
         loop {
             while self.held.is_empty() {
                 tokio::select! {
@@ -249,7 +222,7 @@ impl Driver {
                     () = &mut backoff => break,
                 }
             }
-            match self.target.connect(self.settings.connect_timeout).await {
+            match connect(&mut self.target, self.settings.connect_timeout).await {
                 Ok(stream) => return Ok(stream),
                 // One attempt answers everybody who waited for it.
                 Err(error) => self.refuse_waiting(&error),
@@ -308,7 +281,7 @@ impl Driver {
 }
 
 /// Ends a connection in order: what waits is written, our end is closed, what still comes is read.
-async fn close(stream: &mut TcpStream, link: &mut Link) {
+async fn close<S: AsyncRead + AsyncWrite + Unpin>(stream: &mut S, link: &mut Link) {
     link.withdraw_moot();
     let goodbye = async {
         while !link.output().is_empty() {
@@ -316,7 +289,7 @@ async fn close(stream: &mut TcpStream, link: &mut Link) {
             link.written(bytes);
         }
         stream.shutdown().await?;
-        let mut rest = [0; READ_BUFFER];
+        let mut rest = [0; 1024];
         while stream.read(&mut rest).await? > 0 {}
         io::Result::Ok(())
     };
@@ -339,7 +312,7 @@ mod tests {
         let (_urgent, urgent) = mpsc::channel(1);
         let (_ordinary, ordinary) = mpsc::channel(1);
         let backoff = Backoff::new(settings.reconnect, || 0);
-        let target = Target::parse("robot").unwrap();
+        let target = crate::connect::Tcp::parse("robot").unwrap();
         let hub = Arc::default();
         let mut link = Link::new(&settings, true, 1, &hub, Instant::ORIGIN);
         let driver = Driver::new(target, settings, urgent, ordinary, hub, backoff);

@@ -13,10 +13,13 @@
 //! A [`Motion`] is put together from typed values ([`units`]), streamed by [`Robot::run`] and followed through its
 //! [`MotionHandle`]; [`Robot::with_guard`] holds it against an [`Envelope`] first.
 //!
+//! [`blocking`] is all of this without `async`.
+//!
 //! A stop sent from here is an ordinary command on a network. It is no emergency stop.
 #![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::expect_used, clippy::panic))]
 
 mod backoff;
+pub mod blocking;
 mod board;
 mod camera;
 mod clock;
@@ -30,6 +33,7 @@ mod identity;
 mod job;
 mod link;
 mod link_quality;
+mod listen;
 mod motion;
 mod moves;
 mod path;
@@ -46,7 +50,7 @@ mod subscription;
 pub mod units;
 
 pub use camera::{PhotosEnded, Shot};
-pub use connect::DEFAULT_PORT;
+pub use connect::{Connect, DEFAULT_PORT};
 pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 pub use follow::{FollowOptions, Followed};
 pub use guard::{Checked, Envelope, Violation};
@@ -54,6 +58,7 @@ pub use handle::{MotionHandle, Progress, StepHandle, StepState};
 pub use identity::{Found, Identity};
 pub use job::CameraSet;
 pub use link_quality::{Latency, LinkQuality, LinkState};
+pub use listen::Listen;
 pub use motion::{Done, WaitError, WaitOptions};
 pub use moves::{MAX_STEPS, Motion, StepError};
 pub use path::place::Missed;

@@ -13,7 +13,7 @@ use tokio::time::Instant;
 
 use crate::backoff::Backoff;
 use crate::board::Board;
-use crate::connect::Target;
+use crate::connect::{Connect, Tcp, connect};
 use crate::driver::{Driver, Urgent};
 use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError};
 use crate::guard::Envelope;
@@ -72,8 +72,18 @@ impl Robot {
     /// [`RequestError::NotSent`] if the address is none or no connection can be made within
     /// [`RobotSettings::connect_timeout`].
     pub async fn connect(address: &str, settings: RobotSettings) -> Result<Self, RequestError> {
-        let target = Target::parse(address)?;
-        let stream = target.connect(settings.connect_timeout).await?;
+        Self::connect_with(Tcp::parse(address)?, settings).await
+    }
+
+    /// The same over connections that the caller makes.
+    ///
+    /// # Errors
+    /// As [`Self::connect`].
+    pub async fn connect_with<C: Connect>(
+        mut target: C,
+        settings: RobotSettings,
+    ) -> Result<Self, RequestError> {
+        let stream = connect(&mut target, settings.connect_timeout).await?;
         tracing::info!(controller = %target, "connected");
         let (urgent, urgent_jobs) = mpsc::channel(LANE_LENGTH);
         let (ordinary, ordinary_jobs) = mpsc::channel(LANE_LENGTH);

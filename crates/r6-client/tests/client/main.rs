@@ -6,6 +6,7 @@ mod controller;
 mod camera;
 mod connection;
 mod identity;
+mod listening;
 mod motion;
 mod outcomes;
 mod queries;
