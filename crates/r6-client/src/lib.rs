@@ -24,6 +24,7 @@ mod board;
 mod camera;
 mod clock;
 mod connect;
+mod discover;
 mod driver;
 mod error;
 mod follow;
@@ -51,6 +52,7 @@ pub mod units;
 
 pub use camera::{PhotosEnded, Shot};
 pub use connect::{Connect, DEFAULT_PORT};
+pub use discover::{Discovered, discover};
 pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 pub use follow::{FollowOptions, Followed};
 pub use guard::{Checked, Envelope, Violation};
