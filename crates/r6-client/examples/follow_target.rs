@@ -8,6 +8,7 @@
 //! while the arm stands; the newest target counts, and those in between are skipped. What is left behind is printed.
 
 use std::error::Error;
+use std::process::ExitCode;
 use std::time::Duration;
 
 use r6_client::units::AxisPosition;
@@ -18,7 +19,17 @@ use tokio::time::{Instant, interval};
 const RATE: u32 = 20;
 
 #[tokio::main(flavor = "current_thread")]
-async fn main() -> Result<(), Box<dyn Error>> {
+async fn main() -> ExitCode {
+    match start().await {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+async fn start() -> Result<(), Box<dyn Error>> {
     let mut address = "127.0.0.1:9760".to_owned();
     let mut while_moving = false;
     for argument in std::env::args().skip(1) {

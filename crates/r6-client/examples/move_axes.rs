@@ -4,12 +4,23 @@
 //! its speed times the global speed: read docs/SAFETY.md first.
 
 use std::error::Error;
+use std::process::ExitCode;
 
 use r6_client::units::{AxisPosition, Degrees, Percent};
 use r6_client::{Done, Envelope, Motion, Robot, RobotSettings, RunOptions};
 
 #[tokio::main(flavor = "current_thread")]
-async fn main() -> Result<(), Box<dyn Error>> {
+async fn main() -> ExitCode {
+    match start().await {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+async fn start() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let address = arguments.next().unwrap_or_else(|| "127.0.0.1:9760".to_owned());
     let mut target = [20.0, 0.0, -10.0, 0.0, 30.0, 0.0];

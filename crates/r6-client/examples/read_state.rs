@@ -3,12 +3,23 @@
 //! `cargo run -p r6-client --example read_state -- 127.0.0.1:9760`; nothing moves.
 
 use std::error::Error;
+use std::process::ExitCode;
 use std::time::Duration;
 
 use r6_client::{Address, AxisIndex, Quality, Robot, RobotSettings, Status};
 
 #[tokio::main(flavor = "current_thread")]
-async fn main() -> Result<(), Box<dyn Error>> {
+async fn main() -> ExitCode {
+    match start().await {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+async fn start() -> Result<(), Box<dyn Error>> {
     let address = std::env::args().nth(1).unwrap_or_else(|| "127.0.0.1:9760".to_owned());
     let robot = Robot::connect(&address, RobotSettings::default()).await?;
     run(&robot, 20).await?;

@@ -5,6 +5,7 @@
 //! docs/SAFETY.md first.
 
 use std::error::Error;
+use std::process::ExitCode;
 
 use r6_client::{
     Address, AxisIndex, Command, Keep, RegisterIndex, Robot, RobotSettings, WaitOptions, from_thousandths,
@@ -15,7 +16,17 @@ use r6_client::{
 const M011: (u8, u8) = (4, 1);
 
 #[tokio::main(flavor = "current_thread")]
-async fn main() -> Result<(), Box<dyn Error>> {
+async fn main() -> ExitCode {
+    match start().await {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+async fn start() -> Result<(), Box<dyn Error>> {
     let address = std::env::args().nth(1).unwrap_or_else(|| "127.0.0.1:9760".to_owned());
     let robot = Robot::connect(&address, RobotSettings::default()).await?;
     tokio::select! {

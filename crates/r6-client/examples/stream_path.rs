@@ -4,6 +4,7 @@
 //! from where they are: read docs/SAFETY.md first.
 
 use std::error::Error;
+use std::process::ExitCode;
 
 use r6_client::units::{AxisPosition, Percent};
 use r6_client::{Done, Motion, Robot, RobotSettings, RunOptions};
@@ -12,7 +13,17 @@ use r6_client::{Done, Motion, Robot, RobotSettings, RunOptions};
 pub const POINTS: u32 = 500;
 
 #[tokio::main(flavor = "current_thread")]
-async fn main() -> Result<(), Box<dyn Error>> {
+async fn main() -> ExitCode {
+    match start().await {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+async fn start() -> Result<(), Box<dyn Error>> {
     let address = std::env::args().nth(1).unwrap_or_else(|| "127.0.0.1:9760".to_owned());
     let robot = Robot::connect(&address, RobotSettings::default()).await?;
     tokio::select! {

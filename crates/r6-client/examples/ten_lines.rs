@@ -19,6 +19,13 @@ pub fn ten_lines(address: &str) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    ten_lines(&std::env::args().nth(1).unwrap_or_else(|| "127.0.0.1".to_owned()))
+fn main() -> std::process::ExitCode {
+    let address = std::env::args().nth(1).unwrap_or_else(|| "127.0.0.1".to_owned());
+    match ten_lines(&address) {
+        Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            std::process::ExitCode::FAILURE
+        }
+    }
 }

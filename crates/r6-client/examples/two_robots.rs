@@ -4,12 +4,23 @@
 //! **Both arms move**: J1 by 15° and back, J5 by 10°. Nothing here keeps two arms out of each other's way: read docs/SAFETY.md first.
 
 use std::error::Error;
+use std::process::ExitCode;
 
 use r6_client::units::{AxisPosition, Percent};
 use r6_client::{AxisIndex, Motion, MotionError, Robot, RobotSettings, RunOptions};
 
 #[tokio::main(flavor = "current_thread")]
-async fn main() -> Result<(), Box<dyn Error>> {
+async fn main() -> ExitCode {
+    match start().await {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+async fn start() -> Result<(), Box<dyn Error>> {
     let mut addresses = std::env::args().skip(1);
     let left = addresses.next().unwrap_or_else(|| "127.0.0.1:9760".to_owned());
     let right = addresses.next().unwrap_or_else(|| "127.0.0.1:9761".to_owned());
