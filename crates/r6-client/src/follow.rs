@@ -129,7 +129,8 @@ impl Robot {
     ///     }
     /// };
     /// let (followed, ()) = tokio::join!(robot.follow(targets, FollowOptions::default()), source);
-    /// println!("{} steps, {:.1} behind", followed?.steps, followed?.behind);
+    /// let followed = followed?;
+    /// println!("{} steps, {:.1} from the last target", followed.steps, followed.behind);
     /// # Ok(()) }
     /// ```
     ///
