@@ -213,7 +213,7 @@ impl<C: Connect> Driver<C> {
                 }
             }
             // A stop does not wait for the end of the backoff; it is sent again at its own pace.
-            let backoff = sleep(self.backoff.next_wait());
+            let backoff = sleep(self.backoff.next_wait(self.hub.board.pace()));
             tokio::pin!(backoff);
             while !self.held.iter().any(|job| job.work.sent().effect == Effect::Stops) {
                 tokio::select! {

@@ -177,7 +177,8 @@ impl Link {
     /// Tells who is there, once that is known.
     fn end_introduction(&mut self) {
         if let Some(introduction) = self.introduction.take_if(|asking| asking.next().is_none()) {
-            self.hub.introduced(introduction.found(), self.first);
+            let certain = introduction.is_certain();
+            self.hub.introduced(introduction.found(), certain, self.first);
         }
     }
 

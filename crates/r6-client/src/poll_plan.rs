@@ -9,8 +9,7 @@ use r6_proto::time::Instant;
 /// No address rides along earlier than this: a slow one shall not be asked for at the pace of a fast one.
 const LONGEST_SLACK: Duration = Duration::from_millis(50);
 
-/// The pause before a poll that failed is tried again. A lost connection has its own backoff besides; this is for
-/// failures that come at once.
+/// The pause before a poll that failed at once is tried again. A lost connection has its own backoff.
 const RETRY_AFTER: Duration = Duration::from_millis(100);
 
 /// When each address is due.
@@ -90,6 +89,11 @@ impl PollPlan {
         self.put_off(asked, |every| now + RETRY_AFTER.min(every));
     }
 
+    /// These were asked for, and whether they would be answered took its time to be known: they are asked for again at once.
+    pub fn lost(&mut self, asked: &[Address], now: Instant) {
+        self.put_off(asked, |_| now);
+    }
+
     /// All is due now: whoever answers next may be another.
     pub fn all_due(&mut self, now: Instant) {
         self.rows.values_mut().for_each(|row| row.due = now);
@@ -109,10 +113,12 @@ pub(crate) fn slack(every: Duration) -> Duration {
     (every / 4).min(LONGEST_SLACK)
 }
 
-/// The multiple of the period that is nearest to one period from now, half a period away at least.
+/// The next multiple of the period that is not so near that whatever is due then rode along now: one period away at most, and that
+/// little more.
 pub(crate) fn next_due(now: Instant, every: Duration) -> Instant {
+    let slack = u64::try_from(slack(every).as_nanos()).unwrap_or(0);
     let every = u64::try_from(every.as_nanos()).unwrap_or(u64::MAX).max(1);
-    let earliest = now.as_nanos().saturating_add(every / 2);
+    let earliest = now.as_nanos().saturating_add(slack);
     Instant::from_nanos(earliest.div_ceil(every).saturating_mul(every))
 }
 

@@ -1,15 +1,18 @@
-//! A client's connections in memory, and what went over them: all it sent, and how what it got came.
+//! A client's connections in memory, and what went over them: all it sent, and how what it got came. What it gets can be written
+//! anew on the way, where no fault of the controller does it.
 
 use std::fmt;
 use std::io;
 use std::pin::Pin;
 use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll, ready};
+use std::time::Duration;
 
 use r6_client::Connect;
 use r6_sim::{ControllerHandle, MemoryStream};
 use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::time::Instant;
 
 /// What went over the connections of one client.
 #[derive(Clone, Debug, Default)]
@@ -45,10 +48,22 @@ impl Line {
 /// The same, while it is being used.
 pub type Tap = Arc<Mutex<Line>>;
 
+/// Bytes to the client that become others, in a time.
+#[derive(Clone, Copy, Debug)]
+pub struct Rewrite {
+    pub these: &'static [u8],
+    pub those: &'static [u8],
+    /// Since the client was made.
+    pub from: Duration,
+    pub until: Duration,
+}
+
 /// Makes the connections of a client.
 pub struct Dialler {
     pub controller: ControllerHandle,
     pub tap: Tap,
+    pub rewrite: Option<Rewrite>,
+    pub begun: Instant,
 }
 
 impl fmt::Display for Dialler {
@@ -62,6 +77,7 @@ impl Connect for Dialler {
 
     fn connect(&mut self) -> impl Future<Output = io::Result<Tapped>> + Send {
         let (controller, tap) = (self.controller.clone(), Arc::clone(&self.tap));
+        let (rewrite, begun) = (self.rewrite, self.begun);
         async move {
             let mut attempt = Attempt(Some(Arc::clone(&tap)));
             let dialled = controller.dial().await;
@@ -72,7 +88,7 @@ impl Connect for Dialler {
             line.sent.push(Vec::new());
             let number = line.sent.len() - 1;
             drop(line);
-            Ok(Tapped { stream, number, tap })
+            Ok(Tapped { stream, number, tap, rewrite, begun, rest: Vec::new() })
         }
     }
 }
@@ -93,6 +109,10 @@ pub struct Tapped {
     stream: MemoryStream,
     number: usize,
     tap: Tap,
+    rewrite: Option<Rewrite>,
+    begun: Instant,
+    /// What was written anew and not read yet.
+    rest: Vec<u8>,
 }
 
 impl AsyncRead for Tapped {
@@ -102,7 +122,17 @@ impl AsyncRead for Tapped {
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         let before = buffer.filled().len();
-        let read = ready!(Pin::new(&mut self.stream).poll_read(cx, buffer));
+        let since = self.begun.elapsed();
+        let rewrite = self.rewrite.filter(|rewrite| (rewrite.from..rewrite.until).contains(&since));
+        let read = if self.rest.is_empty() && rewrite.is_none() {
+            ready!(Pin::new(&mut self.stream).poll_read(cx, buffer))
+        } else {
+            ready!(self.as_mut().poll_rewritten(cx, rewrite))?;
+            let count = buffer.remaining().min(self.rest.len());
+            buffer.put_slice(&self.rest[..count]);
+            self.rest.drain(..count);
+            Ok(())
+        };
         let bytes = &buffer.filled()[before..];
         let mut line = self.tap.lock().unwrap();
         match &read {
@@ -114,6 +144,32 @@ impl AsyncRead for Tapped {
             }
         }
         Poll::Ready(read)
+    }
+}
+
+impl Tapped {
+    /// Has something to read, written anew; whole frames come in one piece.
+    fn poll_rewritten(mut self: Pin<&mut Self>, cx: &mut Context<'_>, rewrite: Option<Rewrite>) -> Poll<io::Result<()>> {
+        if !self.rest.is_empty() {
+            return Poll::Ready(Ok(()));
+        }
+        let mut bytes = [0; 4096];
+        let mut buffer = ReadBuf::new(&mut bytes);
+        ready!(Pin::new(&mut self.stream).poll_read(cx, &mut buffer))?;
+        let mut rest = buffer.filled();
+        while let Some(first) = rest.first() {
+            match rewrite.and_then(|rewrite| Some((rest.strip_prefix(rewrite.these)?, rewrite.those))) {
+                Some((after, those)) => {
+                    self.rest.extend_from_slice(those);
+                    rest = after;
+                }
+                None => {
+                    self.rest.push(*first);
+                    rest = &rest[1..];
+                }
+            }
+        }
+        Poll::Ready(Ok(()))
     }
 }
 

@@ -7,13 +7,14 @@ use std::time::Duration;
 
 use r6_client::{LinkQuality, Reconnect, Robot, RobotSettings};
 use r6_controller::{Button, Key, PanelAction, Profile, Scenario};
+use r6_proto::client::LearnedDialect;
 use r6_proto::time::Instant as ControllerTime;
 use r6_proto::{Command, RegisterIndex};
 use r6_sim::{ControllerHandle, VirtualController};
 use tokio::time::{Instant, sleep, sleep_until, timeout};
 
 use crate::floor::Floor;
-use crate::tap::{Dialler, Line, Tap};
+use crate::tap::{Dialler, Line, Rewrite, Tap};
 use crate::work::{Notes, Work};
 
 /// The first register that has a value of its own, how many have one, and the one that commands write.
@@ -50,6 +51,11 @@ pub struct Setup {
     pub trusts_values: bool,
     /// Whether nobody else moves the arm.
     pub alone: bool,
+    /// Whether the controller carries out what it says it has taken.
+    pub executes: bool,
+    /// Whether another client asks and commands, too.
+    pub another: bool,
+    pub rewrite: Option<Rewrite>,
     /// When the last thing goes wrong, and how much later what it held up is through.
     pub over: Duration,
 }
@@ -65,6 +71,9 @@ impl Setup {
             seed,
             trusts_values: true,
             alone: true,
+            executes: true,
+            another: false,
+            rewrite: None,
             over: Duration::ZERO,
         }
     }
@@ -88,6 +97,10 @@ pub struct Outcome {
     pub log: Vec<String>,
     /// How long after the end of the fault the first answer to the subscription came.
     pub recovered: Duration,
+    pub profile: &'static str,
+    pub learned: LearnedDialect,
+    /// What the machine calls itself.
+    pub machine_name: Option<String>,
 }
 
 /// Runs a scenario to its end and beyond.
@@ -118,10 +131,25 @@ pub async fn controller(profile: &str, seed: u64, scenario: &Scenario) -> (Virtu
     (controller, floor)
 }
 
-pub async fn connect(controller: &ControllerHandle, settings: &RobotSettings) -> (Robot, Tap) {
+pub async fn connect(
+    controller: &ControllerHandle,
+    settings: &RobotSettings,
+    rewrite: Option<Rewrite>,
+) -> (Robot, Tap) {
     let tap = Tap::default();
-    let dialler = Dialler { controller: controller.clone(), tap: Arc::clone(&tap) };
+    let begun = Instant::now();
+    let dialler = Dialler { controller: controller.clone(), tap: Arc::clone(&tap), rewrite, begun };
     (Robot::connect_with(dialler, settings.clone()).await.unwrap(), tap)
+}
+
+/// Somebody else, with a connection of his own, who asks, commands and sends a move now and then; and counts from 1, too.
+async fn another(controller: &ControllerHandle, work: &Work) -> tokio::task::JoinHandle<()> {
+    let (robot, _) = connect(controller, &work.setup.settings, None).await;
+    let notes = Arc::new(Mutex::new(Notes::default()));
+    let work = Work { robot, notes, ..work.clone() };
+    tokio::spawn(async move {
+        tokio::join!(work.clone().ask(), work.interfere());
+    })
 }
 
 fn tasks() -> usize {
@@ -134,7 +162,7 @@ async fn work(scenario: &Scenario, setup: &Setup) -> Outcome {
     let handle = controller.handle().clone();
     tokio::task::yield_now().await;
     let idle = tasks();
-    let (robot, tap) = connect(&handle, &setup.settings).await;
+    let (robot, tap) = connect(&handle, &setup.settings, setup.rewrite).await;
     let first = RegisterIndex::new(FIRST).unwrap();
     let values = (FIRST..FIRST + REGISTERS).map(value_of).collect();
     robot.command(Command::RewriteDataList { first, savable: false, values }).await.unwrap();
@@ -153,6 +181,7 @@ async fn work(scenario: &Scenario, setup: &Setup) -> Outcome {
     let asking = tokio::spawn(common.clone().ask());
     let commanding = tokio::spawn(common.clone().command());
     let moving = tokio::spawn(common.clone().move_and_stop());
+    let other = if setup.another { Some(another(&handle, &common).await) } else { None };
     // Tasks of the handle, of the motion, and of each connection: none of them grows with what goes wrong.
     let most = idle + 40;
     let end = begun + setup.over;
@@ -171,10 +200,15 @@ async fn work(scenario: &Scenario, setup: &Setup) -> Outcome {
         asking.await.unwrap();
         commanding.await.unwrap();
         moving.await.unwrap();
+        if let Some(other) = other {
+            other.await.unwrap();
+        }
     });
     finished.await.expect("a task hangs");
     common.assert_all_is_well().await;
     let quality = robot.link_quality();
+    let learned = robot.learned();
+    let machine_name = robot.identity().and_then(|identity| identity.machine_name);
     drop(common);
     timeout(LONGEST_CALL, robot.close()).await.expect("closing hangs");
     // A connection that has gone deaf does not notice the end; all others are gone.
@@ -187,8 +221,8 @@ async fn work(scenario: &Scenario, setup: &Setup) -> Outcome {
     let seen = std::mem::take(&mut *floor.seen());
     assert_eq!(seen.broken_promises, Vec::<String>::new());
     seen.assert_nothing_twice(|target| notes.targets.contains(&target));
-    notes.assert_consistent(&line, &seen.done);
-    Outcome { line, quality, notes, done: seen.done, taken: seen.taken, log: seen.log, recovered }
+    notes.assert_consistent(&line, &seen.done, setup.executes);
+    Outcome { line, quality, notes, done: seen.done, taken: seen.taken, log: seen.log, recovered, profile: setup.profile, learned, machine_name }
 }
 
 /// A person sees to the machine, whatever state it is in.
