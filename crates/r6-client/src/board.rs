@@ -260,7 +260,9 @@ impl Board {
 fn took_its_time(error: &RequestError) -> bool {
     match error {
         RequestError::NotSent(error) => match error {
-            NotSent::Unreachable { .. } | NotSent::ConnectTimedOut { .. } | NotSent::Unidentified { .. } => true,
+            NotSent::Unreachable { .. } | NotSent::ConnectTimedOut { .. } | NotSent::Unidentified { .. } => {
+                true
+            }
             NotSent::BadAddress { .. }
             | NotSent::Disconnected
             | NotSent::StateNotRead

@@ -84,7 +84,8 @@ impl Seen {
         for line in lines {
             let text = line.to_string();
             if let Some((_, taken)) = text.split_once("AddRCC: ") {
-                let count = taken.split_once(" instruction").and_then(|(count, _)| count.parse::<usize>().ok());
+                let count =
+                    taken.split_once(" instruction").and_then(|(count, _)| count.parse::<usize>().ok());
                 self.taken += count.unwrap_or(0);
             }
             self.log.push(format!("{now} {text}"));
@@ -105,12 +106,21 @@ impl Seen {
         let near = |place: f64| (place - j1).abs() < 2e-3;
         let last_before = self.places.iter().rev().find(|(at, _)| *at <= from);
         last_before.is_some_and(|(_, place)| near(*place))
-            || self.places.iter().rev().skip_while(|(at, _)| *at > to).take_while(|(at, _)| *at >= from).any(|(_, place)| near(*place))
+            || self
+                .places
+                .iter()
+                .rev()
+                .skip_while(|(at, _)| *at > to)
+                .take_while(|(at, _)| *at >= from)
+                .any(|(_, place)| near(*place))
     }
 
     /// Each instruction was carried out once at most, and in its order.
     pub fn assert_nothing_twice(&self, ours: impl Fn(i64) -> bool) {
         let ours: Vec<i64> = self.done.iter().copied().filter(|target| ours(*target)).collect();
-        assert!(ours.windows(2).all(|pair| pair[0] < pair[1]), "carried out twice, or in another order: {ours:?}");
+        assert!(
+            ours.windows(2).all(|pair| pair[0] < pair[1]),
+            "carried out twice, or in another order: {ours:?}"
+        );
     }
 }

@@ -41,7 +41,11 @@ impl Line {
 
     /// All that was sent, as text.
     pub fn text(&self) -> String {
-        self.sent.iter().map(|bytes| String::from_utf8_lossy(bytes).into_owned()).collect::<Vec<_>>().join("\n")
+        self.sent
+            .iter()
+            .map(|bytes| String::from_utf8_lossy(bytes).into_owned())
+            .collect::<Vec<_>>()
+            .join("\n")
     }
 }
 
@@ -149,7 +153,11 @@ impl AsyncRead for Tapped {
 
 impl Tapped {
     /// Has something to read, written anew; whole frames come in one piece.
-    fn poll_rewritten(mut self: Pin<&mut Self>, cx: &mut Context<'_>, rewrite: Option<Rewrite>) -> Poll<io::Result<()>> {
+    fn poll_rewritten(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        rewrite: Option<Rewrite>,
+    ) -> Poll<io::Result<()>> {
         if !self.rest.is_empty() {
             return Poll::Ready(Ok(()));
         }

@@ -222,7 +222,18 @@ async fn work(scenario: &Scenario, setup: &Setup) -> Outcome {
     assert_eq!(seen.broken_promises, Vec::<String>::new());
     seen.assert_nothing_twice(|target| notes.targets.contains(&target));
     notes.assert_consistent(&line, &seen.done, setup.executes);
-    Outcome { line, quality, notes, done: seen.done, taken: seen.taken, log: seen.log, recovered, profile: setup.profile, learned, machine_name }
+    Outcome {
+        line,
+        quality,
+        notes,
+        done: seen.done,
+        taken: seen.taken,
+        log: seen.log,
+        recovered,
+        profile: setup.profile,
+        learned,
+        machine_name,
+    }
 }
 
 /// A person sees to the machine, whatever state it is in.
@@ -251,4 +262,3 @@ pub async fn bounded<T>(what: &str, call: impl Future<Output = T>) -> T {
         Err(_) => panic!("{what} hangs since {begun:?}"),
     }
 }
-
