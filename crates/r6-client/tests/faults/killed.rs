@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use r6_client::units::{AxisPosition, Percent};
 use r6_client::{Heartbeat, Motion, OperationMode, Robot, RobotSettings, RunOptions};
-use r6_controller::Controller;
+use r6_controller::{Controller, Profile};
 use r6_proto::Command;
 use r6_sim::{Clock, VirtualController};
 use tokio::sync::watch;
@@ -104,8 +104,9 @@ struct Cell {
 }
 
 impl Cell {
-    async fn start(clock: Clock) -> Self {
-        let controller = VirtualController::builder().clock(clock).start().await.unwrap();
+    async fn start(clock: Clock, profile: Profile) -> Self {
+        let builder = VirtualController::builder().clock(clock).profile(profile);
+        let controller = builder.start().await.unwrap();
         let floor = Floor::at(controller.handle());
         let (tell, done) = watch::channel(Done::default());
         controller.handle().observe(move |_, controller, lines| {
@@ -124,7 +125,8 @@ impl Cell {
 
     async fn wait_for(&mut self, what: &str, wanted: impl FnMut(&Done) -> bool) {
         let seen = timeout(PATIENCE, self.done.wait_for(wanted)).await;
-        seen.unwrap_or_else(|_| panic!("never: {what}")).expect("the controller is there");
+        seen.unwrap_or_else(|_| panic!("never: {what}, {:?}", self.floor.seen().log))
+            .expect("the controller is there");
     }
 
     /// What a client that comes afterwards finds, and does.
@@ -187,7 +189,7 @@ fn in_real_time(test: impl Future<Output = ()>) {
 fn k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends() {
     in_real_time(async {
         for killed_after in 0..=STEPS {
-            let mut cell = Cell::start(Clock::Times(4.0)).await;
+            let mut cell = Cell::start(Clock::Times(4.0), Profile::hc1()).await;
             let client = Client::start(&cell.address(), 60.0, "none");
             let begun = |done: &Done| done.instructions > 0 || done.left > 0;
             cell.wait_for("it begins", begun).await;
@@ -210,9 +212,10 @@ fn k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends() {
 fn k2_with_a_heartbeat_the_watchdog_stops_what_a_killed_client_left() {
     in_real_time(async {
         for killed_after in 0..3 {
-            // A list that lasts longer than the watchdog waits.
-            let mut cell = Cell::start(Clock::Times(20.0)).await;
-            let client = Client::start(&cell.address(), 0.1, "heartbeat");
+            // A list that lasts longer than the watchdog waits; that is not ten seconds here.
+            let profile = Profile { heartbeat_timeout: Duration::from_millis(400), ..Profile::hc1() };
+            let mut cell = Cell::start(Clock::Real, profile).await;
+            let client = Client::start(&cell.address(), 0.5, "heartbeat");
             cell.wait_for("it begins", |done| done.moving).await;
             let wanted = u64::try_from(killed_after).unwrap();
             cell.wait_for("its turn", |done| done.instructions >= wanted).await;

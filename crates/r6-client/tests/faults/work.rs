@@ -305,7 +305,7 @@ impl Work {
                 Unmet::Alarm { .. } => {
                     drop(bounded("clearing", self.robot.command(Command::ClearAlarm)).await);
                 }
-                Unmet::Mode { .. } if status.list_length == Some(0) => {
+                Unmet::Mode { .. } if status.list_length.unwrap_or(0) == 0 => {
                     drop(bounded("starting", self.robot.command(Command::StartButton)).await);
                 }
                 Unmet::Mode { .. } | Unmet::NotHomed | Unmet::Moving | Unmet::Unknown { .. } => {}
