@@ -25,7 +25,7 @@ const STEPS: usize = 10;
 const STEP: f64 = 0.5;
 
 /// Long enough for a loaded machine.
-const PATIENCE: Duration = Duration::from_secs(30);
+const PATIENCE: Duration = Duration::from_secs(20);
 
 /// What the controller has done, told after each thing that happens.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -124,9 +124,11 @@ impl Cell {
     }
 
     async fn wait_for(&mut self, what: &str, wanted: impl FnMut(&Done) -> bool) {
-        let seen = timeout(PATIENCE, self.done.wait_for(wanted)).await;
-        seen.unwrap_or_else(|_| panic!("never: {what}, {:?}", self.floor.seen().log))
-            .expect("the controller is there");
+        if timeout(PATIENCE, self.done.wait_for(wanted)).await.is_err() {
+            let snapshot = self.controller.handle().snapshot();
+            let done = *self.done.borrow();
+            panic!("never: {what}, {done:?}, {snapshot:?}");
+        }
     }
 
     /// What a client that comes afterwards finds, and does.

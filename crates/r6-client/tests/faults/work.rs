@@ -306,6 +306,8 @@ impl Work {
                     drop(bounded("clearing", self.robot.command(Command::ClearAlarm)).await);
                 }
                 Unmet::Mode { .. } if status.list_length.unwrap_or(0) == 0 => {
+                    // Whatever a stop could not clear may run now.
+                    self.floor.release();
                     drop(bounded("starting", self.robot.command(Command::StartButton)).await);
                 }
                 Unmet::Mode { .. } | Unmet::NotHomed | Unmet::Moving | Unmet::Unknown { .. } => {}
