@@ -92,6 +92,11 @@ pub enum NotSent {
     Wire(SendError),
     /// The handle was closed.
     Closed,
+    /// The system has no thread or file for the engine of a blocking handle.
+    NoEngine {
+        /// What the system says.
+        detail: String,
+    },
     /// It goes beyond the envelope of the handle's guard.
     OutsideEnvelope(Violation),
 }
@@ -255,6 +260,9 @@ impl fmt::Display for NotSent {
             }
             Self::Wire(error) => error.fmt(f),
             Self::Closed => f.write_str("the handle is closed; connect again"),
+            Self::NoEngine { detail } => {
+                write!(f, "the system has no thread for this connection ({detail}); share one engine between robots")
+            }
             Self::OutsideEnvelope(violation) => violation.fmt(f),
         }
     }

@@ -13,10 +13,13 @@
 //! A [`Motion`] is put together from typed values ([`units`]), streamed by [`Robot::run`] and followed through its
 //! [`MotionHandle`]; [`Robot::with_guard`] holds it against an [`Envelope`] first.
 //!
+//! [`blocking`] is all of this without `async`.
+//!
 //! A stop sent from here is an ordinary command on a network. It is no emergency stop.
 #![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::expect_used, clippy::panic))]
 
 mod backoff;
+pub mod blocking;
 mod board;
 mod clock;
 mod connect;

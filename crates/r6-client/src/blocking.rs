@@ -1,0 +1,284 @@
+//! The same robot without `async`: every call waits on the thread that makes it.
+//!
+//! ```
+//! # let controller = r6_sim::VirtualController::start_blocking()?;
+//! # let address = controller.address().to_string();
+//! use r6_client::blocking::Robot;
+//! use r6_client::RobotSettings;
+//! use r6_proto::Address;
+//!
+//! let robot = Robot::connect(&address, RobotSettings::default())?;
+//! let values = robot.query(&[Address::CurMode, Address::CurAlarm])?;
+//! assert_eq!(values.integer(Address::CurAlarm), Some(0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! There is one implementation: these methods run those of [`crate::Robot`], whose documentation says what they do. A handle
+//! may be used from many threads at once, and a stop overtakes what the others wait for.
+//!
+//! None of this may be called where a tokio runtime runs: use [`crate::Robot`] there.
+
+mod engine;
+mod motion;
+mod watch;
+
+use std::fmt;
+use std::sync::Arc;
+
+use r6_proto::address::Address;
+use r6_proto::client::LearnedDialect;
+use r6_proto::message::{Command, Instruction, PhotoAnswer};
+use tokio::runtime::Handle;
+
+pub use self::engine::Engine;
+pub use self::motion::{MotionHandle, StepHandle};
+pub use self::watch::{PushedReceiver, Subscription};
+use crate::connect::Connect;
+use crate::error::{NotSent, RequestError};
+use crate::{
+    Accepted, CameraSet, Cause, Done, Envelope, Identity, LinkQuality, Motion, MotionError, NotSubscribed,
+    QueryResult, RobotSettings, RunOptions, Status, StopReport, WaitError, WaitOptions,
+};
+
+/// A handle on one controller. Clones share one connection; dropping the last one, and what was made with it, closes it in
+/// order, which takes half a second at most.
+#[derive(Clone)]
+pub struct Robot {
+    robot: crate::Robot,
+    connection: Arc<Connection>,
+}
+
+/// What all handles of a connection share.
+struct Connection {
+    robot: crate::Robot,
+    engine: Engine,
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        // Inside a runtime nothing can be waited for; then the engine's thread closes it.
+        if Handle::try_current().is_err() {
+            self.engine.block_on(self.robot.clone().close());
+        }
+    }
+}
+
+impl fmt::Debug for Robot {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("blocking::Robot").field(&self.address()).finish()
+    }
+}
+
+impl Robot {
+    /// As [`crate::Robot::connect`], with an [`Engine`] of its own.
+    ///
+    /// # Errors
+    /// As there, and [`NotSent::NoEngine`] if the system has no thread for it.
+    pub fn connect(address: &str, settings: RobotSettings) -> Result<Self, RequestError> {
+        let engine = Engine::start().map_err(|error| NotSent::NoEngine { detail: error.to_string() })?;
+        Self::connect_on(&engine, address, settings)
+    }
+
+    /// As [`crate::Robot::connect`], on an engine that other robots may share.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn connect_on(engine: &Engine, address: &str, settings: RobotSettings) -> Result<Self, RequestError> {
+        let robot = engine.block_on(crate::Robot::connect(address, settings))?;
+        Ok(Self::of(engine, robot))
+    }
+
+    /// As [`crate::Robot::connect_with`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn connect_with<C: Connect>(
+        engine: &Engine,
+        target: C,
+        settings: RobotSettings,
+    ) -> Result<Self, RequestError> {
+        let robot = engine.block_on(crate::Robot::connect_with(target, settings))?;
+        Ok(Self::of(engine, robot))
+    }
+
+    fn of(engine: &Engine, robot: crate::Robot) -> Self {
+        let connection = Connection { robot: robot.clone(), engine: engine.clone() };
+        Self { robot, connection: Arc::new(connection) }
+    }
+
+    /// The engine that this robot's calls run on.
+    #[must_use]
+    pub fn engine(&self) -> &Engine {
+        &self.connection.engine
+    }
+
+    /// The async handle on the same connection, for tasks that are spawned on [`Self::engine`].
+    #[must_use]
+    pub fn as_async(&self) -> &crate::Robot {
+        &self.robot
+    }
+
+    /// As [`crate::Robot::close`].
+    pub fn close(self) {
+        self.engine().block_on(self.robot.clone().close());
+    }
+
+    /// As [`crate::Robot::address`].
+    #[must_use]
+    pub fn address(&self) -> &str {
+        self.robot.address()
+    }
+
+    /// As [`crate::Robot::query`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn query(&self, addresses: &[Address]) -> Result<QueryResult, RequestError> {
+        self.engine().block_on(self.robot.query(addresses))
+    }
+
+    /// As [`crate::Robot::status`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn status(&self) -> Result<Status, RequestError> {
+        self.engine().block_on(self.robot.status())
+    }
+
+    /// As [`crate::Robot::firmware`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn firmware(&self) -> Result<Option<String>, RequestError> {
+        self.engine().block_on(self.robot.firmware())
+    }
+
+    /// As [`crate::Robot::command`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn command(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
+        self.engine().block_on(self.robot.command(command))
+    }
+
+    /// As [`crate::Robot::stop`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn stop(&self) -> Result<StopReport, RequestError> {
+        self.engine().block_on(self.robot.stop())
+    }
+
+    /// As [`crate::Robot::add_rcc`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn add_rcc(&self, replace: bool, instructions: Vec<Instruction>) -> Result<Accepted, RequestError> {
+        self.engine().block_on(self.robot.add_rcc(replace, instructions))
+    }
+
+    /// As [`crate::Robot::clear_list`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn clear_list(&self) -> Result<Accepted, RequestError> {
+        self.engine().block_on(self.robot.clear_list())
+    }
+
+    /// As [`crate::Robot::wait_until_done`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn wait_until_done(&self, options: WaitOptions) -> Result<Done, WaitError> {
+        self.engine().block_on(self.robot.wait_until_done(options))
+    }
+
+    /// As [`crate::Robot::run`]: it returns once everything is checked, and the motion is streamed while the program goes on.
+    ///
+    /// # Errors
+    /// As there.
+    #[expect(clippy::result_large_err, reason = "made once a motion")]
+    pub fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
+        let handle = self.engine().block_on(self.robot.run(motion, options))?;
+        Ok(MotionHandle::new(handle, Arc::clone(&self.connection)))
+    }
+
+    /// As [`crate::Robot::dry_run`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn dry_run(&self, motion: &Motion, options: RunOptions) -> Result<Vec<Vec<u8>>, Cause> {
+        self.robot.dry_run(motion, options)
+    }
+
+    /// As [`crate::Robot::add_points`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn add_points(&self, cameras: Vec<CameraSet>) -> Result<Accepted, RequestError> {
+        self.engine().block_on(self.robot.add_points(cameras))
+    }
+
+    /// As [`crate::Robot::answer_photo`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn answer_photo(&self, answer: PhotoAnswer) -> Result<(), RequestError> {
+        self.engine().block_on(self.robot.answer_photo(answer))
+    }
+
+    /// As [`crate::Robot::pushed`].
+    #[must_use]
+    pub fn pushed(&self) -> PushedReceiver {
+        PushedReceiver::new(self.robot.pushed(), Arc::clone(&self.connection))
+    }
+
+    /// As [`crate::Robot::subscribe`]: the values are read between the calls, too.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn subscribe(
+        &self,
+        addresses: &[Address],
+        every: std::time::Duration,
+    ) -> Result<Subscription, NotSubscribed> {
+        let subscription = self.robot.subscribe(addresses, every)?;
+        Ok(Subscription::new(subscription, Arc::clone(&self.connection)))
+    }
+
+    /// As [`crate::Robot::learned`].
+    #[must_use]
+    pub fn learned(&self) -> LearnedDialect {
+        self.robot.learned()
+    }
+
+    /// As [`crate::Robot::link_quality`].
+    #[must_use]
+    pub fn link_quality(&self) -> LinkQuality {
+        // The ages in it are those of the runtime's clock.
+        self.engine().enter(|| self.robot.link_quality())
+    }
+
+    /// As [`crate::Robot::identity`].
+    #[must_use]
+    pub fn identity(&self) -> Option<Identity> {
+        self.robot.identity()
+    }
+
+    /// As [`crate::Robot::accept_identity`].
+    pub fn accept_identity(&self, found: Identity) {
+        self.robot.accept_identity(found);
+    }
+
+    /// As [`crate::Robot::with_guard`].
+    #[must_use]
+    pub fn with_guard(&self, envelope: Envelope) -> Self {
+        Self { robot: self.robot.with_guard(envelope), connection: Arc::clone(&self.connection) }
+    }
+
+    /// As [`crate::Robot::guard`].
+    #[must_use]
+    pub fn guard(&self) -> Option<&Envelope> {
+        self.robot.guard()
+    }
+}

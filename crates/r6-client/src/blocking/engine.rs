@@ -1,0 +1,172 @@
+//! What makes async code run where nothing is async: whoever waits drives, and a thread drives while nobody waits.
+//!
+//! ```text
+//! a call:     the caller's thread drives the runtime itself, sockets and timers included: no other thread has to wake up
+//! no call:    the keeper's thread drives it: subscriptions are read, heartbeats leave, motions are streamed on
+//! ```
+//!
+//! The keeper takes over when no call was made for a moment. The first call after that takes the runtime back, which costs one
+//! wake-up of each of the two threads.
+
+use std::future::Future;
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::thread::{self, Thread};
+use std::time::Duration;
+
+use tokio::runtime::{Builder, Handle, Runtime};
+use tokio::sync::Notify;
+use tokio::time::{Instant, sleep};
+
+/// How long no call must have been made before the keeper takes over. What it does is needed within 20 ms, the shortest period
+/// of a subscription; calls that follow each other faster than this never wake it.
+const FIRST_PAUSE: Duration = Duration::from_millis(1);
+
+/// The keeper looks for the end of a long call at least so often.
+const LONGEST_PAUSE: Duration = Duration::from_millis(10);
+
+/// What is left to do at the end, connections to close above all, gets so much time: a closing connection takes half a second.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// Runs the async client for threads that are not async. Clones are the same engine; it ends when the last is gone.
+///
+/// Each [`super::Robot`] has one of its own, unless it is given one to share. Sharing saves a thread for each robot; calls to
+/// robots of one engine are driven by one thread at a time.
+#[derive(Clone, Debug)]
+pub struct Engine(Arc<Owner>);
+
+/// Ends the keeper when the last engine is gone.
+#[derive(Debug)]
+struct Owner {
+    shared: Arc<Shared>,
+    keeper: Thread,
+}
+
+#[derive(Debug)]
+struct Shared {
+    runtime: Runtime,
+    /// Calls that wait now.
+    waiting: AtomicUsize,
+    /// Counts the calls.
+    calls: AtomicU64,
+    /// Whether the keeper drives, or is about to.
+    kept: AtomicBool,
+    /// Tells the keeper to let go.
+    let_go: Notify,
+    ended: AtomicBool,
+}
+
+impl Engine {
+    /// Starts an engine and its thread.
+    ///
+    /// # Errors
+    /// What the system says if it has no thread or no file for it.
+    pub fn start() -> io::Result<Self> {
+        let shared = Arc::new(Shared {
+            runtime: Builder::new_current_thread().enable_all().build()?,
+            waiting: AtomicUsize::new(0),
+            calls: AtomicU64::new(0),
+            kept: AtomicBool::new(false),
+            let_go: Notify::new(),
+            ended: AtomicBool::new(false),
+        });
+        let kept = Arc::clone(&shared);
+        let keeper = thread::Builder::new().name("r6-engine".to_owned()).spawn(move || kept.keep())?;
+        Ok(Self(Arc::new(Owner { shared, keeper: keeper.thread().clone() })))
+    }
+
+    /// Runs a future to its end on this thread.
+    ///
+    /// # Panics
+    /// Where a tokio runtime runs on this thread: nothing may wait there.
+    pub fn block_on<F: Future>(&self, future: F) -> F::Output {
+        let shared = &self.0.shared;
+        let _call = Call::begin(shared);
+        shared.runtime.block_on(future)
+    }
+
+    /// Runs what needs a runtime around it but does not wait.
+    pub fn enter<T>(&self, what: impl FnOnce() -> T) -> T {
+        let _inside = self.0.shared.runtime.enter();
+        what()
+    }
+
+    /// Where to spawn what is to go on between the calls.
+    #[must_use]
+    pub fn handle(&self) -> &Handle {
+        self.0.shared.runtime.handle()
+    }
+}
+
+/// A call that waits.
+struct Call<'s>(&'s Shared);
+
+impl<'s> Call<'s> {
+    fn begin(shared: &'s Shared) -> Self {
+        shared.waiting.fetch_add(1, Ordering::SeqCst);
+        shared.calls.fetch_add(1, Ordering::SeqCst);
+        if shared.kept.load(Ordering::SeqCst) {
+            shared.let_go.notify_one();
+        }
+        Self(shared)
+    }
+}
+
+impl Drop for Call<'_> {
+    fn drop(&mut self) {
+        self.0.waiting.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
+impl Shared {
+    /// The keeper's thread.
+    fn keep(mut self: Arc<Self>) {
+        while self.wait_for_silence() {
+            self.kept.store(true, Ordering::SeqCst);
+            // A call that came between the two did not see that it has to ask; this one sees the call.
+            if self.waiting.load(Ordering::SeqCst) == 0 {
+                self.runtime.block_on(self.let_go.notified());
+            }
+            self.kept.store(false, Ordering::SeqCst);
+        }
+        self.runtime.block_on(self.farewell());
+        // The runtime must end here: where the last engine is dropped, another runtime may run.
+        while let Err(shared) = Arc::try_unwrap(self) {
+            self = shared;
+            thread::park_timeout(FIRST_PAUSE);
+        }
+    }
+
+    /// Waits until no call was made for a moment; `false` at the end.
+    fn wait_for_silence(&self) -> bool {
+        let mut pause = FIRST_PAUSE;
+        loop {
+            let calls = self.calls.load(Ordering::SeqCst);
+            if self.ended.load(Ordering::SeqCst) {
+                return false;
+            }
+            thread::park_timeout(pause);
+            if self.waiting.load(Ordering::SeqCst) == 0 && self.calls.load(Ordering::SeqCst) == calls {
+                return true;
+            }
+            pause = LONGEST_PAUSE.min(pause * 2);
+        }
+    }
+
+    /// Lets the tasks end by themselves.
+    async fn farewell(&self) {
+        let until = Instant::now() + FAREWELL;
+        while self.runtime.metrics().num_alive_tasks() > 0 && Instant::now() < until {
+            sleep(FIRST_PAUSE).await;
+        }
+    }
+}
+
+impl Drop for Owner {
+    fn drop(&mut self) {
+        self.shared.ended.store(true, Ordering::SeqCst);
+        self.shared.let_go.notify_one();
+        self.keeper.unpark();
+    }
+}

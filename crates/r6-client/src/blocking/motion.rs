@@ -1,0 +1,114 @@
+//! The handle of a motion that runs, without `async`.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_proto::message::Instruction;
+use tokio::time::timeout;
+
+use super::Connection;
+use crate::error::RequestError;
+use crate::handle::{Progress, StepState};
+use crate::{Done, MotionError, StopReport};
+
+/// As [`crate::MotionHandle`]: dropping it ends the streaming.
+#[must_use = "dropping the handle ends the streaming"]
+pub struct MotionHandle {
+    handle: crate::MotionHandle,
+    connection: Arc<Connection>,
+}
+
+impl fmt::Debug for MotionHandle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.handle.fmt(f)
+    }
+}
+
+impl MotionHandle {
+    pub(super) fn new(handle: crate::MotionHandle, connection: Arc<Connection>) -> Self {
+        Self { handle, connection }
+    }
+
+    /// As [`crate::MotionHandle::progress`].
+    #[must_use]
+    pub fn progress(&self) -> Progress {
+        self.handle.progress()
+    }
+
+    /// As [`crate::MotionHandle::steps`].
+    #[must_use]
+    pub fn steps(&self) -> &[Instruction] {
+        self.handle.steps()
+    }
+
+    /// Waits so long at most; whether the motion has ended, well or not. For a loop that shows the progress.
+    #[must_use]
+    pub fn ended_within(&self, time: Duration) -> bool {
+        let mut progress = self.handle.watch();
+        // Inside the engine, for the time is its clock's.
+        let ended = async { timeout(time, progress.wait_for(|progress| progress.ended)).await };
+        // A sender that is gone has nothing more to tell.
+        self.connection.engine.block_on(ended).is_ok()
+    }
+
+    /// As [`crate::MotionHandle::step`].
+    #[must_use]
+    pub fn step(&self, step: usize) -> Option<StepHandle> {
+        let step = self.handle.step(step)?;
+        Some(StepHandle { step, connection: Arc::clone(&self.connection) })
+    }
+
+    /// As [`crate::MotionHandle::finished`].
+    ///
+    /// # Errors
+    /// As there.
+    #[expect(clippy::result_large_err, reason = "made once a motion")]
+    pub fn finished(self) -> Result<Done, MotionError> {
+        self.connection.engine.block_on(self.handle.finished())
+    }
+
+    /// As [`crate::MotionHandle::stop`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn stop(self) -> Result<StopReport, RequestError> {
+        self.connection.engine.block_on(self.handle.stop())
+    }
+}
+
+/// As [`crate::StepHandle`].
+pub struct StepHandle {
+    step: crate::StepHandle,
+    connection: Arc<Connection>,
+}
+
+impl fmt::Debug for StepHandle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.step.fmt(f)
+    }
+}
+
+impl StepHandle {
+    /// As [`crate::StepHandle::number`].
+    #[must_use]
+    pub fn number(&self) -> usize {
+        self.step.number()
+    }
+
+    /// As [`crate::StepHandle::state`].
+    #[must_use]
+    pub fn state(&self) -> StepState {
+        self.step.state()
+    }
+
+    /// As [`crate::StepHandle::started`].
+    pub fn started(&mut self) -> bool {
+        self.connection.engine.block_on(self.step.started())
+    }
+
+    /// As [`crate::StepHandle::done`].
+    pub fn done(&mut self) -> bool {
+        self.connection.engine.block_on(self.step.done())
+    }
+}

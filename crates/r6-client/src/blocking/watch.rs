@@ -1,0 +1,116 @@
+//! Values and events that come by themselves, without `async`.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_proto::address::Address;
+use tokio::sync::broadcast::{self, error::RecvError};
+use tokio::time::timeout;
+
+use super::Connection;
+use crate::{Pushed, Snapshot};
+
+/// As [`crate::Subscription`]. As an iterator it waits for the next values, and ends when the handle is closed.
+pub struct Subscription {
+    subscription: crate::Subscription,
+    connection: Arc<Connection>,
+}
+
+impl fmt::Debug for Subscription {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("blocking::Subscription").field(&self.addresses()).finish()
+    }
+}
+
+impl Subscription {
+    pub(super) fn new(subscription: crate::Subscription, connection: Arc<Connection>) -> Self {
+        Self { subscription, connection }
+    }
+
+    /// As [`crate::Subscription::addresses`].
+    #[must_use]
+    pub fn addresses(&self) -> &[Address] {
+        self.subscription.addresses()
+    }
+
+    /// As [`crate::Subscription::latest`].
+    #[must_use]
+    pub fn latest(&self) -> Snapshot {
+        self.connection.engine.enter(|| self.subscription.latest())
+    }
+
+    /// As [`crate::Subscription::next`], for so long at most: then the values as they are known, with their ages.
+    pub fn next_within(&mut self, time: Duration) -> Option<Snapshot> {
+        let Self { subscription, connection } = self;
+        connection.engine.block_on(async {
+            match timeout(time, subscription.next()).await {
+                Ok(next) => next,
+                Err(_elapsed) => Some(subscription.latest()),
+            }
+        })
+    }
+}
+
+impl Iterator for Subscription {
+    type Item = Snapshot;
+
+    fn next(&mut self) -> Option<Snapshot> {
+        self.connection.engine.block_on(self.subscription.next())
+    }
+}
+
+/// What happens on the connection without being asked for ([`crate::Robot::pushed`]). As an iterator it waits for the next,
+/// passes over what was missed, and ends when the handle is closed.
+pub struct PushedReceiver {
+    receiver: broadcast::Receiver<Pushed>,
+    connection: Arc<Connection>,
+}
+
+impl fmt::Debug for PushedReceiver {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("PushedReceiver").finish_non_exhaustive()
+    }
+}
+
+impl PushedReceiver {
+    pub(super) fn new(receiver: broadcast::Receiver<Pushed>, connection: Arc<Connection>) -> Self {
+        Self { receiver, connection }
+    }
+
+    /// Waits for the next.
+    ///
+    /// # Errors
+    /// `Lagged(n)`: so many were missed, the next call goes on behind them. `Closed`: the handle is closed.
+    pub fn recv(&mut self) -> Result<Pushed, RecvError> {
+        self.connection.engine.block_on(self.receiver.recv())
+    }
+
+    /// The same, for so long at most; then `None`.
+    ///
+    /// # Errors
+    /// As [`Self::recv`].
+    pub fn recv_within(&mut self, time: Duration) -> Result<Option<Pushed>, RecvError> {
+        let Self { receiver, connection } = self;
+        connection.engine.block_on(async {
+            match timeout(time, receiver.recv()).await {
+                Ok(pushed) => pushed.map(Some),
+                Err(_elapsed) => Ok(None),
+            }
+        })
+    }
+}
+
+impl Iterator for PushedReceiver {
+    type Item = Pushed;
+
+    fn next(&mut self) -> Option<Pushed> {
+        loop {
+            match self.recv() {
+                Ok(pushed) => return Some(pushed),
+                Err(RecvError::Lagged(_)) => {}
+                Err(RecvError::Closed) => return None,
+            }
+        }
+    }
+}

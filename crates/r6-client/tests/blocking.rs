@@ -1,0 +1,208 @@
+//! The blocking twin: the same robot without a runtime of the caller's.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::sync::mpsc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use r6_client::blocking::{Engine, Robot};
+use r6_client::units::{AxisPosition, Percent};
+use r6_client::{
+    Heartbeat, Motion, NotSent, Pushed, Quality, RequestError, RobotSettings, RunOptions, StepState,
+};
+use r6_proto::message::PhotoAnswer;
+use r6_proto::{Address, Command, RegisterIndex};
+use r6_sim::{Clock, VirtualController};
+
+/// Long enough for a loaded machine.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+fn cell() -> (VirtualController, Robot) {
+    let controller = VirtualController::start_blocking().unwrap();
+    let robot = connect(&controller, RobotSettings::default());
+    (controller, robot)
+}
+
+fn connect(controller: &VirtualController, settings: RobotSettings) -> Robot {
+    Robot::connect(&controller.address().to_string(), settings).unwrap()
+}
+
+fn motion(degrees: impl IntoIterator<Item = f64>) -> Motion {
+    let fast = Percent::new(100.0).unwrap();
+    degrees.into_iter().fold(Motion::new(), |motion, j1| {
+        motion.axis_move(AxisPosition::degrees([j1, 0.0, 0.0, 0.0, 30.0, 0.0]), fast)
+    })
+}
+
+/// Waits, without sleeping for long, until something holds.
+fn until(what: &str, mut holds: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !holds() {
+        assert!(begun.elapsed() < PATIENCE, "{what}");
+        thread::yield_now();
+    }
+}
+
+#[test]
+fn queries_and_commands_wait_on_the_callers_thread() {
+    let (_controller, robot) = cell();
+    let register = RegisterIndex::new(810).unwrap();
+    robot.status().unwrap();
+    robot.command(Command::RewriteData { register, savable: false, value: -4711 }).unwrap();
+    let read = robot.query(&[Address::Addr(register), Address::CurMode]).unwrap();
+    assert_eq!(read.integer(Address::Addr(register)), Some(-4711));
+    assert_eq!(read.integer(Address::CurMode), Some(7));
+    assert!(robot.firmware().unwrap().is_some_and(|version| version.starts_with("HC-QC-RX")));
+}
+
+#[test]
+fn many_threads_share_one_connection() {
+    let (controller, robot) = cell();
+    robot.status().unwrap();
+    thread::scope(|scope| {
+        for thread in 0_i64..16 {
+            let robot = robot.clone();
+            scope.spawn(move || {
+                let register = RegisterIndex::new(820 + u16::try_from(thread).unwrap()).unwrap();
+                for round in 0..20 {
+                    let value = thread * 100 + round;
+                    robot.command(Command::RewriteData { register, savable: false, value }).unwrap();
+                    let read = robot.query(&[Address::Addr(register)]).unwrap();
+                    assert_eq!(read.integer(Address::Addr(register)), Some(value));
+                }
+            });
+        }
+    });
+    assert_eq!(controller.handle().snapshot().connections, 1);
+}
+
+/// A motion goes on while the caller does something else, without a runtime of his.
+#[test]
+fn a_motion_is_streamed_between_the_calls() {
+    let controller = VirtualController::builder().clock(Clock::Times(20.0)).start_blocking().unwrap();
+    let robot = connect(&controller, RobotSettings::default());
+    // More steps than the list has room for: somebody has to go on streaming.
+    let handle = robot.run(&motion((0..60).map(|n| f64::from(n % 2))), RunOptions::default()).unwrap();
+    let mut middle = handle.step(40).unwrap();
+    until("it is streamed to its 40th step", || {
+        assert!(!matches!(middle.state(), StepState::Lost));
+        controller.handle().snapshot().connections == 1 && handle.progress().done >= 40
+    });
+    assert!(middle.started() && middle.done());
+    until("it ends", || handle.ended_within(Duration::from_millis(5)));
+    let done = handle.finished().unwrap();
+    assert_eq!(done.axes[0], Some(1.0));
+}
+
+#[test]
+fn a_stop_of_one_thread_ends_what_another_waits_for() {
+    let (_controller, robot) = cell();
+    let handle = robot.run(&motion([150.0, -150.0, 150.0]), RunOptions::default()).unwrap();
+    let (told, moving) = mpsc::channel();
+    let waiting = thread::spawn(move || {
+        told.send(()).unwrap();
+        handle.finished().map_err(Box::new)
+    });
+    moving.recv().unwrap();
+    let report = robot.stop().unwrap();
+    assert!(report.confirmed, "{report}");
+    let error = waiting.join().unwrap().unwrap_err();
+    assert!(error.progress.done < 3, "{error}");
+    let before = robot.status().unwrap().axes;
+    assert_eq!(robot.status().unwrap().axes, before);
+}
+
+#[test]
+fn subscribed_values_are_read_between_the_calls() {
+    let (_controller, robot) = cell();
+    let mut mode = robot.subscribe(&[Address::CurMode], Duration::from_millis(20)).unwrap();
+    assert!(mode.next().unwrap().fresh(Address::CurMode).is_some());
+    // Nobody calls anything: the age of the value says that it is read all the same.
+    let (_nothing, comes) = mpsc::channel::<()>();
+    comes.recv_timeout(Duration::from_millis(500)).unwrap_err();
+    let latest = mode.latest();
+    let value = latest.value(Address::CurMode).unwrap();
+    assert_eq!(value.quality, Quality::Fresh);
+    assert!(value.age.unwrap() < Duration::from_millis(400), "{:?}", value.age);
+    assert!(mode.next_within(Duration::ZERO).is_some());
+}
+
+#[test]
+fn heartbeats_leave_between_the_calls() {
+    // Ten times as fast, the watchdog waits for a second.
+    let controller = VirtualController::builder().clock(Clock::Times(10.0)).start_blocking().unwrap();
+    let heartbeat = Heartbeat::Managed { every: Duration::from_millis(100) };
+    let robot = connect(&controller, RobotSettings { heartbeat, ..RobotSettings::default() });
+    let (_nothing, comes) = mpsc::channel::<()>();
+    comes.recv_timeout(Duration::from_millis(1500)).unwrap_err();
+    assert_eq!(robot.query(&[Address::CurAlarm]).unwrap().integer(Address::CurAlarm), Some(0));
+}
+
+#[test]
+fn a_photo_is_asked_for_and_answered() {
+    let (controller, robot) = cell();
+    robot.status().unwrap();
+    let mut pushed = robot.pushed();
+    assert!(pushed.recv_within(Duration::from_millis(1)).unwrap().is_none());
+    controller.handle().request_photo(4);
+    assert!(matches!(pushed.next(), Some(Pushed::Photo { cam_id: 4 })));
+    robot.answer_photo(PhotoAnswer { cam_id: 4, ret: 1 }).unwrap();
+}
+
+#[test]
+fn the_last_handle_closes_the_connection_before_it_is_gone() {
+    let (controller, robot) = cell();
+    robot.status().unwrap();
+    let other = robot.clone();
+    let subscription = robot.subscribe(&[Address::CurMode], Duration::from_secs(1)).unwrap();
+    drop((robot, other));
+    assert_eq!(controller.handle().snapshot().connections, 1, "the subscription is a handle too");
+    drop(subscription);
+    until("the connection is closed", || controller.handle().snapshot().connections == 0);
+}
+
+#[test]
+fn a_closed_handle_says_so() {
+    let (_controller, robot) = cell();
+    let other = robot.clone();
+    robot.close();
+    let error = other.query(&[Address::CurMode]).unwrap_err();
+    assert!(matches!(error, RequestError::NotSent(NotSent::Closed)), "{error}");
+}
+
+#[test]
+fn robots_share_an_engine() {
+    let engine = Engine::start().unwrap();
+    let controllers: Vec<_> = (0..4).map(|_| VirtualController::start_blocking().unwrap()).collect();
+    let robots: Vec<_> = controllers
+        .iter()
+        .map(|controller| {
+            let address = controller.address().to_string();
+            Robot::connect_on(&engine, &address, RobotSettings::default()).unwrap()
+        })
+        .collect();
+    drop(engine);
+    for robot in &robots {
+        assert_eq!(robot.query(&[Address::CurMode]).unwrap().integer(Address::CurMode), Some(7));
+    }
+}
+
+/// It can be dropped, not used, where a runtime runs.
+#[tokio::test]
+async fn a_handle_may_be_dropped_where_a_runtime_runs() {
+    let controller = VirtualController::start().await.unwrap();
+    let address = controller.address().to_string();
+    let robot = thread::spawn(move || Robot::connect(&address, RobotSettings::default()).unwrap());
+    // The controller runs on this thread.
+    until_async(|| robot.is_finished()).await;
+    drop(robot.join().unwrap());
+    until_async(|| controller.handle().snapshot().connections == 0).await;
+}
+
+async fn until_async(mut holds: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !holds() {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::task::yield_now().await;
+    }
+}
