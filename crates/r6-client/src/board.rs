@@ -270,6 +270,7 @@ fn took_its_time(error: &RequestError) -> bool {
             | NotSent::Busy { .. }
             | NotSent::Wire(_)
             | NotSent::Closed
+            | NotSent::NoEngine { .. }
             | NotSent::OutsideEnvelope(_) => false,
         },
         RequestError::OutcomeUnknown(unknown) => match unknown {
