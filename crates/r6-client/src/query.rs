@@ -15,6 +15,7 @@ use crate::identity::Identity;
 use crate::job::{Answer, Work};
 use crate::link::Lane;
 use crate::robot::Robot;
+use crate::settings::RobotSettings;
 
 /// Unsupported addresses that are remembered for a connection: more than the table of addresses has, registers apart.
 const MAX_REMEMBERED: usize = 256;
@@ -22,6 +23,16 @@ const MAX_REMEMBERED: usize = 256;
 /// What a value is taken to need in a reply, quotes and comma included: the longest captured position,
 /// `"-2597.112793"`, needs 15.
 const BYTES_PER_VALUE: usize = 16;
+
+/// What a reply to a query has around the values, with what it echoes around the addresses, bytes.
+pub(crate) fn around_query(settings: &RobotSettings) -> usize {
+    let envelope =
+        Envelope { ds_id: settings.ds_id, type_key: settings.type_key, pack_id: Some(LONGEST_PACK_ID) };
+    let mut frame = Vec::new();
+    // A query without addresses has nothing that could fail to be encoded. The reply has `queryData` besides.
+    Request::Query(&[]).encode(&envelope, &mut frame).ok();
+    frame.len() + "\"queryData\":[],".len()
+}
 
 /// The longest `packID` that is counted on, in digits.
 const LONGEST_PACK_ID: &str = "18446744073709551615";
@@ -230,27 +241,23 @@ impl Robot {
 
     /// Parts whose requests and replies stay below the longest frame.
     fn split(&self, addresses: Part) -> Vec<Part> {
-        let settings = self.settings();
-        let envelope =
-            Envelope { ds_id: settings.ds_id, type_key: settings.type_key, pack_id: Some(LONGEST_PACK_ID) };
-        let mut frame = Vec::new();
-        // A query without addresses has nothing that could fail to be encoded. The reply has `queryData` besides.
-        Request::Query(&[]).encode(&envelope, &mut frame).ok();
-        let around = frame.len() + "\"queryData\":[],".len();
+        let longest = self.settings().max_frame_bytes;
+        let around = self.around_query();
+        let needs = |address: Address| address.name_len() + "\"\",".len() + BYTES_PER_VALUE;
+        if around + addresses.iter().map(|(_, address)| needs(*address)).sum::<usize>() <= longest {
+            return if addresses.is_empty() { Vec::new() } else { vec![addresses] };
+        }
         let mut parts: Vec<Part> = Vec::new();
         let mut bytes = usize::MAX;
         for (at, address) in addresses {
-            frame.clear();
-            address.write_name(&mut frame);
-            let needs = frame.len() + "\"\",".len() + BYTES_PER_VALUE;
             match parts.last_mut() {
-                Some(part) if bytes.saturating_add(needs) <= settings.max_frame_bytes => {
+                Some(part) if bytes.saturating_add(needs(address)) <= longest => {
                     part.push((at, address));
-                    bytes += needs;
+                    bytes += needs(address);
                 }
                 Some(_) | None => {
                     parts.push(vec![(at, address)]);
-                    bytes = around + needs;
+                    bytes = around + needs(address);
                 }
             }
         }

@@ -22,6 +22,7 @@ use crate::job::{Answer, CameraSet, Job, Work};
 use crate::link::Lane;
 use crate::link_quality::Meter;
 use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
+use crate::query::around_query;
 use crate::settings::RobotSettings;
 
 /// Requests that may wait in each lane; a caller beyond that waits for room.
@@ -42,6 +43,8 @@ pub struct Robot {
 struct Lanes {
     address: String,
     settings: RobotSettings,
+    /// [`around_query`] of the settings.
+    around_query: usize,
     urgent: mpsc::Sender<Urgent>,
     ordinary: mpsc::Sender<Job>,
     hub: Arc<Hub>,
@@ -91,6 +94,7 @@ impl Robot {
         let lanes = Lanes {
             address: target.to_string(),
             settings: settings.clone(),
+            around_query: around_query(&settings),
             urgent,
             ordinary,
             hub: Arc::clone(&hub),
@@ -218,6 +222,10 @@ impl Robot {
 
     pub(crate) fn runtime(&self) -> &Handle {
         &self.lanes.runtime
+    }
+
+    pub(crate) fn around_query(&self) -> usize {
+        self.lanes.around_query
     }
 
     pub(crate) fn settings(&self) -> &RobotSettings {

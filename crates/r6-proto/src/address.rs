@@ -326,16 +326,31 @@ impl Address {
         }
     }
 
+    /// The name without its index, up to and with the dash.
+    fn stem(self) -> &'static [u8] {
+        let name = self.info().name.as_bytes();
+        match self.index() {
+            None => name,
+            Some(_) => name.strip_suffix(b"n").unwrap_or(name),
+        }
+    }
+
     /// Appends the name as it stands on the wire.
     pub fn write_name(self, out: &mut Vec<u8>) {
-        let name = self.info().name;
+        out.extend_from_slice(self.stem());
         match self.index() {
-            None => out.extend_from_slice(name.as_bytes()),
-            Some(index) => {
-                out.extend_from_slice(name.strip_suffix('n').unwrap_or(name).as_bytes());
-                crate::encode::write_integer(out, i64::from(index));
-            }
+            None => {}
+            Some(index @ 0..=9) => out.push(b'0' + u8::try_from(index).unwrap_or(0)),
+            Some(index) => crate::encode::write_integer(out, i64::from(index)),
         }
+    }
+
+    /// How long the name is that [`Self::write_name`] appends, bytes.
+    #[must_use]
+    pub fn name_len(self) -> usize {
+        let digits =
+            self.index().map_or(0, |index| index.checked_ilog10().map_or(1, |power| power as usize + 1));
+        self.stem().len() + digits
     }
 }
 
@@ -417,6 +432,28 @@ impl std::error::Error for UnknownAddress {}
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_name_is_as_long_as_it_is_told() {
+        let axis = AxisIndex::new(7).unwrap();
+        let register = RegisterIndex::new(850).unwrap();
+        for address in [
+            Address::Version,
+            Address::Axis(axis),
+            Address::Addr(register),
+            Address::Counter(0),
+            Address::Counter(9),
+            Address::Counter(10),
+            Address::Counter(LAST_COUNTER),
+        ] {
+            let mut name = Vec::new();
+            address.write_name(&mut name);
+            assert_eq!(
+                (String::from_utf8(name.clone()).unwrap(), name.len()),
+                (address.to_string(), address.name_len())
+            );
+        }
+    }
 
     /// One address for every row: the row's name with its lowest index.
     fn first_of_each_row() -> Vec<(String, &'static AddressInfo)> {

@@ -9,7 +9,7 @@ mod matcher;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use self::matcher::{Assigned, Matcher, hash_of_addresses};
+use self::matcher::{Assigned, Matcher, hash_of_query};
 use crate::dialect::{DsIdForm, Envelope};
 use crate::encode::write_integer;
 use crate::error::{EncodeError, JsonError};
@@ -224,7 +224,7 @@ pub struct ClientSession {
     transmitted: usize,
     transmitted_before: u64,
     next_ticket: u64,
-    /// A `packID`, or the name of an address, while a request is being written.
+    /// A `packID`, while a request is being written.
     digits: Vec<u8>,
     in_flight: VecDeque<InFlight>,
     timed_out: VecDeque<Ticket>,
@@ -301,7 +301,9 @@ impl ClientSession {
         self.next_ticket += 1;
         if waits {
             let (word, addresses) = match request {
-                Request::Query(addresses) => ("query", hash_of_addresses(addresses, &mut self.digits)),
+                Request::Query(addresses) => {
+                    ("query", hash_of_query(self.output.get(before..).unwrap_or_default(), addresses))
+                }
                 Request::Command(command) => (command.name().word(), 0),
                 Request::AddRcc { .. }
                 | Request::AddPoints(_)

@@ -117,6 +117,14 @@ impl<'o> ObjectWriter<'o> {
         text::write_escaped(self.key(key), value);
     }
 
+    /// A text that has nothing to escape: a word of the protocol, digits.
+    pub fn word(&mut self, key: &str, value: &str) {
+        let out = self.key(key);
+        out.push(b'"');
+        out.extend_from_slice(value.as_bytes());
+        out.push(b'"');
+    }
+
     /// A whole number in quotes.
     pub fn quoted_integer(&mut self, key: &str, value: i64) {
         let out = self.key(key);

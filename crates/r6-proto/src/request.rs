@@ -77,10 +77,10 @@ impl Request<'_> {
     fn encode_members(&self, envelope: &Envelope<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let request = self.request_type();
         let mut frame = ObjectWriter::begin(out);
-        frame.text("dsID", envelope.ds_id.ds_id(request));
+        frame.word("dsID", envelope.ds_id.ds_id(request));
         match envelope.type_key {
             TypeKey::Absent => {}
-            TypeKey::ReqType | TypeKey::CmdType => frame.text(envelope.type_key.word(), request.word()),
+            TypeKey::ReqType | TypeKey::CmdType => frame.word(envelope.type_key.word(), request.word()),
         }
         if let Some(pack_id) = envelope.pack_id {
             frame.text("packID", pack_id);

@@ -297,6 +297,13 @@ impl<'a> Values<'a> {
         self.nodes.iter().map(move |node| Value::new(bytes, *node))
     }
 
+    /// What stands on the wire from the beginning of the first to the end of the last; without the quotes at both ends where they
+    /// are texts.
+    pub(crate) fn span(&self) -> &'a [u8] {
+        let (Some(first), Some(last)) = (self.nodes.first(), self.nodes.last()) else { return &[] };
+        self.bytes.get(first.span.start as usize..last.span.end as usize).unwrap_or_default()
+    }
+
     /// All but the first `n`.
     #[must_use]
     pub fn skip(&self, n: usize) -> Self {

@@ -1,9 +1,10 @@
 //! `Simulator`: a virtual controller inside this process, on a thread of its own.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use r6_controller::{
@@ -24,8 +25,9 @@ use crate::units::axis;
 /// A virtual controller. It listens once it is there, and is gone once it was closed.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Simulator {
+    /// `None` once it was closed. It alone holds the handle, which holds the folder of the state.
     controller: Kept<Mutex<Option<VirtualController>>>,
-    handle: ControllerHandle,
+    address: SocketAddr,
     log: Mutex<Receiver<LogLine>>,
 }
 
@@ -146,19 +148,19 @@ impl Simulator {
             builder = builder.state(folder);
         }
         let controller = raise(py, py.detach(|| builder.start_blocking()))?;
-        let handle = controller.handle().clone();
-        let log = Mutex::new(handle.log_from_start());
-        Ok(Self { controller: Kept::new(Mutex::new(Some(controller)))?, handle, log })
+        let address = controller.address();
+        let log = Mutex::new(controller.handle().log_from_start());
+        Ok(Self { controller: Kept::new(Mutex::new(Some(controller)))?, address, log })
     }
 
     #[getter]
     fn address(&self) -> String {
-        self.handle.address().to_string()
+        self.address.to_string()
     }
 
     #[getter]
     fn port(&self) -> u16 {
-        self.handle.address().port()
+        self.address.port()
     }
 
     /// Ends it and its connections. Closing again does nothing.
@@ -234,7 +236,7 @@ impl Simulator {
     /// Whether an input, output or M point is on.
     fn is_on(&self, py: Python<'_>, point: &str) -> PyResult<bool> {
         let IoPoint { kind, board, point: number } = named(point)?;
-        let io = self.look(py).io;
+        let io = self.look(py)?.io;
         let word = |words: &[u32]| words.get(usize::from(board)).copied().unwrap_or(0);
         let word = match kind {
             PointKind::X => word(&io.inputs),
@@ -248,15 +250,14 @@ impl Simulator {
 
     /// Asks a camera for a photo, as a program does.
     fn request_photo(&self, py: Python<'_>, cam_id: i64) -> PyResult<()> {
-        self.controller.here()?;
-        py.detach(|| self.handle.request_photo(cam_id));
+        let handle = self.handle()?;
+        py.detach(|| handle.request_photo(cam_id));
         Ok(())
     }
 
     /// What a person would see at the machine, now.
     fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.controller.here()?;
-        let state = self.look(py);
+        let state = self.look(py)?;
         let axes = state.axis_limits.len();
         Record::new(py, "MachineState")?
             .with("firmware", state.version)?
@@ -308,18 +309,25 @@ impl Simulator {
     }
 
     fn __repr__(&self) -> String {
-        format!("<Simulator at {}>", self.handle.address())
+        format!("<Simulator at {}>", self.address)
     }
 }
 
 impl Simulator {
     fn operate(&self, py: Python<'_>, action: &PanelAction) -> PyResult<()> {
-        self.controller.here()?;
-        raise(py, py.detach(|| self.handle.operate(action)))
+        let handle = self.handle()?;
+        raise(py, py.detach(|| handle.operate(action)))
     }
 
-    fn look(&self, py: Python<'_>) -> ControllerSnapshot {
-        py.detach(|| self.handle.snapshot())
+    fn look(&self, py: Python<'_>) -> PyResult<ControllerSnapshot> {
+        let handle = self.handle()?;
+        Ok(py.detach(|| handle.snapshot()))
+    }
+
+    fn handle(&self) -> PyResult<ControllerHandle> {
+        let controller = self.controller.here()?.lock().unwrap_or_else(PoisonError::into_inner);
+        let handle = controller.as_ref().map(|controller| controller.handle().clone());
+        handle.ok_or_else(|| PyRuntimeError::new_err("this simulator was closed"))
     }
 }
 

@@ -229,8 +229,9 @@ impl AxisMask {
     }
 
     #[getter]
-    fn axes(&self) -> Vec<u8> {
-        r6_client::AxisMask::from_bits(self.0).axes().map(AxisIndex::number).collect()
+    fn axes(&self) -> Vec<usize> {
+        // Not u8: a list of those is `bytes` in Python.
+        r6_client::AxisMask::from_bits(self.0).axes().map(AxisIndex::index).collect()
     }
 
     fn __contains__(&self, number: u8) -> bool {
@@ -238,7 +239,7 @@ impl AxisMask {
     }
 
     fn __repr__(&self) -> String {
-        let axes: Vec<_> = self.axes().iter().map(u8::to_string).collect();
+        let axes: Vec<_> = self.axes().iter().map(usize::to_string).collect();
         format!("AxisMask({})", axes.join(", "))
     }
 }

@@ -51,6 +51,12 @@ pub const RULES: &[Rule] = &[
         layer: Layer::Shell,
         may_use: &["r6-client", "r6-controller", "r6-proto", "r6-sim"],
     },
+    // Nothing depends on it; it looks at everything.
+    Rule {
+        package: "r6-bench",
+        layer: Layer::Shell,
+        may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim"],
+    },
     Rule { package: "r6-testkit", layer: Layer::Testkit, may_use: &[] },
 ];
 

@@ -122,7 +122,7 @@ impl InFlight {
         match answers {
             Answers::Query { addresses } => {
                 self.request == RequestType::Query
-                    && addresses.is_none_or(|addresses| hash_of_values(addresses) == self.addresses)
+                    && addresses.is_none_or(|addresses| echoes(addresses, self.addresses))
             }
             Answers::Named(Some(word)) => self.request != RequestType::Query && self.word == word,
             // Only the reply to a command goes without a name, before 2.0.2.1; AddPoints and AddRCC name themselves in
@@ -135,33 +135,42 @@ impl InFlight {
     }
 }
 
-/// FNV-1a over the addresses' names: enough to tell one's own query from another's.
-struct Hash(u64);
+/// Between two names of a list without blanks.
+const BETWEEN: &[u8] = b"\",\"";
 
-impl Hash {
-    const START: Self = Self(0xcbf2_9ce4_8422_2325);
+/// A number for the addresses of a query, as the frame names them that it was just written into: an echo must have the same.
+pub(super) fn hash_of_query(frame: &[u8], addresses: &[Address]) -> u64 {
+    let names: usize = addresses.iter().map(|address| address.name_len()).sum();
+    let between = addresses.len().saturating_sub(1) * BETWEEN.len();
+    // The list is the last member of the frame.
+    let end = frame.len().saturating_sub(b"\"]}".len());
+    hash(frame.get(end.saturating_sub(names + between)..end).unwrap_or_default())
+}
 
-    fn add(&mut self, name: &[u8]) {
-        for byte in name.iter().chain(b",") {
-            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+/// Whether an echo names the addresses of the query with this number, whatever blanks and escapes it has.
+fn echoes(addresses: Values<'_>, query: u64) -> bool {
+    // As it is sent, as a rule.
+    hash(addresses.span()) == query || {
+        let mut names = Vec::new();
+        for (at, address) in addresses.iter().enumerate() {
+            names.extend_from_slice(if at > 0 { BETWEEN } else { b"" });
+            names.extend_from_slice(&address.word());
         }
+        hash(&names) == query
     }
 }
 
-pub(super) fn hash_of_addresses(addresses: &[Address], name: &mut Vec<u8>) -> u64 {
-    let mut hash = Hash::START;
-    for address in addresses {
-        name.clear();
-        address.write_name(name);
-        hash.add(name);
+/// Eight bytes at a time, multiplied and folded: enough to tell one's own query from another's.
+fn hash(bytes: &[u8]) -> u64 {
+    const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;
+    let (chunks, rest) = bytes.as_chunks::<8>();
+    let mut last = [0; 8];
+    for (to, from) in last.iter_mut().zip(rest) {
+        *to = *from;
     }
-    hash.0
-}
-
-fn hash_of_values(addresses: Values<'_>) -> u64 {
-    let mut hash = Hash::START;
-    for address in addresses.iter() {
-        hash.add(&address.word());
-    }
-    hash.0
+    let length = u64::try_from(bytes.len()).unwrap_or(u64::MAX);
+    chunks.iter().chain([&last]).fold(length, |hash, chunk| {
+        let mixed = (hash ^ u64::from_le_bytes(*chunk)).wrapping_mul(FACTOR);
+        mixed ^ mixed >> 32
+    })
 }

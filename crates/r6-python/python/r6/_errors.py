@@ -181,3 +181,9 @@ class PanelRefused(R6Error):
 
     code: str = ""
     """A word that does not change: ``"emergency_stop"``, ``"alarm"``, ``"not_auto"``, …"""
+
+
+# Tracebacks name them as they are imported.
+for _error in [value for value in list(globals().values()) if isinstance(value, type)]:
+    _error.__module__ = "r6"
+del _error

@@ -1,8 +1,8 @@
 """The native half of ``r6``. Import ``r6`` instead."""
 
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, Generic, TypeVar, final
+from typing import Any, Generic, Literal, TypeVar, final
 
 import numpy.typing as npt
 
@@ -25,7 +25,32 @@ from ._types import (
     StopReport,
     Wait,
 )
-from typing import Literal
+__all__ = [
+    "AxisMask",
+    "AxisPosition",
+    "Command",
+    "Degrees",
+    "Envelope",
+    "Millimetres",
+    "MillimetresPerSecond",
+    "Motion",
+    "MotionCore",
+    "Operation",
+    "Percent",
+    "Pose",
+    "Progress",
+    "PushedCore",
+    "RobotCore",
+    "RobotSettings",
+    "RunOptions",
+    "Simulator",
+    "Started",
+    "SubscriptionCore",
+    "addresses",
+    "alarm",
+    "models",
+    "profiles",
+]
 
 _T_co = TypeVar("_T_co", covariant=True)
 
@@ -144,7 +169,9 @@ class Degrees:
     def value(self) -> float:
         """The number alone."""
     def __add__(self, other: Degrees, /) -> Degrees: ...
+    def __radd__(self, other: Degrees, /) -> Degrees: ...
     def __sub__(self, other: Degrees, /) -> Degrees: ...
+    def __rsub__(self, other: Degrees, /) -> Degrees: ...
     def __mul__(self, times: float, /) -> Degrees: ...
     def __rmul__(self, times: float, /) -> Degrees: ...
     def __neg__(self) -> Degrees: ...
@@ -166,7 +193,9 @@ class Millimetres:
     def value(self) -> float:
         """The number alone."""
     def __add__(self, other: Millimetres, /) -> Millimetres: ...
+    def __radd__(self, other: Millimetres, /) -> Millimetres: ...
     def __sub__(self, other: Millimetres, /) -> Millimetres: ...
+    def __rsub__(self, other: Millimetres, /) -> Millimetres: ...
     def __mul__(self, times: float, /) -> Millimetres: ...
     def __rmul__(self, times: float, /) -> Millimetres: ...
     def __neg__(self) -> Millimetres: ...

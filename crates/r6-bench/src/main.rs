@@ -1,0 +1,34 @@
+//! How fast `r6` is beside others: ratios, both sides measured in turns in one run on one core.
+//!
+//! ```text
+//! make bench                     all rows, and the table in docs/BENCHMARKS.md
+//! make bench ARGS="round-trip"   the rows with this in their name; the file stays as it is
+//! ```
+
+mod measure;
+mod report;
+mod rows;
+
+use std::env;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let wanted: Vec<String> = env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    if let Err(error) = measure::pin() {
+        eprintln!("this process cannot be kept on one core ({error}); ratios of two cores are none");
+        return ExitCode::FAILURE;
+    }
+    let chosen = |name: &str| wanted.is_empty() || wanted.iter().any(|word| name.contains(word.as_str()));
+    let mut table = Vec::new();
+    for (name, row) in rows::ALL.iter().filter(|(name, _)| chosen(name)) {
+        eprintln!("{name} …");
+        table.extend(row());
+    }
+    if table.is_empty() {
+        let names: Vec<_> = rows::ALL.iter().map(|(name, _)| *name).collect();
+        eprintln!("no row is called {}; there are: {}", wanted.join(", "), names.join(", "));
+        return ExitCode::from(2);
+    }
+    print!("{}", report::table(&table));
+    ExitCode::SUCCESS
+}

@@ -1,0 +1,115 @@
+//! Measuring on a machine that does other things too: in turns, in short slices, as ratios.
+
+use std::io;
+use std::time::{Duration, Instant};
+
+/// Rounds of each comparison. In each, every contender has one slice.
+pub const ROUNDS: usize = 15;
+
+/// One slice of one contender.
+pub const SLICE: Duration = Duration::from_millis(200);
+
+/// A contender's slice before anything counts.
+const WARM_UP: Duration = Duration::from_millis(200);
+
+/// Keeps this thread, and every thread and process that it will start, on one core: a wake-up of another core costs more than
+/// what is measured here.
+pub fn pin() -> io::Result<()> {
+    let allowed = rustix::thread::sched_getaffinity(None)?;
+    let last = (0..rustix::thread::CpuSet::MAX_CPU).rev().find(|core| allowed.is_set(*core));
+    let mut one = rustix::thread::CpuSet::new();
+    one.set(last.unwrap_or(0));
+    Ok(rustix::thread::sched_setaffinity(None, &one)?)
+}
+
+/// The durations of one slice, in order.
+pub struct Slice(Vec<u32>);
+
+impl Slice {
+    /// Does something again and again for the time of a slice, and takes how long each took, nanoseconds.
+    pub fn of(mut once: impl FnMut()) -> Self {
+        Self::timed(SLICE, &mut once)
+    }
+
+    fn timed(time: Duration, once: &mut dyn FnMut()) -> Self {
+        let mut durations = Vec::with_capacity(1 << 16);
+        let begun = Instant::now();
+        let mut last = begun;
+        while last.duration_since(begun) < time {
+            once();
+            let now = Instant::now();
+            durations.push(u32::try_from(now.duration_since(last).as_nanos()).unwrap_or(u32::MAX));
+            last = now;
+        }
+        durations.sort_unstable();
+        Self(durations)
+    }
+
+    /// A duration that so many of a hundred are not longer than, nanoseconds.
+    pub fn percentile(&self, percent: usize) -> f64 {
+        let at = self.0.len() * percent / 100;
+        f64::from(self.0.get(at.min(self.0.len().saturating_sub(1))).copied().unwrap_or(u32::MAX))
+    }
+}
+
+/// A contender: it runs for one slice and gives its figures, the smaller the better. All contenders give the same ones.
+pub type Contender<'c> = Box<dyn FnMut() -> Vec<f64> + 'c>;
+
+/// A contender that does one thing again and again; its figures are the percentiles 50 and 99.
+pub fn repeated<'c>(mut once: impl FnMut() + 'c) -> Contender<'c> {
+    Slice::timed(WARM_UP, &mut once);
+    Box::new(move || {
+        let slice = Slice::of(&mut once);
+        vec![slice.percentile(50), slice.percentile(99)]
+    })
+}
+
+/// How one compares with another: the ratio of each round, smallest first.
+#[derive(Clone, Debug)]
+pub struct Ratio(Vec<f64>);
+
+impl Ratio {
+    /// The median, and the middle half of the rounds.
+    pub fn quartiles(&self) -> [f64; 3] {
+        [1, 2, 3].map(|quarter| {
+            let at = (self.0.len() - 1) * quarter;
+            let (below, part) = (at / 4, f64::from(u32::try_from(at % 4).unwrap_or(0)) / 4.0);
+            let next = self.0.get(below + 1).or(self.0.get(below));
+            self.0[below] + (next.copied().unwrap_or_default() - self.0[below]) * part
+        })
+    }
+}
+
+/// Lets contenders take turns. The first is the floor: what comes back is, for each of the others, the ratio of each of
+/// its figures to the floor's in the same round.
+///
+/// Rounds in which the floor's first figure is more than 15 % off its own median are thrown away: something else ran.
+pub fn compare(contenders: &mut [Contender<'_>]) -> Vec<Vec<Ratio>> {
+    let mut rounds: Vec<Vec<Vec<f64>>> = Vec::new();
+    for round in 0..ROUNDS {
+        let mut figures = vec![Vec::new(); contenders.len()];
+        for turn in 0..contenders.len() {
+            // Nobody always comes after the same one.
+            let at = (round + turn) % contenders.len();
+            figures[at] = contenders[at]();
+        }
+        rounds.push(figures);
+    }
+    let mut floors: Vec<f64> = rounds.iter().map(|figures| figures[0][0]).collect();
+    floors.sort_by(f64::total_cmp);
+    let median = floors[floors.len() / 2];
+    eprintln!("  the floor: {:.1} µs", median / 1000.0);
+    rounds.retain(|figures| (figures[0][0] / median - 1.0).abs() <= 0.15);
+    (1..contenders.len())
+        .map(|at| {
+            (0..rounds[0][at].len())
+                .map(|figure| {
+                    let mut ratios: Vec<f64> =
+                        rounds.iter().map(|figures| figures[at][figure] / figures[0][figure]).collect();
+                    ratios.sort_by(f64::total_cmp);
+                    Ratio(ratios)
+                })
+                .collect()
+        })
+        .collect()
+}

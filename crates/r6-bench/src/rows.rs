@@ -1,0 +1,14 @@
+//! The rows of the table, in its order.
+
+mod echo;
+mod engine;
+mod round_trip;
+
+use crate::report::Row;
+
+/// A name to choose it by, and what measures it.
+type Measured = (&'static str, fn() -> Vec<Row>);
+
+/// All of them.
+pub const ALL: &[Measured] =
+    &[("round-trip", round_trip::rows), ("handles", round_trip::handles), ("engine", engine::rows)];

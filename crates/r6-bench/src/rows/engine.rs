@@ -1,0 +1,113 @@
+//! What the SDK itself costs: complete polls over a transport that is memory, so that no system call is in it.
+
+use std::fmt;
+use std::io;
+use std::pin::Pin;
+use std::task::{Context, Poll, Waker};
+use std::time::Instant;
+
+use r6_client::{Connect, Robot, RobotSettings};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::runtime::Builder;
+
+use super::echo;
+use crate::measure::SLICE;
+
+/// A connection whose other end has answered as soon as a query is written.
+#[derive(Default)]
+struct Answering {
+    input: Vec<u8>,
+    output: Vec<u8>,
+    read: usize,
+    reader: Option<Waker>,
+}
+
+impl AsyncWrite for Answering {
+    fn poll_write(self: Pin<&mut Self>, _: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        let this = self.get_mut();
+        this.input.extend_from_slice(bytes);
+        if this.read == this.output.len() {
+            this.output.clear();
+            this.read = 0;
+        }
+        let taken = echo::answer(&this.input, &mut this.output);
+        this.input.drain(..taken);
+        if let Some(reader) = this.reader.take() {
+            reader.wake();
+        }
+        Poll::Ready(Ok(bytes.len()))
+    }
+
+    fn poll_flush(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(()))
+    }
+}
+
+impl AsyncRead for Answering {
+    fn poll_read(
+        self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let this = self.get_mut();
+        let rest = &this.output[this.read..];
+        if rest.is_empty() {
+            this.reader = Some(cx.waker().clone());
+            return Poll::Pending;
+        }
+        let count = rest.len().min(buffer.remaining());
+        buffer.put_slice(&rest[..count]);
+        this.read += count;
+        Poll::Ready(Ok(()))
+    }
+}
+
+struct Memory;
+
+impl fmt::Display for Memory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("memory")
+    }
+}
+
+impl Connect for Memory {
+    type Stream = Answering;
+
+    async fn connect(&mut self) -> io::Result<Answering> {
+        Ok(Answering::default())
+    }
+}
+
+/// Nanoseconds for each poll of twelve addresses through a handle, one after the other.
+pub fn nanoseconds_per_poll() -> f64 {
+    let addresses = echo::addresses();
+    let runtime = Builder::new_current_thread().enable_all().build().expect("a runtime");
+    runtime.block_on(async {
+        let robot = Robot::connect_with(Memory, RobotSettings::default()).await.expect("memory connects");
+        let asking = tokio::spawn(async move {
+            let begun = Instant::now();
+            let mut polls = 0_u32;
+            while begun.elapsed() < SLICE {
+                for _ in 0..100 {
+                    let result = robot.query(&addresses).await.expect("an answer");
+                    assert!(result.decimal(addresses[0]).is_some());
+                    polls += 1;
+                }
+            }
+            begun.elapsed().as_secs_f64() * 1e9 / f64::from(polls)
+        });
+        asking.await.expect("it does not panic")
+    })
+}
+
+/// Tells it; it is no ratio.
+pub fn rows() -> Vec<crate::report::Row> {
+    let mut figures: Vec<f64> = (0..crate::measure::ROUNDS).map(|_| nanoseconds_per_poll()).collect();
+    figures.sort_by(f64::total_cmp);
+    eprintln!("  {:.0} ns for each poll", figures[figures.len() / 2]);
+    Vec::new()
+}

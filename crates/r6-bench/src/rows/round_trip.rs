@@ -1,0 +1,182 @@
+//! The round trip of a query of twelve addresses: what the SDK adds to a socket.
+
+use std::io::{Read, Write};
+use std::net::SocketAddr;
+use std::time::Instant;
+
+use r6_client::{Robot, RobotSettings, blocking};
+use r6_proto::Address;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::runtime::{Builder, Runtime};
+
+use super::echo;
+use crate::measure::{Contender, SLICE, compare, repeated};
+use crate::report::{Goal, Row};
+
+const FLOOR: &str = "blocking socket, same bytes";
+
+/// Values of a reply, as they must be: both sides have to have read the same.
+const FIRST: f64 = 10.25;
+
+/// What the SDK sends, but for its `packID`.
+fn query_bytes() -> String {
+    let names: Vec<String> = echo::addresses().iter().map(|address| format!("\"{address}\"")).collect();
+    format!(
+        r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"10000","queryAddr":[{}]}}"#,
+        names.join(",")
+    )
+}
+
+/// A blocking socket that writes a query and reads until the reply's end.
+fn socket(address: SocketAddr) -> impl FnMut() {
+    let query = query_bytes();
+    let mut stream = std::net::TcpStream::connect(address).expect("it listens");
+    stream.set_nodelay(true).expect("small frames leave at once");
+    let mut buffer = vec![0; 4096];
+    move || {
+        stream.write_all(query.as_bytes()).expect("it is read");
+        let mut filled = 0;
+        while filled == 0 || buffer[filled - 1] != b'}' {
+            let count = stream.read(&mut buffer[filled..]).expect("a reply");
+            assert!(count > 0, "the reply is whole");
+            filled += count;
+        }
+    }
+}
+
+fn runtime() -> Runtime {
+    Builder::new_current_thread().enable_all().build().expect("a runtime")
+}
+
+async fn query(robot: &Robot, addresses: &[Address]) {
+    let result = robot.query(addresses).await.expect("an answer");
+    assert_eq!(result.decimal(addresses[0]), Some(FIRST));
+}
+
+/// The SDK, blocking and async, each against the bare socket.
+pub fn rows() -> Vec<Row> {
+    let server = echo::start();
+    let addresses = echo::addresses();
+    let engine_robot =
+        blocking::Robot::connect(&server.to_string(), RobotSettings::default()).expect("it listens");
+    let runtime = runtime();
+    let robot =
+        runtime.block_on(Robot::connect(&server.to_string(), RobotSettings::default())).expect("it listens");
+    let mut contenders: Vec<Contender<'_>> = vec![
+        repeated(socket(server)),
+        repeated(|| {
+            let result = engine_robot.query(&addresses).expect("an answer");
+            assert_eq!(result.decimal(addresses[0]), Some(FIRST));
+        }),
+        {
+            let addresses = &addresses;
+            let slice = move || {
+                runtime.block_on(async { slice_async(async || query(&robot, addresses).await).await })
+            };
+            slice();
+            Box::new(slice)
+        },
+    ];
+    contenders.push(bare_tokio(server));
+    let ratios = compare(&mut contenders);
+    let row = |what: &str, goal, ratio| Row {
+        what: format!("round trip of a 12-address query, {what}"),
+        against: FLOOR,
+        goal: Some(Goal::AtMost(goal)),
+        ratio,
+    };
+    vec![
+        row("blocking, p50", 1.05, ratios[0][0].clone()),
+        row("blocking, p99", 1.15, ratios[0][1].clone()),
+        row("async, p50", 1.10, ratios[1][0].clone()),
+        row("async, p99", 1.20, ratios[1][1].clone()),
+        Row {
+            what: "the same bytes over a bare tokio socket, p50".to_owned(),
+            against: FLOOR,
+            goal: None,
+            ratio: ratios[2][0].clone(),
+        },
+    ]
+}
+
+/// The least that async costs: a tokio socket that writes and reads the same bytes, without a task of its own.
+fn bare_tokio<'c>(address: SocketAddr) -> Contender<'c> {
+    let runtime = runtime();
+    let query = query_bytes();
+    let mut stream = runtime.block_on(tokio::net::TcpStream::connect(address)).expect("it listens");
+    stream.set_nodelay(true).expect("small frames leave at once");
+    let mut buffer = vec![0; 4096];
+    let mut durations = move || {
+        runtime.block_on(async {
+            slice_async(async || {
+                stream.write_all(query.as_bytes()).await.expect("it is read");
+                let mut filled = 0;
+                while filled == 0 || buffer[filled - 1] != b'}' {
+                    filled += stream.read(&mut buffer[filled..]).await.expect("a reply");
+                }
+            })
+            .await
+        })
+    };
+    durations();
+    Box::new(durations)
+}
+
+/// One task that does something again and again for a slice, as an async program does: percentiles 50 and 99.
+async fn slice_async(mut once: impl AsyncFnMut()) -> Vec<f64> {
+    let mut durations = Vec::with_capacity(1 << 16);
+    let begun = Instant::now();
+    let mut last = begun;
+    while last.duration_since(begun) < SLICE {
+        once().await;
+        let now = Instant::now();
+        durations.push(now.duration_since(last));
+        last = now;
+    }
+    durations.sort_unstable();
+    [50, 99].map(|percent| durations[durations.len() * percent / 100].as_secs_f64() * 1e9).to_vec()
+}
+
+/// Sixty-four tasks with a handle each on one connection against one.
+pub fn handles() -> Vec<Row> {
+    const HANDLES: usize = 64;
+    let server = echo::start();
+    let runtime = runtime();
+    let robot =
+        runtime.block_on(Robot::connect(&server.to_string(), RobotSettings::default())).expect("it listens");
+    let addresses = echo::addresses();
+    // The time per query, nanoseconds.
+    let slice = |handles: usize| {
+        let (robot, addresses) = (robot.clone(), addresses.clone());
+        let begun = Instant::now();
+        let counts = runtime.block_on(async {
+            let tasks: Vec<_> = (0..handles)
+                .map(|_| {
+                    let (robot, addresses) = (robot.clone(), addresses.clone());
+                    tokio::spawn(async move {
+                        let mut count = 0_u32;
+                        while begun.elapsed() < SLICE {
+                            query(&robot, &addresses).await;
+                            count += 1;
+                        }
+                        count
+                    })
+                })
+                .collect();
+            let mut counts = 0;
+            for task in tasks {
+                counts += task.await.expect("it does not panic");
+            }
+            counts
+        });
+        vec![begun.elapsed().as_secs_f64() * 1e9 / f64::from(counts)]
+    };
+    let mut contenders: Vec<Contender<'_>> = vec![Box::new(|| slice(1)), Box::new(|| slice(HANDLES))];
+    let ratio = compare(&mut contenders).remove(0).remove(0);
+    vec![Row {
+        what: "64 handles sharing one robot, time per query".to_owned(),
+        against: "one handle",
+        goal: Some(Goal::AtMost(1.0)),
+        ratio,
+    }]
+}
