@@ -1,0 +1,121 @@
+//! What this process runs on: one engine for all robots, and one thread that tells asyncio.
+
+use std::sync::mpsc;
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+
+use crate::operation::Made;
+use r6_client::blocking::Engine;
+
+/// What serves the robots of one process. It lives as long as the process.
+pub struct Process {
+    engine: Engine,
+    settled: mpsc::Sender<Settled>,
+    /// A fork leaves the threads behind: whatever belongs to them is of no use in the child.
+    id: u32,
+}
+
+/// An operation that asyncio waits for has ended.
+pub struct Settled {
+    /// Called with an error or `None`, then the value.
+    pub tell: Py<PyAny>,
+    /// What to tell.
+    pub made: Made,
+}
+
+static CURRENT: Mutex<Option<&'static Process>> = Mutex::new(None);
+
+impl Process {
+    /// The one of this process; the first call starts it, and so does the first call in a child of a fork.
+    pub fn current() -> PyResult<&'static Self> {
+        let mut current = CURRENT.lock().unwrap_or_else(PoisonError::into_inner);
+        match *current {
+            Some(process) if process.is_here() => Ok(process),
+            Some(_) | None => {
+                let process: &'static Self = Box::leak(Box::new(Self::start()?));
+                *current = Some(process);
+                Ok(process)
+            }
+        }
+    }
+
+    fn start() -> PyResult<Self> {
+        let (settled, settling) = mpsc::channel();
+        thread::Builder::new().name("r6 asyncio".to_owned()).spawn(move || tell_asyncio(&settling))?;
+        Ok(Self { engine: Engine::start()?, settled, id: std::process::id() })
+    }
+
+    /// The engine.
+    pub fn engine(&self) -> &Engine {
+        &self.engine
+    }
+
+    /// Has an event loop told.
+    pub fn settle(&self, settled: Settled) {
+        // The thread ends with the interpreter; then nobody waits any more.
+        let _ = self.settled.send(settled);
+    }
+
+    fn is_here(&self) -> bool {
+        self.id == std::process::id()
+    }
+}
+
+/// Python is entered here and nowhere on the engine's threads: whoever holds the interpreter for long, a busy thread or
+/// a slow extension, must not hold up heartbeats, polls and paths.
+fn tell_asyncio(settling: &mpsc::Receiver<Settled>) {
+    while let Ok(first) = settling.recv() {
+        let told = Python::try_attach(|py| {
+            for settled in std::iter::once(first).chain(settling.try_iter()) {
+                tell(py, settled);
+            }
+        });
+        if told.is_none() {
+            return;
+        }
+    }
+}
+
+fn tell(py: Python<'_>, Settled { tell, made }: Settled) {
+    let told = match made(py) {
+        Ok(value) => tell.call1(py, (py.None(), value)),
+        Err(error) => tell.call1(py, (error, py.None())),
+    };
+    // A loop that was closed wants to know nothing.
+    drop(told);
+}
+
+/// Something that belongs to the process that made it: of no use in a child of a fork, and not dropped there, because
+/// dropping it would wait for threads that the child does not have.
+pub struct Kept<T> {
+    process: &'static Process,
+    value: Option<T>,
+}
+
+impl<T> Kept<T> {
+    /// Of the present process.
+    pub fn new(value: T) -> PyResult<Self> {
+        Ok(Self { process: Process::current()?, value: Some(value) })
+    }
+
+    /// The thing, in the process that made it.
+    pub fn here(&self) -> PyResult<&T> {
+        match &self.value {
+            Some(value) if self.process.is_here() => Ok(value),
+            Some(_) | None => Err(PyRuntimeError::new_err(
+                "this object was made before the process forked: connect again in the child, or start it with `spawn`",
+            )),
+        }
+    }
+}
+
+impl<T> Drop for Kept<T> {
+    fn drop(&mut self) {
+        if !self.process.is_here() {
+            std::mem::forget(self.value.take());
+        }
+    }
+}
