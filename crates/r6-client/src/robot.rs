@@ -216,6 +216,11 @@ impl Robot {
         Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()
     }
 
+    /// Ends once the handle is closed, for this clone or another.
+    pub(crate) async fn closed(&self) {
+        self.lanes.ordinary.closed().await;
+    }
+
     pub(crate) fn hub(&self) -> &Hub {
         &self.lanes.hub
     }
