@@ -242,7 +242,7 @@ mod tests {
                 alone += times.len();
                 for pair in times.windows(2) {
                     let gap = pair[1] - pair[0];
-                    prop_assert!(gap + 4 >= (every / 4).min(50), "{address} every {every}: {gap}");
+                    prop_assert!(gap + 8 >= (every / 4).min(50), "{address} every {every}: {gap}");
                     prop_assert!(gap <= 2 * every, "{address} every {every}: {gap}");
                 }
                 let expected = 10_000 / every;
