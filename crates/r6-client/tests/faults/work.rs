@@ -164,7 +164,7 @@ impl Work {
                 assert!(was_there, "J1 is shown as fresh at {at}, and was not there from {from} to {to}");
             }
             (Address::Addr(number), Reading::Integer(value)) => {
-                let of = u16::try_from(number.number()).unwrap();
+                let of = number.number();
                 assert_eq!(*value, value_of(of), "the value of another register than {address}");
             }
             _ => {}
