@@ -398,6 +398,7 @@ impl Notes {
 
     /// What was told agrees with what went over the line and with what was carried out.
     pub fn assert_consistent(&self, line: &Line, done: &[i64], executes: bool) {
+        line.assert_introduced();
         let text = line.text();
         let frames = line.frames();
         let sent = |value: i64| {
