@@ -155,7 +155,9 @@ impl fmt::Display for Failure {
 impl From<RequestError> for Failure {
     fn from(error: RequestError) -> Self {
         let exit = match &error {
-            RequestError::NotSent(NotSent::BadAddress { .. } | NotSent::Wire(_)) => Exit::Usage,
+            RequestError::NotSent(
+                NotSent::BadAddress { .. } | NotSent::Wire(_) | NotSent::NoEngine { .. },
+            ) => Exit::Usage,
             RequestError::NotSent(
                 NotSent::Unreachable { .. }
                 | NotSent::ConnectTimedOut { .. }
