@@ -1,6 +1,7 @@
 //! `r6 move`: one motion.
 
 use clap::{Args, Subcommand};
+use r6_client::RunOptions;
 use r6_proto::message::Instruction;
 use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, CurveMove, Manner, Move};
 use r6_proto::{AXES, AxisIndex, AxisMask};
@@ -162,7 +163,7 @@ pub async fn run(args: MoveArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         }
     };
     let batch = Batch { replace: !job.append, instructions: vec![Instruction { oneshot: true, action }] };
-    job::carry_out(job, vec![batch], &robot).await
+    job::carry_out(job, vec![batch], RunOptions::default(), &robot).await
 }
 
 /// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported (unit A),

@@ -1,13 +1,14 @@
 //! `r6 run`: sends the instructions of a file.
 
 mod json_program;
-mod lines;
+pub mod lines;
 mod toml_program;
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use r6_client::RunOptions;
 
 use crate::cmd::job::frames::Batch;
 use crate::cmd::job::{self, JobArgs};
@@ -17,6 +18,9 @@ use crate::robot::RobotArgs;
 
 /// The largest program file that is read: far more than any list of instructions, and little enough for memory.
 const MAX_FILE_BYTES: u64 = 16 * 1024 * 1024;
+
+/// As [`RunOptions::room`] has it.
+const USUAL_ROOM: u16 = 24;
 
 /// Send the instructions of a file
 #[derive(Debug, Args)]
@@ -64,6 +68,9 @@ pub struct RunArgs {
     /// Run a list that repeats only once
     #[arg(long)]
     once: bool,
+    /// How many instructions may be in the controller's list: a longer program is streamed as it gets room
+    #[arg(long, value_name = "INSTRUCTIONS", default_value_t = USUAL_ROOM, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    room: u16,
     #[command(flatten)]
     job: JobArgs,
 }
@@ -121,7 +128,8 @@ pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         ))
         .advise("add --once to run it once"));
     }
-    job::carry_out(&args.job, program.batches, &robot).await
+    let options = RunOptions { room: usize::from(args.room), ..RunOptions::default() };
+    job::carry_out(&args.job, program.batches, options, &robot).await
 }
 
 /// Reads a program from a file, or from stdin.
