@@ -11,9 +11,8 @@ use crate::output::{self, alarm};
 pub const CODES: &str = "\
 Exit codes:
   0  done
-  1  refused by the controller, beyond a limit, or a condition is not met; a motion that ended early with
-     the arm seen to stand (an alarm, a stop); `inspect`: something is wrong; `plot`: the program does not
-     get to its end
+  1  refused by the controller or by a guard, or a condition is not met; a motion that ended early, and the
+     arm was seen to stand; `inspect`: something is wrong; `plot`: the program does not get to its end
   2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
   4  outcome unknown: the request left and may have acted; look at the machine before going on";
@@ -31,9 +30,8 @@ Examples:
 
 Exit codes:
   0  done
-  1  refused by the controller, beyond a limit, or a condition is not met; a motion that ended early with
-     the arm seen to stand (an alarm, a stop); `inspect`: something is wrong; `plot`: the program does not
-     get to its end
+  1  refused by the controller or by a guard, or a condition is not met; a motion that ended early, and the
+     arm was seen to stand; `inspect`: something is wrong; `plot`: the program does not get to its end
   2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
   4  outcome unknown: the request left and may have acted; look at the machine before going on";
