@@ -1,7 +1,9 @@
 //! The rows of the table, in its order.
 
-mod echo;
+mod controller;
+pub mod echo;
 mod engine;
+mod fleet;
 mod round_trip;
 
 use crate::report::Row;
@@ -10,5 +12,11 @@ use crate::report::Row;
 type Measured = (&'static str, fn() -> Vec<Row>);
 
 /// All of them.
-pub const ALL: &[Measured] =
-    &[("round-trip", round_trip::rows), ("handles", round_trip::handles), ("engine", engine::rows)];
+pub const ALL: &[Measured] = &[
+    ("round-trip", round_trip::rows),
+    ("handles", round_trip::handles),
+    ("engine", engine::rows),
+    ("controller", controller::rows),
+    ("simulated", controller::simulated),
+    ("fleet", fleet::rows),
+];
