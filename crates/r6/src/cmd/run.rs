@@ -235,3 +235,13 @@ impl std::fmt::Display for FileError {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_room_of_the_help_is_the_usual_one() {
+        assert_eq!(usize::from(USUAL_ROOM), RunOptions::default().room);
+    }
+}

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use r6_client::{Cause, Done, Envelope, Motion, MotionHandle, Progress, Robot, RunOptions};
+use r6_client::{Cause, Done, Envelope, Motion, MotionError, MotionHandle, Progress, Robot, RunOptions};
 use tokio::time::{sleep, timeout};
 
 use crate::cmd::job::ended::{Ended, GivenUp};
@@ -32,10 +32,10 @@ pub async fn run(
     };
     let handle = match begun {
         Ok(handle) => handle,
-        Err(error) => match &error.cause {
-            Cause::NotReady(unmet) => return Ok(not_ready(robot, unmet, args.json)),
-            _ => return Err(error.into()),
-        },
+        Err(MotionError { cause: Cause::NotReady(unmet), .. }) => {
+            return Ok(not_ready(robot, &unmet, args.json));
+        }
+        Err(error) => return Err(error.into()),
     };
     let is_long = motion.len() > options.room;
     if is_long && !args.json {
