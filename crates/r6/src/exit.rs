@@ -161,9 +161,7 @@ impl fmt::Display for Failure {
 impl From<RequestError> for Failure {
     fn from(error: RequestError) -> Self {
         let exit = match &error {
-            RequestError::NotSent(
-                NotSent::BadAddress { .. } | NotSent::Wire(_) | NotSent::NoEngine { .. },
-            ) => Exit::Usage,
+            RequestError::NotSent(NotSent::BadAddress { .. } | NotSent::Wire(_)) => Exit::Usage,
             RequestError::NotSent(
                 NotSent::Unreachable { .. }
                 | NotSent::ConnectTimedOut { .. }
@@ -171,7 +169,8 @@ impl From<RequestError> for Failure {
                 | NotSent::StateNotRead
                 | NotSent::Unidentified { .. }
                 | NotSent::Busy { .. }
-                | NotSent::Closed,
+                | NotSent::Closed
+                | NotSent::NoEngine { .. },
             ) => Exit::NoReply,
             RequestError::NotSent(NotSent::AnotherRobot { .. } | NotSent::OutsideEnvelope(_))
             | RequestError::Refused(_) => Exit::Refused,
