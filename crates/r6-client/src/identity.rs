@@ -153,7 +153,8 @@ impl Introduction {
             [] => self.odd = 0,
             [address] => {
                 self.odd += 1;
-                if self.odd < MAX_ODD {
+                // Older firmware lacks the length of its list, and nobody is told apart by it.
+                if self.odd < MAX_ODD && IDENTITY.contains(address) {
                     self.parts.push_front(missing);
                 } else {
                     self.odd = 0;

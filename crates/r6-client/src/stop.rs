@@ -212,7 +212,8 @@ impl fmt::Display for StopReport {
             None | Some(0) => Ok(()),
             Some(length) => write!(
                 f,
-                "; {length} instructions are still in the list and may run at the next start: clear it before that"
+                "; {length} {} still in the list and may run at the next start: clear it before that",
+                if length == 1 { "instruction is" } else { "instructions are" }
             ),
         }
     }
@@ -240,5 +241,28 @@ impl fmt::Display for ListAfterStop {
                 write!(f, "the instruction list was not cleared: {error}")
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_in_the_list_is_counted() {
+        let report = |length| StopReport {
+            confirmed: true,
+            attempts: 1,
+            took: Duration::from_millis(120),
+            moving: Some(false),
+            mode: Some(OperationMode::Stop),
+            alarm: Some(0),
+            list_length: Some(length),
+            list: ListAfterStop::Refused(None),
+        };
+        let text = |length| report(length).to_string();
+        assert!(!text(0).contains("still in the list"), "{}", text(0));
+        assert!(text(1).contains("; 1 instruction is still in the list and"), "{}", text(1));
+        assert!(text(2).contains("; 2 instructions are still in the list and"), "{}", text(2));
     }
 }

@@ -3,6 +3,7 @@
 mod error;
 mod task;
 
+use std::ops::Range;
 use std::time::Duration;
 
 use r6_proto::OperationMode;
@@ -16,6 +17,7 @@ use crate::moves::{Motion, StepError};
 use crate::path::progress::{PathProgress, standing_time};
 use crate::path::{cut, envelope, frame};
 use crate::robot::Robot;
+use crate::settings::RobotSettings;
 use crate::status::{Status, Unmet};
 pub use crate::stream::error::{Cause, MotionError};
 use crate::stream::task::Task;
@@ -160,21 +162,11 @@ impl Robot {
     /// # Errors
     /// [`Cause`]: a wrong step, or one beyond the envelope.
     pub fn dry_run(&self, motion: &Motion, options: RunOptions) -> Result<Vec<Vec<u8>>, Cause> {
-        let steps = motion.instructions().map_err(Cause::Step)?;
+        motion.instructions().map_err(Cause::Step)?;
         if let Some(guard) = self.guard() {
             guard.check_motion(motion).map_err(Cause::OutsideEnvelope)?;
         }
-        let cut = cut(steps, self.settings(), options.frame_length()).map_err(Cause::Step)?;
-        let mut frames = Vec::with_capacity(cut.len());
-        for (number, range) in cut.into_iter().enumerate() {
-            let first = range.start + 1;
-            let pack_id = (number + 1).to_string();
-            let listed = steps.get(range).unwrap_or_default();
-            let bytes = frame(&envelope(self.settings(), &pack_id), number == 0, listed)
-                .map_err(|error| Cause::Step(StepError::of(first, &error)))?;
-            frames.push(bytes);
-        }
-        Ok(frames)
+        motion.frames(self.settings(), options).map_err(Cause::Step)
     }
 
     /// Looks at the machine, and clears a list that is left over if that is wished and possible.
@@ -191,6 +183,37 @@ impl Robot {
             found = unmet(&status);
         }
         if found.is_empty() { Ok(status) } else { Err(Cause::NotReady(found)) }
+    }
+}
+
+impl Motion {
+    /// The lists that [`Robot::run`] cuts this motion into: which steps are in each, counted from 0.
+    ///
+    /// # Errors
+    /// [`StepError`]: a wrong step, or one that is too long for a frame of its own.
+    pub fn lists(
+        &self,
+        settings: &RobotSettings,
+        options: RunOptions,
+    ) -> Result<Vec<Range<usize>>, StepError> {
+        cut(self.instructions()?, settings, options.frame_length())
+    }
+
+    /// The frames of [`Robot::dry_run`], for which no robot is needed. No guard is consulted: see
+    /// [`crate::Envelope::check_motion`].
+    ///
+    /// # Errors
+    /// As [`Self::lists`].
+    pub fn frames(&self, settings: &RobotSettings, options: RunOptions) -> Result<Vec<Vec<u8>>, StepError> {
+        let steps = self.instructions()?;
+        let encoded = |(number, list): (usize, Range<usize>)| {
+            let first = list.start + 1;
+            let pack_id = (number + 1).to_string();
+            let listed = steps.get(list).unwrap_or_default();
+            frame(&envelope(settings, &pack_id), number == 0, listed)
+                .map_err(|error| StepError::of(first, &error))
+        };
+        self.lists(settings, options)?.into_iter().enumerate().map(encoded).collect()
     }
 }
 

@@ -9,6 +9,7 @@ mod convert;
 mod envelope;
 mod errors;
 mod handle;
+mod interpreter;
 mod motion;
 mod operation;
 mod process;
@@ -26,6 +27,13 @@ use pyo3::prelude::*;
 /// Native half of r6; import `r6`.
 #[pymodule]
 mod _r6 {
+    use super::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::interpreter::watch(module.py())
+    }
+
     #[pymodule_export]
     use crate::command::Command;
     #[pymodule_export]

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use tokio::task::AbortHandle;
 use tokio::time::timeout;
 
+use crate::interpreter;
 use crate::process::{Process, Settled};
 
 /// How often a thread that waits asks whether a signal has come. Ctrl-C is felt within this time, and a reply, which
@@ -56,7 +57,9 @@ impl Operation {
         let engine = Process::current()?.engine();
         let mut future = self.begin()?;
         loop {
-            let waited = py.detach(|| engine.block_on(async { timeout(SIGNALS_EVERY, &mut future).await }));
+            let waiting = || engine.block_on(async { timeout(SIGNALS_EVERY, &mut future).await });
+            // The way back is held open until the result is made: that runs Python code.
+            let (waited, _back) = interpreter::released(py, waiting);
             match waited {
                 Ok(made) => return made(py),
                 Err(_elapsed) => py.check_signals()?,

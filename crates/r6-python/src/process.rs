@@ -2,7 +2,7 @@
 
 use std::sync::mpsc;
 use std::sync::{Mutex, PoisonError};
-use std::thread;
+use std::thread::{self, JoinHandle};
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -13,7 +13,9 @@ use r6_client::blocking::Engine;
 /// What serves the robots of one process. It lives as long as the process.
 pub struct Process {
     engine: Engine,
-    settled: mpsc::Sender<Settled>,
+    settled: mpsc::Sender<Option<Settled>>,
+    /// The thread that tells asyncio, until the interpreter ends.
+    telling: Mutex<Option<JoinHandle<()>>>,
     /// A fork leaves the threads behind: whatever belongs to them is of no use in the child.
     id: u32,
 }
@@ -44,8 +46,10 @@ impl Process {
 
     fn start() -> PyResult<Self> {
         let (settled, settling) = mpsc::channel();
-        thread::Builder::new().name("r6 asyncio".to_owned()).spawn(move || tell_asyncio(&settling))?;
-        Ok(Self { engine: Engine::start()?, settled, id: std::process::id() })
+        let telling =
+            thread::Builder::new().name("r6 asyncio".to_owned()).spawn(move || tell_asyncio(&settling))?;
+        let telling = Mutex::new(Some(telling));
+        Ok(Self { engine: Engine::start()?, settled, telling, id: std::process::id() })
     }
 
     /// The engine.
@@ -56,7 +60,19 @@ impl Process {
     /// Has an event loop told.
     pub fn settle(&self, settled: Settled) {
         // The thread ends with the interpreter; then nobody waits any more.
-        let _ = self.settled.send(settled);
+        let _ = self.settled.send(Some(settled));
+    }
+
+    /// Ends the thread that tells asyncio: what it was given is told before.
+    pub fn end_telling() {
+        let Some(process) = *CURRENT.lock().unwrap_or_else(PoisonError::into_inner) else { return };
+        if process.is_here() {
+            let _ = process.settled.send(None);
+            if let Some(thread) = process.telling.lock().unwrap_or_else(PoisonError::into_inner).take() {
+                // A panic of that thread was already reported by it.
+                let _ = thread.join();
+            }
+        }
     }
 
     fn is_here(&self) -> bool {
@@ -66,14 +82,9 @@ impl Process {
 
 /// Python is entered here and nowhere on the engine's threads: whoever holds the interpreter for long, a busy thread or
 /// a slow extension, must not hold up heartbeats, polls and paths.
-fn tell_asyncio(settling: &mpsc::Receiver<Settled>) {
-    while let Ok(first) = settling.recv() {
-        let told = Python::try_attach(|py| {
-            for settled in std::iter::once(first).chain(settling.try_iter()) {
-                tell(py, settled);
-            }
-        });
-        if told.is_none() {
+fn tell_asyncio(settling: &mpsc::Receiver<Option<Settled>>) {
+    while let Ok(Some(settled)) = settling.recv() {
+        if Python::try_attach(|py| tell(py, settled)).is_none() {
             return;
         }
     }

@@ -18,6 +18,7 @@ use tokio::sync::broadcast::error::TryRecvError;
 
 use crate::convert::word;
 use crate::errors::{Exception, raise};
+use crate::interpreter;
 use crate::process::Kept;
 use crate::record::{Record, array};
 use crate::units::axis;
@@ -147,7 +148,7 @@ impl Simulator {
         if let Some(folder) = state {
             builder = builder.state(folder);
         }
-        let controller = raise(py, py.detach(|| builder.start_blocking()))?;
+        let controller = raise(py, interpreter::released(py, || builder.start_blocking()).0)?;
         let address = controller.address();
         let log = Mutex::new(controller.handle().log_from_start());
         Ok(Self { controller: Kept::new(Mutex::new(Some(controller)))?, address, log })
@@ -166,7 +167,7 @@ impl Simulator {
     /// Ends it and its connections. Closing again does nothing.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let taken = self.controller.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
-        py.detach(|| drop(taken));
+        interpreter::released(py, || drop(taken));
         Ok(())
     }
 
@@ -251,7 +252,7 @@ impl Simulator {
     /// Asks a camera for a photo, as a program does.
     fn request_photo(&self, py: Python<'_>, cam_id: i64) -> PyResult<()> {
         let handle = self.handle()?;
-        py.detach(|| handle.request_photo(cam_id));
+        interpreter::released(py, || handle.request_photo(cam_id));
         Ok(())
     }
 
@@ -316,12 +317,12 @@ impl Simulator {
 impl Simulator {
     fn operate(&self, py: Python<'_>, action: &PanelAction) -> PyResult<()> {
         let handle = self.handle()?;
-        raise(py, py.detach(|| handle.operate(action)))
+        raise(py, interpreter::released(py, || handle.operate(action)).0)
     }
 
     fn look(&self, py: Python<'_>) -> PyResult<ControllerSnapshot> {
         let handle = self.handle()?;
-        Ok(py.detach(|| handle.snapshot()))
+        Ok(interpreter::released(py, || handle.snapshot()).0)
     }
 
     fn handle(&self) -> PyResult<ControllerHandle> {

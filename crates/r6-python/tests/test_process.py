@@ -113,6 +113,8 @@ ENDINGS = {
     "simulator": "other = r6.Simulator(); second = r6.Robot.connect(other.address); second.status()",
     "asyncio": "import asyncio\nasync def main():\n    asyncio.ensure_future(robot2().status())\n"
     "def robot2():\n    return r6.AsyncRobot(robot._core)\nasyncio.run(main())",
+    "late": "class Late:\n    def __init__(self):\n        self.robot = robot\n"
+    "    def __del__(self):\n        self.robot.close()\nlate = Late()",
     "exit": "import os; sys.stdout.flush(); sys.exit(0)",
 }
 
@@ -123,6 +125,36 @@ def test_a_process_ends_whatever_is_open(ending: str, virtual_controller: r6.Sim
     process = python(program, virtual_controller.address)
     said, _ = process.communicate(timeout=60)
     assert (process.returncode, said) == (0, "")
+
+
+HURRY = """
+import asyncio, sys, threading, r6
+address = sys.argv[1]
+robot = r6.Robot.connect(address)
+
+def ask():
+    while True:
+        robot.query("curMode")
+
+for _ in range(4):
+    threading.Thread(target=ask, daemon=True).start()
+
+async def main():
+    mine = await r6.AsyncRobot.connect(address)
+    for _ in range(50):
+        asyncio.ensure_future(mine.query("curMode"))
+    await mine.query("curMode")
+
+asyncio.run(main())
+"""
+
+
+def test_the_end_of_a_process_cuts_no_thread_short(virtual_controller: r6.Simulator) -> None:
+    """Threads and operations that come back while the interpreter ends: each aborted one process in some."""
+    for _ in range(20):
+        process = python(HURRY, virtual_controller.address)
+        said, _ = process.communicate(timeout=60)
+        assert (process.returncode, said) == (0, "")
 
 
 def test_a_child_of_a_fork_connects_for_itself(virtual_controller: r6.Simulator) -> None:

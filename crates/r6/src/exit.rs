@@ -11,8 +11,8 @@ use crate::output::{self, alarm};
 pub const CODES: &str = "\
 Exit codes:
   0  done
-  1  refused by the controller, or a condition is not met; `inspect`: something is wrong;
-     `plot`: the program does not get to its end
+  1  refused by the controller or by a guard, or a condition is not met; a motion that ended early, and the
+     arm was seen to stand; `inspect`: something is wrong; `plot`: the program does not get to its end
   2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
   4  outcome unknown: the request left and may have acted; look at the machine before going on";
@@ -30,8 +30,8 @@ Examples:
 
 Exit codes:
   0  done
-  1  refused by the controller, or a condition is not met; `inspect`: something is wrong;
-     `plot`: the program does not get to its end
+  1  refused by the controller or by a guard, or a condition is not met; a motion that ended early, and the
+     arm was seen to stand; `inspect`: something is wrong; `plot`: the program does not get to its end
   2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
   4  outcome unknown: the request left and may have acted; look at the machine before going on";
@@ -111,6 +111,12 @@ impl Failure {
     /// Puts what was being done before the message.
     pub fn while_doing(mut self, what: impl fmt::Display) -> Self {
         self.what = format!("{what}: {}", self.what);
+        self
+    }
+
+    /// Adds more to the first line.
+    pub fn add(mut self, more: impl fmt::Display) -> Self {
+        self.what = format!("{}; {more}", self.what);
         self
     }
 

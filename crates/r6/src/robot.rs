@@ -22,11 +22,16 @@ pub struct RobotArgs {
     robot: String,
 }
 
+/// How robots are talked to.
+pub fn settings() -> RobotSettings {
+    RobotSettings::default()
+}
+
 impl RobotArgs {
     /// Does something with the robot on one connection, which is closed properly whatever comes of it: controllers
     /// have few connections, and a half-open one can keep their port busy.
     pub async fn with<T>(&self, work: impl AsyncFnOnce(&Robot) -> Result<T, Failure>) -> Result<T, Failure> {
-        let robot = Robot::connect(&self.robot, RobotSettings::default()).await?;
+        let robot = Robot::connect(&self.robot, settings()).await?;
         let result = work(&robot).await;
         robot.close().await;
         result

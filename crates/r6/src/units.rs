@@ -37,6 +37,12 @@ pub fn speed_percent(text: &str) -> Result<f64, String> {
     Ok(speed)
 }
 
+/// The most that an axis turns in one move, degrees.
+pub fn largest_step(text: &str) -> Result<f64, String> {
+    let wanted = "degrees from 0.001 to 10000";
+    finite(text, 0.001..=10_000.0, wanted)
+}
+
 /// Seconds from 0, in the controller's steps of 0.1.
 pub fn delay_seconds(text: &str) -> Result<f64, String> {
     let delay = finite(text, 0.0..=86_400.0, "seconds from 0 to 86400")?;

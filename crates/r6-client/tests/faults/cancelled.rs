@@ -38,8 +38,11 @@ struct Cell {
 
 type Dropped = Pin<Box<dyn Future<Output = ()>>>;
 
+/// Makes one.
+type Call = fn(&Cell) -> Dropped;
+
 /// What is dropped.
-const CALLS: [(&str, fn(&Cell) -> Dropped); 19] = [
+const CALLS: [(&str, Call); 19] = [
     ("query", |cell| {
         let robot = cell.robot.clone();
         Box::pin(async move { drop(robot.query(&[Address::CurMode, Address::CurAlarm]).await) })
@@ -204,7 +207,7 @@ enum When {
 }
 
 /// Drops a call, and finds all in order afterwards. Whether the call came to its end before.
-async fn drop_and_look(call: fn(&Cell) -> Dropped, name: &str, when: When) -> bool {
+async fn drop_and_look(call: Call, name: &str, when: When) -> bool {
     let scenario = Scenario::read(SLOW).unwrap();
     let (virtual_controller, floor) = controller("hc1", 1, &scenario).await;
     let (robot, tap) = connect(virtual_controller.handle(), &RobotSettings::default(), None).await;

@@ -31,12 +31,31 @@ pub struct Line {
 }
 
 impl Line {
-    /// The whole frames that were sent, in their order, over all connections.
-    pub fn frames(&self) -> Vec<Value> {
+    /// The whole frames that were sent, in their order, over each connection.
+    pub fn conversations(&self) -> Vec<Vec<Value>> {
         let frames = |bytes: &Vec<u8>| {
             serde_json::Deserializer::from_slice(bytes).into_iter().map_while(Result::ok).collect::<Vec<_>>()
         };
-        self.sent.iter().flat_map(frames).collect()
+        self.sent.iter().map(frames).collect()
+    }
+
+    /// The same over all of them.
+    pub fn frames(&self) -> Vec<Value> {
+        self.conversations().concat()
+    }
+
+    /// Nothing that may move or change anything was sent over a connection that was made anew before it was asked who is there.
+    pub fn assert_introduced(&self) {
+        const WHO: [&str; 5] = ["version", "machineName", "axisNum", "curMode", "curAlarm"];
+        for conversation in self.conversations().iter().skip(1) {
+            let asks_who = |frame: &Value| frame["queryAddr"] == serde_json::json!(WHO);
+            let acts = |frame: &Value| {
+                frame["reqType"] == "AddRCC"
+                    || (frame["reqType"] == "command" && frame["cmdData"][0] != "actionStop")
+            };
+            let before = conversation.iter().take_while(|frame| !asks_who(frame)).find(|frame| acts(frame));
+            assert_eq!(before, None, "sent to nobody knows whom");
+        }
     }
 
     /// All that was sent, as text.

@@ -164,7 +164,7 @@ impl Work {
                 assert!(was_there, "J1 is shown as fresh at {at}, and was not there from {from} to {to}");
             }
             (Address::Addr(number), Reading::Integer(value)) => {
-                let of = u16::try_from(number.number()).unwrap();
+                let of = number.number();
                 assert_eq!(*value, value_of(of), "the value of another register than {address}");
             }
             _ => {}
@@ -398,6 +398,7 @@ impl Notes {
 
     /// What was told agrees with what went over the line and with what was carried out.
     pub fn assert_consistent(&self, line: &Line, done: &[i64], executes: bool) {
+        line.assert_introduced();
         let text = line.text();
         let frames = line.frames();
         let sent = |value: i64| {

@@ -1,6 +1,7 @@
 //! `r6 move`: one motion.
 
 use clap::{Args, Subcommand};
+use r6_client::RunOptions;
 use r6_proto::message::Instruction;
 use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, CurveMove, Manner, Move};
 use r6_proto::{AXES, AxisIndex, AxisMask};
@@ -16,15 +17,14 @@ use crate::units;
 #[command(after_help = "\
 Before anything is sent the machine is looked at: it has to be in mode 7 (a program waits for \
 remote commands), without alarm, homed, at rest, and with an empty list. If not, each condition \
-is named and nothing is sent.
-
---json prints a line for each frame that was accepted (event \"accepted\"), and one for the outcome: \
-\"stands\" with --wait, \"not_sent\" with the conditions that are not met, or \"failed\" with the exit code.
+is named and nothing is sent. What Ctrl-C, --timeout, --guard and --json do, and what becomes of a \
+motion that fails, is told by `r6 run --help`.
 
 Examples:
   r6 move axes 10 0 0 0 30 0 --speed 50 --wait         axes J1 to J6, degrees
   r6 move axes 0 10 -20 0 30 0 --speed 20 --blend 3
   r6 move axes 10 --wait --json | jq .event            for programs
+  r6 move axes 10 --max-axis-step 20 --wait            only if J1 is no further away than that
   r6 move line 450 0 500 --speed 10 --wait             the tool to X Y Z, orientation kept
   r6 move line 450 0 500 180 0 180 --speed 10          and to the orientation U V W
   r6 move curve 450 50 500 180 0 180 400 100 500 180 0 180     through a pose to a pose")]
@@ -162,7 +162,7 @@ pub async fn run(args: MoveArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         }
     };
     let batch = Batch { replace: !job.append, instructions: vec![Instruction { oneshot: true, action }] };
-    job::carry_out(job, vec![batch], &robot).await
+    job::carry_out(job, vec![batch], RunOptions::default(), &robot).await
 }
 
 /// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported (unit A),

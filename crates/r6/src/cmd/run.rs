@@ -1,13 +1,14 @@
 //! `r6 run`: sends the instructions of a file.
 
 mod json_program;
-mod lines;
+pub mod lines;
 mod toml_program;
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use r6_client::RunOptions;
 
 use crate::cmd::job::frames::Batch;
 use crate::cmd::job::{self, JobArgs};
@@ -17,6 +18,9 @@ use crate::robot::RobotArgs;
 
 /// The largest program file that is read: far more than any list of instructions, and little enough for memory.
 const MAX_FILE_BYTES: u64 = 16 * 1024 * 1024;
+
+/// As [`RunOptions::room`] has it.
+const USUAL_ROOM: u16 = 24;
 
 /// Send the instructions of a file
 #[derive(Debug, Args)]
@@ -44,14 +48,40 @@ FILE.toml is written by people: one [[instruction]] table for each step, in orde
   do = \"path-speed\"       mm_per_s; without it the path speed is switched off
   do = \"workbench\"        number
 
-The machine is looked at first, as for `r6 move`. A list too long for one frame (2048 bytes) is \
-sent in several. A wait without a limit waits for ever.
+The machine is looked at first, as for `r6 move`. A program that replaces the list and does not \
+repeat is streamed: in frames of at most 8 instructions and 2048 bytes, each sent once and never \
+again, as the controller has room, while the arm moves. With --wait that goes on until the arm \
+stands at the end, and a motion in which nothing goes on for 5 s ends; without, until the last \
+frame was accepted, and the arm finishes what is then in its list. A list that repeats has to fit \
+as a whole; --append sends all frames at once, without looking for room. A wait without a limit \
+waits for ever.
 
---json prints a line for each frame that was accepted (event \"accepted\"), and one for the outcome: \
-\"stands\" with --wait, \"not_sent\" with the conditions that are not met, or \"failed\" with the exit code.
+Ctrl-C and --timeout end the streaming: nothing more is sent, the arm finishes its list, and the \
+last line tells how much that is; with --stop-on-interrupt the arm is stopped instead. When a \
+streamed motion fails (alarm, stop, refusal, unknown outcome, nothing goes on), the arm is stopped \
+and its list cleared, and the last line tells what became of the steps and of the arm. The exit \
+code is 1 where the arm was then seen to stand; it is 4 where it was not, where it was left to \
+finish its list, where the outcome of a frame is unknown, and where the controller was lost or \
+refused after it had taken a part.
+
+FILE.toml of --guard has limits; what is left out is not limited:
+  max_speed = 50          percent, of each move          max_path_speed = 500    mm/s
+  max_axis_step = 90      degrees in one axis move       max_distance = 400      mm in one move of the tool
+  [axes]                  J1 = [-120, 120]               degrees; [axes_mm] for axes that slide
+  [workspace]             x = [250, 700]                 y, z likewise, mm; for moves of the tool
+Axis limits are held against axis moves, the workspace against moves of the tool. How far the \
+first move goes is told by the present position, and not in --dry-run. What cannot be told counts \
+as beyond: how far a move goes behind one of the other kind.
+
+--json prints a line for each list that was accepted (event \"accepted\"), at most two a second on \
+how many steps are done (\"progress\"), and one for the outcome: \"stands\" with --wait, \
+\"not_sent\" with the conditions that are not met, or \"failed\" with the exit code, the steps and \
+the stop.
 
 Examples:
   r6 run examples/programs/square.toml --wait
+  r6 run examples/programs/square.toml --wait --timeout 5m --stop-on-interrupt
+  r6 run examples/programs/square.toml --guard examples/guard.toml --max-speed 20 --wait
   r6 run examples/programs/blend-j1.json --wait
   r6 run examples/programs/manual-6-1-1-axis-move.json --once --wait
   r6 run examples/programs/square.toml --dry-run       the frames that would be sent
@@ -64,6 +94,9 @@ pub struct RunArgs {
     /// Run a list that repeats only once
     #[arg(long)]
     once: bool,
+    /// How many instructions may be in the controller's list: a longer program is streamed as it gets room
+    #[arg(long, value_name = "INSTRUCTIONS", default_value_t = USUAL_ROOM, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    room: u16,
     #[command(flatten)]
     job: JobArgs,
 }
@@ -121,7 +154,8 @@ pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         ))
         .advise("add --once to run it once"));
     }
-    job::carry_out(&args.job, program.batches, &robot).await
+    let options = RunOptions { room: usize::from(args.room), ..RunOptions::default() };
+    job::carry_out(&args.job, program.batches, options, &robot).await
 }
 
 /// Reads a program from a file, or from stdin.
@@ -199,5 +233,15 @@ impl std::fmt::Display for FileError {
             Some((line, column)) => write!(f, "{line}:{column}: {}", self.what),
             None => write!(f, " {}", self.what),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_room_of_the_help_is_the_usual_one() {
+        assert_eq!(usize::from(USUAL_ROOM), RunOptions::default().room);
     }
 }

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use r6_client::{ListAfterStop, StopReport};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
 use crate::output;
@@ -47,7 +47,14 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         .await
 }
 
-fn as_json(address: &str, report: &StopReport) -> serde_json::Value {
+fn as_json(address: &str, report: &StopReport) -> Value {
+    let mut json = seen(report);
+    json["robot"] = address.into();
+    json
+}
+
+/// What became of a stop, as JSON, units in the names.
+pub fn seen(report: &StopReport) -> Value {
     let list = match &report.list {
         ListAfterStop::WasEmpty => "was empty",
         ListAfterStop::Cleared => "cleared",
@@ -56,7 +63,6 @@ fn as_json(address: &str, report: &StopReport) -> serde_json::Value {
         ListAfterStop::NotTried(_) => "not tried",
     };
     json!({
-        "robot": address,
         "confirmed": report.confirmed,
         "attempts": report.attempts,
         "took_ms": output::readings::milliseconds(report.took),

@@ -10,4 +10,5 @@ mod power_cut;
 mod robot;
 mod run;
 mod sim;
+mod streaming;
 mod support;

@@ -115,11 +115,25 @@ impl Running {
         self.child.wait().unwrap().code()
     }
 
-    /// Sends a signal (`INT`, `TERM`) and tells the exit code.
-    pub fn end(mut self, signal: &str) -> Option<i32> {
+    /// Sends a signal (`INT`, `TERM`).
+    pub fn signal(&self, signal: &str) {
         let sent = Command::new("kill").args([&format!("-{signal}"), &self.child.id().to_string()]).status();
         assert!(sent.unwrap().success());
-        self.child.wait().unwrap().code()
+    }
+
+    /// Sends a signal and tells the exit code.
+    pub fn end(self, signal: &str) -> Option<i32> {
+        self.signal(signal);
+        self.code()
+    }
+
+    /// The JSON object on the next line of stdout; `None` once there is none.
+    pub fn event(&mut self) -> Option<serde_json::Value> {
+        let line = self.line();
+        if line.is_empty() {
+            return None;
+        }
+        Some(serde_json::from_str(&line).unwrap_or_else(|error| panic!("{error}: {line}")))
     }
 }
 

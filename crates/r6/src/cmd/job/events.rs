@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use r6_client::{Done, Unmet};
+use r6_client::{Done, Progress, Unmet};
 use serde_json::{Value, json};
 
-use super::frames::Batch;
-use crate::exit::Failure;
+use crate::cmd::job::ended::Ended;
+use crate::cmd::stop;
 use crate::output::{readings, status};
 
 /// How many axes are told: as many as are asked for.
@@ -17,16 +17,48 @@ pub fn not_sent(robot: &str, unmet: &[Unmet]) -> Value {
     json!({ "event": "not_sent", "robot": robot, "unmet": status::unmet_json(unmet) })
 }
 
-/// The controller took a frame.
-pub fn accepted(robot: &str, batch: &Batch, after: Duration) -> Value {
-    json!({
-        "event": "accepted",
-        "robot": robot,
-        "instructions": batch.instructions.len(),
-        "replaced_list": batch.replace,
-        "repeats": super::repeats(std::slice::from_ref(batch)),
-        "after_ms": readings::milliseconds(after),
-    })
+/// The controller took a list.
+#[derive(Clone, Copy, Debug)]
+pub struct Accepted {
+    /// How many instructions.
+    pub instructions: usize,
+    /// Whether it replaced what was there.
+    pub replaced_list: bool,
+    /// Whether it never ends.
+    pub repeats: bool,
+    /// How long the answer took.
+    pub after: Duration,
+}
+
+impl Accepted {
+    /// A list that was sent as it is.
+    pub fn whole(&self, robot: &str) -> Value {
+        json!({
+            "event": "accepted",
+            "robot": robot,
+            "instructions": self.instructions,
+            "replaced_list": self.replaced_list,
+            "repeats": self.repeats,
+            "after_ms": readings::milliseconds(self.after),
+        })
+    }
+
+    /// A list of a stream: how many steps were accepted with it, and how far the motion is.
+    pub fn streamed(&self, robot: &str, accepted: usize, progress: &Progress) -> Value {
+        let mut event = self.whole(robot);
+        event["steps"] = steps(&Progress { accepted, ..*progress });
+        event
+    }
+}
+
+/// How far a motion is.
+pub fn progress(robot: &str, progress: &Progress) -> Value {
+    json!({ "event": "progress", "robot": robot, "steps": steps(progress) })
+}
+
+fn steps(progress: &Progress) -> Value {
+    let Progress { total, left, accepted, done, .. } = *progress;
+    json!({ "total": total, "sent": left, "accepted": accepted, "done": done })
 }
 
 /// The arm stands. Whether it stands where it should is told by what follows, and by the exit code.
@@ -41,12 +73,21 @@ pub fn stands(robot: &str, done: &Done) -> Value {
     })
 }
 
-/// It did not come to what was asked for.
-pub fn failed(failure: &Failure) -> Value {
-    json!({
+/// It did not come to what was asked for. Where steps were streamed, it tells what became of them, and where the arm was
+/// stopped, of the arm.
+pub fn failed(ended: &Ended) -> Value {
+    let failure = &ended.failure;
+    let mut event = json!({
         "event": "failed",
         "message": failure.what(),
         "advice": failure.advice(),
         "exit_code": failure.exit().number(),
-    })
+    });
+    if let Some(progress) = &ended.progress {
+        event["steps"] = steps(progress);
+    }
+    if let Some(report) = &ended.stop {
+        event["stop"] = stop::seen(report);
+    }
+    event
 }

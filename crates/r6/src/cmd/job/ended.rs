@@ -1,0 +1,207 @@
+//! How a job ends that did not come to what was asked for: the exit code, and what became of steps and arm.
+
+use std::fmt;
+use std::time::Duration;
+
+use r6_client::{Cause, Missed, MotionError, Progress, RequestError, StopReport};
+
+use crate::cmd::job::guard;
+use crate::exit::{Exit, Failure};
+use crate::output::alarm;
+
+/// What to do where the arm stands elsewhere.
+pub const ELSEWHERE: &str =
+    "look at the arm and at `r6 status`; a curve wants a move before it, and masks leave axes out";
+
+/// A job that did not come to what was asked for.
+#[derive(Debug)]
+pub struct Ended {
+    /// The words and the exit code.
+    pub failure: Failure,
+    /// What became of the steps, where they were streamed.
+    pub progress: Option<Progress>,
+    /// What became of the arm, where it was stopped.
+    pub stop: Option<StopReport>,
+}
+
+impl From<Failure> for Ended {
+    fn from(failure: Failure) -> Self {
+        Self { failure, progress: None, stop: None }
+    }
+}
+
+impl From<MotionError> for Ended {
+    fn from(MotionError { cause, progress, stop }: MotionError) -> Self {
+        let failure = of_cause(&cause, &progress);
+        let failure =
+            if progress.left > 0 && progress.total > 1 { failure.add(steps(&progress)) } else { failure };
+        let ended = match stop {
+            Some(stop) => Self::stopped(failure, *stop),
+            None => failure.into(),
+        };
+        Self { progress: Some(progress), ..ended }
+    }
+}
+
+impl Ended {
+    /// A job whose end was a stop, and what became of it. An arm that was not seen to stand leaves the outcome unknown.
+    pub fn stopped(failure: Failure, stop: Result<StopReport, RequestError>) -> Self {
+        let (failure, stop) = match stop {
+            Ok(report) if report.confirmed => (failure.add(format_args!("stopped: {report}")), Some(report)),
+            Ok(report) => (failure.add(&report).with_exit(Exit::Unknown), Some(report)),
+            Err(error) => {
+                let failure = failure.add(format_args!("the stop failed, use the emergency stop: {error}"));
+                (failure.with_exit(Exit::Unknown), None)
+            }
+        };
+        Self { failure, progress: None, stop }
+    }
+
+    /// A motion that was given up and stopped.
+    pub fn given_up(
+        why: GivenUp,
+        progress: Option<Progress>,
+        stop: Result<StopReport, RequestError>,
+    ) -> Self {
+        let failure = Failure::refused(why);
+        let failure = match &progress {
+            Some(progress) if progress.total > 1 => failure.add(steps(progress)),
+            Some(_) | None => failure,
+        };
+        Self { progress, ..Self::stopped(failure, stop) }
+    }
+}
+
+/// Why a motion that goes on is no longer waited for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GivenUp {
+    /// Somebody pressed Ctrl-C.
+    Interrupted,
+    /// The time of `--timeout` is up.
+    TimedOut(Duration),
+}
+
+impl fmt::Display for GivenUp {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Interrupted => f.write_str("interrupted"),
+            Self::TimedOut(after) => write!(f, "not done within {after:?}"),
+        }
+    }
+}
+
+/// What became of the steps of a motion that ended.
+fn steps(progress: &Progress) -> String {
+    let Progress { total, left, done, .. } = *progress;
+    format!(
+        "{done} of {total} steps done, {} sent and not seen to be done, {} never sent",
+        progress.under_way(),
+        total.saturating_sub(left)
+    )
+}
+
+fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
+    let some_left = progress.left > 0;
+    match cause {
+        Cause::Step(_) => Failure::usage(cause),
+        Cause::OutsideEnvelope(violation) => guard::beyond(violation),
+        Cause::NotReady(_) | Cause::AnotherRuns => Failure::refused(cause),
+        Cause::NotCleared(error) => Failure::from(error.clone()),
+        // Code 3 would say that nothing of the job was carried out.
+        Cause::NotSent(error) if some_left => {
+            Failure::unknown(format!("the rest could not be sent: {error}"))
+        }
+        Cause::NotSent(error) => Failure::from(RequestError::from(error.clone())),
+        Cause::Refused(error) => {
+            let failure = Failure::from(RequestError::from(error.clone()));
+            if progress.accepted > 0 { failure.with_exit(Exit::Unknown) } else { failure }
+        }
+        Cause::OutcomeUnknown(error) => Failure::from(RequestError::from(error.clone())),
+        Cause::AlarmRaised { code } => {
+            Failure::refused(format!("the motion ended with alarm {}", alarm::short(*code)))
+                .advise(alarm::advice(*code))
+        }
+        Cause::Stopped { mode } => {
+            Failure::refused(format!("the motion was stopped: the operation mode is now {mode}"))
+                .advise("somebody stopped or paused it, or turned the key: look at the machine first")
+        }
+        Cause::Elsewhere(missed @ Missed { found: Some(_), .. }) => {
+            Failure::refused(format!("the list was accepted, but {missed}")).advise(ELSEWHERE)
+        }
+        Cause::Elsewhere(missed) => {
+            Failure::unknown(format!("the list was accepted and the arm stands, but {missed}"))
+                .advise("look at the arm and at `r6 status`")
+        }
+        Cause::Stalled { after } => {
+            Failure::refused(format!("nothing has gone on for {:.1} s", after.as_secs_f64()))
+                .advise("look at the global speed, at the pendant, and at what the list waits for")
+        }
+        Cause::Unreadable(error) if some_left => Failure::from(error.clone())
+            .while_doing("the list was sent, then the state could not be read")
+            .with_exit(Exit::Unknown),
+        Cause::Unreadable(error) => Failure::from(error.clone()),
+        Cause::StoppedHere | Cause::Dropped | Cause::Abandoned => Failure::unknown(cause),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use r6_client::{ListAfterStop, NotSent, OperationMode, Refused};
+
+    use super::*;
+
+    fn progress(left: usize, accepted: usize) -> Progress {
+        Progress { total: 100, left, accepted, done: accepted / 2, ended: true }
+    }
+
+    fn report(confirmed: bool) -> StopReport {
+        StopReport {
+            confirmed,
+            attempts: 1,
+            took: Duration::from_millis(120),
+            moving: Some(!confirmed),
+            mode: Some(OperationMode::Stop),
+            alarm: Some(0),
+            list_length: Some(0),
+            list: ListAfterStop::WasEmpty,
+        }
+    }
+
+    fn ended(cause: Cause, progress: Progress, stop: Option<Result<StopReport, RequestError>>) -> Failure {
+        Ended::from(MotionError { cause, progress, stop: stop.map(Box::new) }).failure
+    }
+
+    #[test]
+    fn each_cause_has_its_exit_code() {
+        let refused = Refused::InstructionList { reason: None };
+        let confirmed = || Some(Ok(report(true)));
+        for (cause, progress, exit) in [
+            (Cause::AlarmRaised { code: 130 }, progress(24, 24), Exit::Refused),
+            (Cause::Stopped { mode: OperationMode::Stop }, progress(24, 24), Exit::Refused),
+            (Cause::Stalled { after: Duration::from_secs(5) }, progress(24, 24), Exit::Refused),
+            (Cause::Refused(refused.clone()), progress(8, 0), Exit::Refused),
+            (Cause::Refused(refused), progress(32, 24), Exit::Unknown),
+            (Cause::NotSent(NotSent::Disconnected), progress(0, 0), Exit::NoReply),
+            (Cause::NotSent(NotSent::Disconnected), progress(24, 24), Exit::Unknown),
+            (Cause::Unreadable(NotSent::Disconnected.into()), progress(0, 0), Exit::NoReply),
+            (Cause::Unreadable(NotSent::Disconnected.into()), progress(24, 24), Exit::Unknown),
+            (Cause::Abandoned, progress(24, 24), Exit::Unknown),
+        ] {
+            assert_eq!(ended(cause.clone(), progress, confirmed()).exit(), exit, "{cause:?} {progress:?}");
+        }
+    }
+
+    #[test]
+    fn an_arm_that_was_not_seen_to_stand_leaves_the_outcome_unknown() {
+        let cause = || Cause::AlarmRaised { code: 130 };
+        for stop in [Ok(report(false)), Err(NotSent::Disconnected.into())] {
+            let failure = ended(cause(), progress(24, 24), Some(stop));
+            assert_eq!(failure.exit(), Exit::Unknown);
+            assert!(failure.what().contains("emergency stop"), "{failure}");
+        }
+        let failure = ended(cause(), progress(24, 24), Some(Ok(report(true))));
+        let wanted =
+            "; 12 of 100 steps done, 12 sent and not seen to be done, 76 never sent; stopped: the arm stands";
+        assert!(failure.what().contains(wanted), "{failure}");
+    }
+}

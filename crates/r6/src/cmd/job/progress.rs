@@ -1,0 +1,125 @@
+//! Tells how far a motion is while it runs: lines for programs, one line that is written over for people.
+
+use std::convert::Infallible;
+use std::io::{IsTerminal, Write};
+use std::ops::Range;
+use std::time::Duration;
+
+use r6_client::{Progress, Robot};
+use r6_proto::{Address, AxisIndex};
+use tokio::sync::watch;
+use tokio::time::Instant;
+
+use crate::cmd::job::events::{self, Accepted};
+use crate::output::{self, action};
+
+/// How often the progress on the terminal is refreshed: as fast as eyes read, and few enough queries.
+const REFRESH_EVERY: Duration = Duration::from_millis(100);
+
+/// What takes less time than this needs no progress on the terminal.
+const SHOWN_AFTER: Duration = Duration::from_secs(1);
+
+/// The least time between two lines of progress for programs: two a second tell enough, and hours of them are some megabytes.
+pub const TOLD_EVERY: Duration = Duration::from_millis(500);
+
+/// Tells what becomes of a motion that is streamed.
+#[derive(Debug)]
+pub struct Teller<'r> {
+    robot: &'r str,
+    json: bool,
+    /// Whether each list has a line of its own for people.
+    each_list: bool,
+    /// The lists of the motion, and how many of them were accepted.
+    lists: Vec<Range<usize>>,
+    accepted: usize,
+    seen: Progress,
+    /// When something last left or was answered.
+    since: Instant,
+    /// When, and how many steps that were done were last told.
+    told: (Instant, usize),
+}
+
+impl<'r> Teller<'r> {
+    /// A teller for a motion that has just begun.
+    pub fn new(robot: &'r str, json: bool, each_list: bool, lists: Vec<Range<usize>>) -> Self {
+        let now = Instant::now();
+        let seen = Progress::default();
+        Self { robot, json, each_list, lists, accepted: 0, seen, since: now, told: (now, 0) }
+    }
+
+    /// How many lists were accepted.
+    pub fn accepted(&self) -> usize {
+        self.accepted
+    }
+
+    /// Takes in how far the motion is now.
+    pub fn see(&mut self, progress: Progress) {
+        let after = self.since.elapsed();
+        if progress.left > self.seen.left || progress.accepted > self.seen.accepted {
+            self.since = Instant::now();
+        }
+        while let Some(list) = self.lists.get(self.accepted).filter(|list| list.end <= progress.accepted) {
+            self.tell_accepted(list, &progress, after);
+            self.accepted += 1;
+        }
+        let (told_at, told) = self.told;
+        if self.json && progress.done > told && told_at.elapsed() >= TOLD_EVERY {
+            self.told = (Instant::now(), progress.done);
+            output::json(&events::progress(self.robot, &progress));
+        }
+        self.seen = progress;
+    }
+
+    fn tell_accepted(&self, list: &Range<usize>, progress: &Progress, after: Duration) {
+        let accepted =
+            Accepted { instructions: list.len(), replaced_list: list.start == 0, repeats: false, after };
+        if self.json {
+            output::json(&accepted.streamed(self.robot, list.end, progress));
+        } else if self.each_list {
+            clear_progress();
+            accepted.say();
+        }
+    }
+}
+
+impl Accepted {
+    /// A line for people.
+    pub fn say(&self) {
+        let instructions = action::instructions(self.instructions);
+        let how = if self.replaced_list { "the list replaced" } else { "appended to the list" };
+        let milliseconds = self.after.as_secs_f64() * 1e3;
+        output::line(format_args!("{instructions} accepted after {milliseconds:.1} ms, {how}"));
+    }
+}
+
+/// Shows the axes on the terminal, and how many steps are done where that is known, over and over, until it is dropped.
+pub async fn show_progress(robot: &Robot, progress: Option<watch::Receiver<Progress>>) -> Infallible {
+    if !std::io::stderr().is_terminal() {
+        std::future::pending::<()>().await;
+    }
+    let axes: Vec<_> = AxisIndex::ALL.into_iter().take(6).map(Address::Axis).collect();
+    let mut ticks = tokio::time::interval_at(Instant::now() + SHOWN_AFTER, REFRESH_EVERY);
+    loop {
+        ticks.tick().await;
+        // Whatever is wrong, the wait itself finds and reports it.
+        let Ok(result) = robot.query(&axes).await else { continue };
+        let steps = progress.as_ref().map(|progress| {
+            let Progress { done, total, .. } = *progress.borrow();
+            format!("{done}/{total} steps")
+        });
+        let axes = AxisIndex::ALL
+            .into_iter()
+            .filter_map(|axis| Some(format!("{axis} {:9.3}", result.decimal(Address::Axis(axis))?)));
+        let cells: Vec<_> = steps.into_iter().chain(axes).collect();
+        eprint!("\r{}", cells.join("  "));
+        let _ = std::io::stderr().flush();
+    }
+}
+
+/// Takes what was shown on the present line of the terminal away.
+pub fn clear_progress() {
+    if std::io::stderr().is_terminal() {
+        let line = crossterm::terminal::Clear(crossterm::terminal::ClearType::CurrentLine);
+        let _ = crossterm::execute!(std::io::stderr(), line, crossterm::cursor::MoveToColumn(0));
+    }
+}

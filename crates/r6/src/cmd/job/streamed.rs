@@ -1,0 +1,183 @@
+//! Lists that run once, through the SDK's streaming: as the controller has room, and never a second time.
+
+use std::time::Duration;
+
+use r6_client::{Cause, Done, Envelope, Motion, MotionError, MotionHandle, Progress, Robot, RunOptions};
+use tokio::time::{sleep, timeout};
+
+use crate::cmd::job::ended::{Ended, GivenUp};
+use crate::cmd::job::progress::{TOLD_EVERY, Teller, clear_progress, show_progress};
+use crate::cmd::job::{JobArgs, events, not_ready, say_how_to_follow};
+use crate::exit::{Exit, Failure};
+use crate::output::{self, action, status};
+use crate::robot;
+use crate::signals::Ending;
+
+/// Streams a motion: to its end with `--wait`, else until its last list is accepted.
+pub async fn run(
+    args: &JobArgs,
+    robot: &Robot,
+    motion: &Motion,
+    envelope: Option<Envelope>,
+    options: RunOptions,
+) -> Result<Exit, Ended> {
+    let lists = motion.lists(&robot::settings(), options).map_err(Failure::usage)?;
+    let guarded = envelope.map_or_else(|| robot.clone(), |envelope| robot.with_guard(envelope));
+    // From here on the arm may move, and Ctrl-C has to say so.
+    let mut ending = Ending::watch()?;
+    let begun = tokio::select! {
+        biased;
+        () = ending.signalled() => return Err(Failure::refused("interrupted; nothing was sent").into()),
+        begun = guarded.run(motion, options) => begun,
+    };
+    let handle = match begun {
+        Ok(handle) => handle,
+        Err(MotionError { cause: Cause::NotReady(unmet), .. }) => {
+            return Ok(not_ready(robot, &unmet, args.json));
+        }
+        Err(error) => return Err(error.into()),
+    };
+    let is_long = motion.len() > options.room;
+    if is_long && !args.json {
+        output::line(format_args!(
+            "streaming {}, at most {} of them in the controller's list; Ctrl-C sends no more",
+            action::instructions(motion.len()),
+            options.room
+        ));
+    }
+    let mut teller = Teller::new(robot.address(), args.json, !is_long, lists);
+    let given_up = tokio::select! {
+        biased;
+        () = follow(&mut teller, &handle, args.wait) => None,
+        () = ending.signalled() => Some(GivenUp::Interrupted),
+        after = time_is_up(args.timeout) => Some(GivenUp::TimedOut(after)),
+        never = show_progress(robot, Some(handle.watch())) => match never {},
+    };
+    clear_progress();
+    if let Some(why) = given_up {
+        return Err(give_up(robot, handle, why, args.stop_on_interrupt).await);
+    }
+    if is_long && !args.json && !args.wait && !handle.progress().ended {
+        say_lists(&teller, &handle.progress());
+    }
+    if args.wait || handle.progress().ended {
+        let done = handle.finished().await?;
+        if args.wait {
+            stands(robot, &done, args.json);
+            return Ok(Exit::Done);
+        }
+    } else {
+        // The arm finishes what is in its list.
+        drop(handle);
+    }
+    if !args.json {
+        say_how_to_follow();
+    }
+    Ok(Exit::Done)
+}
+
+/// Tells what happens until the motion has ended, or, if nobody waits for that, until everything was accepted.
+async fn follow(teller: &mut Teller<'_>, handle: &MotionHandle, to_the_end: bool) {
+    let mut watch = handle.watch();
+    loop {
+        let progress = *watch.borrow_and_update();
+        teller.see(progress);
+        if progress.ended || !to_the_end && progress.accepted == progress.total {
+            return;
+        }
+        // What changed too soon after the last line is told when its time has come.
+        match timeout(TOLD_EVERY, watch.changed()).await {
+            Ok(Ok(())) | Err(_) => {}
+            // The task is gone; its handle tells why.
+            Ok(Err(_)) => return,
+        }
+    }
+}
+
+async fn time_is_up(after: Option<Duration>) -> Duration {
+    match after {
+        Some(after) => {
+            sleep(after).await;
+            after
+        }
+        None => std::future::pending().await,
+    }
+}
+
+/// Ends the streaming, stops the arm if that is wished, and tells the truth about what goes on.
+async fn give_up(robot: &Robot, handle: MotionHandle, why: GivenUp, stop: bool) -> Ended {
+    let mut watch = handle.watch();
+    if stop {
+        let stop = handle.stop().await;
+        let progress = *watch.borrow();
+        return Ended::given_up(why, Some(progress), stop);
+    }
+    drop(handle);
+    // The task sees to its end at once: nothing more leaves.
+    watch.wait_for(|progress| progress.ended).await.ok();
+    let progress = *watch.borrow();
+    let length = robot.status().await.ok().and_then(|status| status.list_length);
+    let advice = match why {
+        GivenUp::Interrupted => "the arm finishes its list: end the motion with `r6 stop`",
+        GivenUp::TimedOut(_) => "look with `r6 status`, end it with `r6 stop`; --timeout waits longer",
+    };
+    let what = format!("{why}; the arm may go on moving: {}", what_goes_on(&progress, length));
+    Ended { progress: Some(progress), ..Failure::unknown(what).advise(advice).into() }
+}
+
+/// What the arm still does when nothing more is sent, where the controller tells the length of its list and where not.
+fn what_goes_on(progress: &Progress, length: Option<i64>) -> String {
+    let Progress { total, left, accepted, done, .. } = *progress;
+    let (done, in_list) = match length.and_then(|length| usize::try_from(length).ok()) {
+        Some(length) => (done.max(accepted.saturating_sub(length)), format!("{length} in its list")),
+        None => (done, format!("at most {} in its list", progress.under_way())),
+    };
+    let mut text = format!("{done} of {total} steps done, {in_list}");
+    if left > accepted {
+        text += &format!(", {} sent and not answered", left - accepted);
+    }
+    if total > left {
+        text += &format!(", {} never sent", total - left);
+    }
+    text
+}
+
+/// What of a long motion has been handed over.
+fn say_lists(teller: &Teller<'_>, progress: &Progress) {
+    let lists = output::counted(teller.accepted(), "list");
+    let instructions = action::instructions(progress.accepted);
+    let in_list = progress.under_way();
+    output::line(format_args!("{instructions} accepted in {lists}; the arm finishes the last {in_list}"));
+}
+
+/// Where the arm ended.
+pub fn stands(robot: &Robot, done: &Done, json: bool) {
+    if json {
+        output::json(&events::stands(robot.address(), done));
+        return;
+    }
+    let seconds = done.took.as_secs_f64();
+    let moved = if done.moved { "" } else { "; no motion was seen" };
+    output::line(format_args!("done after {seconds:.2} s{moved}"));
+    output::line(status::position_table(&done.axes, &done.pose));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_goes_on_is_told_by_the_length_of_the_list_where_there_is_one() {
+        let progress = Progress { total: 500, left: 48, accepted: 40, done: 20, ended: true };
+        assert_eq!(
+            what_goes_on(&progress, Some(17)),
+            "23 of 500 steps done, 17 in its list, 8 sent and not answered, 452 never sent"
+        );
+        assert_eq!(
+            what_goes_on(&progress, None),
+            "20 of 500 steps done, at most 28 in its list, 8 sent and not answered, 452 never sent"
+        );
+        let last = Progress { total: 1, left: 1, accepted: 1, done: 0, ended: true };
+        assert_eq!(what_goes_on(&last, Some(1)), "0 of 1 steps done, 1 in its list");
+    }
+}

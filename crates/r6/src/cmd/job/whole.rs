@@ -1,0 +1,215 @@
+//! Lists that are sent all at once: those that repeat, and those that belong behind what runs.
+
+use std::time::Duration;
+
+use r6_client::{Done, Envelope, Instruction, Robot, Unmet, WaitError, WaitOptions};
+use r6_proto::message::Action;
+
+use crate::cmd::job::ended::{ELSEWHERE, Ended, GivenUp};
+use crate::cmd::job::events::Accepted;
+use crate::cmd::job::frames::Batch;
+use crate::cmd::job::progress::{clear_progress, show_progress};
+use crate::cmd::job::streamed::stands;
+use crate::cmd::job::target::{Missed, Target};
+use crate::cmd::job::{JobArgs, guard, not_ready, repeats, say_how_to_follow};
+use crate::exit::{Exit, Failure};
+use crate::output;
+use crate::signals::Ending;
+
+/// How soon after the answer a motion without delay is seen: controllers answer within 26 ms and start at once.
+const START_WITHIN: Duration = Duration::from_secs(1);
+
+/// Checks a list, and cuts it into frames.
+pub fn prepare(batches: Vec<Batch>, envelope: Option<&Envelope>, room: usize) -> Result<Vec<Batch>, Failure> {
+    let steps: Vec<_> = batches.iter().flat_map(|batch| batch.instructions.iter().copied()).collect();
+    let (count, repeats) = (steps.len(), repeats(&batches));
+    if let Some(envelope) = envelope {
+        guard::check(envelope, &steps, repeats).map_err(|violation| guard::beyond(&violation))?;
+    }
+    if repeats && count > room {
+        return Err(Failure::usage(format!(
+            "a list that repeats stays in the controller as a whole, and {count} instructions are more than the {room} \
+             that are counted on to fit"
+        ))
+        .advise(format!(
+            "run it once, as a stream, with --once; or, where this controller is known to take as many, say --room {count}"
+        )));
+    }
+    if count > room {
+        output::note(format_args!(
+            "r6: --append sends all {count} instructions at once; {room} are counted on to fit"
+        ));
+    }
+    let mut parts = Vec::new();
+    for batch in batches {
+        parts.extend(batch.cut().map_err(Failure::usage)?);
+    }
+    Ok(parts)
+}
+
+/// Prints the frames that would be sent.
+pub fn print_frames(batches: &[Batch]) -> Result<Exit, Failure> {
+    if repeats(batches) {
+        output::note("this list repeats until stopped: r6 stop");
+    }
+    for (number, batch) in batches.iter().enumerate() {
+        let frame = batch.encode(&(number + 1).to_string()).map_err(Failure::usage)?;
+        output::line(String::from_utf8_lossy(&frame));
+    }
+    Ok(Exit::Done)
+}
+
+/// Sends the frames and, with `--wait`, waits until they are done.
+pub async fn run(
+    args: &JobArgs,
+    robot: &Robot,
+    batches: &[Batch],
+    envelope: Option<Envelope>,
+) -> Result<Exit, Ended> {
+    let appends = batches.first().is_some_and(|batch| !batch.replace);
+    let state = robot.status().await.map_err(Failure::from)?;
+    // Appending to a list that runs is what appending is for.
+    let unmet: Vec<_> = state.unmet().into_iter().filter(|unmet| !(appends && is_running(unmet))).collect();
+    if !unmet.is_empty() {
+        return Ok(not_ready(robot, &unmet, args.json));
+    }
+    // From here on the arm may move, and Ctrl-C has to say so.
+    let ending = args.wait.then(Ending::watch).transpose()?;
+    send(robot, batches, envelope, args.json).await?;
+    if let Some(ending) = ending {
+        let instructions: Vec<_> = batches.iter().flat_map(|batch| &batch.instructions).collect();
+        let usual = WaitOptions::default();
+        let options = WaitOptions {
+            timeout: args.timeout.unwrap_or(usual.timeout),
+            start_within: START_WITHIN + lead_time(&instructions),
+            ..usual
+        };
+        return follow(args, robot, options, Target::of(instructions), ending).await;
+    }
+    if !args.json {
+        if repeats(batches) {
+            output::line("this list repeats until stopped: r6 stop");
+        }
+        say_how_to_follow();
+    }
+    Ok(Exit::Done)
+}
+
+fn is_running(unmet: &Unmet) -> bool {
+    match unmet {
+        Unmet::Moving | Unmet::LeftoverList { .. } => true,
+        Unmet::Mode { .. } | Unmet::Alarm { .. } | Unmet::NotHomed | Unmet::Unknown { .. } => false,
+    }
+}
+
+/// How long the arm stands before its first motion because the instructions say so.
+fn lead_time(instructions: &[&Instruction]) -> Duration {
+    let mut seconds = 0.0;
+    for instruction in instructions {
+        let manner = match &instruction.action {
+            Action::AxisMove(motion) | Action::LinearMove(motion) => &motion.manner,
+            Action::CurveMove(curve) => &curve.manner,
+            Action::Wait(wait) => {
+                seconds += wait.limit;
+                continue;
+            }
+            Action::Output(output) => {
+                seconds += output.delay;
+                continue;
+            }
+            Action::PathSpeed(_)
+            | Action::StopOnSignal(_)
+            | Action::BoardOutput(_)
+            | Action::Workbench(_)
+            | Action::Unknown(_) => continue,
+        };
+        seconds += manner.delay.unwrap_or(0.0);
+        break;
+    }
+    Duration::try_from_secs_f64(seconds).unwrap_or_default()
+}
+
+async fn send(
+    robot: &Robot,
+    batches: &[Batch],
+    envelope: Option<Envelope>,
+    json: bool,
+) -> Result<(), Failure> {
+    // The way to the first target is held against the envelope here; what follows was, before anything left.
+    let guarded = envelope.map_or_else(|| robot.clone(), |envelope| robot.with_guard(envelope));
+    for (number, batch) in batches.iter().enumerate() {
+        let robot = if number == 0 { &guarded } else { robot };
+        let accepted = robot.add_rcc(batch.replace, batch.instructions.clone()).await.map_err(|error| {
+            let failure = Failure::from(error);
+            match number {
+                0 => failure,
+                _ => failure
+                    .while_doing(format!(
+                        "after {number} of {} frames had been accepted and run",
+                        batches.len()
+                    ))
+                    .with_exit(Exit::Unknown),
+            }
+        })?;
+        let accepted = Accepted {
+            instructions: batch.instructions.len(),
+            replaced_list: batch.replace,
+            repeats: repeats(std::slice::from_ref(batch)),
+            after: accepted.after,
+        };
+        if json {
+            output::json(&accepted.whole(robot.address()));
+        } else {
+            accepted.say();
+        }
+    }
+    Ok(())
+}
+
+/// Waits until the arm stands and tells where it ended.
+async fn follow(
+    args: &JobArgs,
+    robot: &Robot,
+    options: WaitOptions,
+    target: Option<Target>,
+    mut ending: Ending,
+) -> Result<Exit, Ended> {
+    let waited = tokio::select! {
+        waited = robot.wait_until_done(options) => Some(waited),
+        never = show_progress(robot, None) => match never {},
+        () = ending.signalled() => None,
+    };
+    clear_progress();
+    let (why, failure) = match waited {
+        Some(Ok(done)) => {
+            stands(robot, &done, args.json);
+            return Ok(compare(target, &done)?);
+        }
+        Some(Err(error @ WaitError::TimedOut { after, .. })) => {
+            (GivenUp::TimedOut(after), Failure::from(error))
+        }
+        Some(Err(error)) => return Err(Failure::from(error).into()),
+        None => (
+            GivenUp::Interrupted,
+            Failure::unknown("no longer waiting; the arm goes on").advise("end the motion with `r6 stop`"),
+        ),
+    };
+    if args.stop_on_interrupt {
+        return Err(Ended::given_up(why, None, robot.stop().await));
+    }
+    Err(failure.into())
+}
+
+/// Whether the arm stands where it should.
+fn compare(target: Option<Target>, done: &Done) -> Result<Exit, Failure> {
+    match target.and_then(|target| target.missed(done)) {
+        None => Ok(Exit::Done),
+        Some(missed @ Missed::Unread { .. }) => {
+            Err(Failure::unknown(format!("the list was accepted and the arm stands, but {missed}"))
+                .advise("look at the arm and at `r6 status`"))
+        }
+        Some(missed @ Missed::Elsewhere { .. }) => {
+            Err(Failure::refused(format!("the list was accepted, but {missed}")).advise(ELSEWHERE))
+        }
+    }
+}
