@@ -112,12 +112,17 @@ pub fn compare(contenders: &mut [Contender<'_>]) -> Vec<Vec<Ratio>> {
         }
         rounds.push(figures);
     }
+    judge(rounds)
+}
+
+/// The ratios of rounds: in each, for each contender, its figures. The first contender is the floor.
+pub fn judge(mut rounds: Vec<Vec<Vec<f64>>>) -> Vec<Vec<Ratio>> {
     let mut floors: Vec<f64> = rounds.iter().map(|figures| figures[0][0]).collect();
     floors.sort_by(f64::total_cmp);
     let median = floors[floors.len() / 2];
     eprintln!("  the floor: {median:.0} ns");
     rounds.retain(|figures| (figures[0][0] / median - 1.0).abs() <= 0.15);
-    (1..contenders.len())
+    (1..rounds[0].len())
         .map(|at| {
             (0..rounds[0][at].len())
                 .map(|figure| {

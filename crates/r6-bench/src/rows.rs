@@ -4,6 +4,7 @@ mod controller;
 pub mod echo;
 mod engine;
 mod fleet;
+mod python;
 mod round_trip;
 
 use crate::report::Row;
@@ -15,6 +16,7 @@ type Measured = (&'static str, fn() -> Vec<Row>);
 pub const ALL: &[Measured] = &[
     ("round-trip", round_trip::rows),
     ("handles", round_trip::handles),
+    ("python", python::rows),
     ("engine", engine::rows),
     ("controller", controller::rows),
     ("simulated", controller::simulated),

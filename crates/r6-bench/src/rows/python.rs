@@ -1,0 +1,50 @@
+//! The round trip from Python, beside what people write by hand. Python does the measuring; here it is started and judged.
+
+use std::path::Path;
+use std::process::Command;
+
+use serde::Deserialize;
+
+use crate::measure::judge;
+use crate::report::{Goal, Row};
+use crate::serve::Server;
+
+/// Where `tools/python/run` has put the package.
+const PYTHON: &str = "target/tools/python/venv/bin/python";
+const SCRIPT: &str = "crates/r6-python/benches/round_trip.py";
+
+#[derive(Deserialize)]
+struct Measured {
+    read: Contenders,
+    rounds: Vec<Contenders>,
+}
+
+#[derive(Deserialize)]
+struct Contenders {
+    by_hand: f64,
+    r6: f64,
+}
+
+/// One row; none where the package is not installed.
+pub fn rows() -> Vec<Row> {
+    if !Path::new(PYTHON).exists() {
+        eprintln!("  not measured: the Python package is not there yet; tools/python/run builds it");
+        return Vec::new();
+    }
+    let server = Server::Echo.start();
+    let output = Command::new(PYTHON)
+        .args([SCRIPT, &server.address.to_string()])
+        .stderr(std::process::Stdio::inherit())
+        .output()
+        .expect("Python starts");
+    assert!(output.status.success(), "{SCRIPT} failed");
+    let measured: Measured = serde_json::from_slice(&output.stdout).expect("what the script prints");
+    assert!((measured.read.by_hand - measured.read.r6).abs() < 1e-9, "both read the same");
+    let rounds = measured.rounds.iter().map(|round| vec![vec![round.by_hand], vec![round.r6]]).collect();
+    vec![Row {
+        what: "Python, round trip of a 12-address query, sync, p50".to_owned(),
+        against: "`socket` + `json` by hand",
+        goal: Some(Goal::AtMost(0.8)),
+        ratio: judge(rounds).remove(0).remove(0),
+    }]
+}
