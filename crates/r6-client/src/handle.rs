@@ -87,6 +87,8 @@ pub struct MotionHandle {
     /// Sends when the arm is to stop; dropped with the handle.
     pub(crate) end: Option<oneshot::Sender<()>>,
     pub(crate) task: JoinHandle<Result<Done, MotionError>>,
+    /// How it ended, once that was seen.
+    pub(crate) outcome: Option<Result<Done, MotionError>>,
     pub(crate) steps: Vec<Instruction>,
 }
 
@@ -125,19 +127,31 @@ impl MotionHandle {
 
     /// Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state, not by "ok".
     ///
-    /// Dropping the future drops the handle.
+    /// Dropping the future drops the handle, and so ends the streaming; [`Self::wait`] leaves it.
     ///
     /// # Errors
     /// [`MotionError`]: why it ended before, what became of the steps, and what became of the arm.
     pub async fn finished(mut self) -> Result<Done, MotionError> {
-        match (&mut self.task).await {
-            Ok(result) => result,
-            // The task does not panic; a runtime that was shut down ends it.
-            Err(_gone) => {
-                let progress = Progress { ended: true, ..self.progress() };
-                Err(MotionError { cause: Cause::Abandoned, progress, stop: None })
-            }
+        self.wait().await
+    }
+
+    /// As [`Self::finished`], without giving the handle away: dropping the future changes nothing, and it may be asked again.
+    ///
+    /// For whoever waits for something else, too, and then stops: `select!` between this and a Ctrl-C, then [`Self::stop`].
+    ///
+    /// # Errors
+    /// As [`Self::finished`].
+    pub async fn wait(&mut self) -> Result<Done, MotionError> {
+        if let Some(outcome) = &self.outcome {
+            return outcome.clone();
         }
+        let outcome = (&mut self.task).await.unwrap_or_else(|_gone| {
+            // The task does not panic; a runtime that was shut down ends it.
+            let progress = Progress { ended: true, ..self.progress() };
+            Err(MotionError { cause: Cause::Abandoned, progress, stop: None })
+        });
+        self.outcome = Some(outcome.clone());
+        outcome
     }
 
     /// Ends the streaming and stops the arm, verified, its list cleared ([`Robot::stop`]). A motion that has ended is stopped
@@ -146,12 +160,13 @@ impl MotionHandle {
     /// # Errors
     /// As [`Robot::stop`].
     pub async fn stop(mut self) -> Result<StopReport, RequestError> {
+        let ended_before = self.outcome.is_some();
         if let Some(end) = self.end.take() {
             end.send(()).ok();
         }
-        match (&mut self.task).await {
-            Ok(Err(MotionError { stop: Some(stopped), .. })) => *stopped,
-            Ok(Ok(_) | Err(_)) | Err(_) => self.robot.stop().await,
+        match self.wait().await {
+            Err(MotionError { stop: Some(stopped), .. }) if !ended_before => *stopped,
+            Ok(_) | Err(_) => self.robot.stop().await,
         }
     }
 }

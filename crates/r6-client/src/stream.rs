@@ -150,6 +150,7 @@ impl Robot {
             progress: watched,
             end: Some(end),
             task,
+            outcome: None,
             steps: steps.to_vec(),
         })
     }

@@ -44,6 +44,30 @@ async fn the_handle_stops_the_arm_in_mid_path() {
 }
 
 #[tokio::test(start_paused = true)]
+async fn who_waits_may_give_up_and_stop() {
+    let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let mut handle = under_way(&cell, RunOptions::default()).await;
+    tokio::time::timeout(Duration::from_millis(200), handle.wait()).await.unwrap_err();
+    assert!(handle.step(33).unwrap().done().await, "it goes on");
+    let report = handle.stop().await.unwrap();
+    assert!(report.confirmed, "{report}");
+    assert_at_rest(&cell);
+    assert!(cell.taken() < 70, "{}", cell.taken());
+}
+
+#[tokio::test(start_paused = true)]
+async fn the_end_may_be_asked_for_again_and_again() {
+    let cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let mut handle = cell.robot.run(&through(&wave(5), 20.0, 5), RunOptions::default()).await.unwrap();
+    let done = soon(handle.wait()).await.unwrap();
+    assert_eq!(handle.wait().await.unwrap(), done);
+    // What has ended is stopped all the same.
+    let report = handle.stop().await.unwrap();
+    assert_eq!((report.confirmed, report.attempts), (true, 1));
+    assert_at_rest(&cell);
+}
+
+#[tokio::test(start_paused = true)]
 async fn a_stop_by_another_clone_ends_the_path() {
     let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
     let handle = under_way(&cell, RunOptions::default()).await;
