@@ -25,11 +25,13 @@ mod watch;
 
 use std::fmt;
 use std::sync::Arc;
+use std::time::Duration;
 
 use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
 use r6_proto::message::{Command, Instruction, PhotoAnswer};
 use tokio::runtime::Handle;
+use tokio::time::timeout;
 
 pub use self::engine::Engine;
 pub use self::motion::{MotionHandle, StepHandle};
@@ -42,12 +44,15 @@ use crate::{
 };
 
 /// A handle on one controller. Clones share one connection; dropping the last one, and what was made with it, closes it in
-/// order, which takes half a second at most.
+/// order, which takes half a second at most, and longer only where a motion is to be stopped before ([`RunOptions::stop_on_drop`]).
 #[derive(Clone)]
 pub struct Robot {
     robot: crate::Robot,
     connection: Arc<Connection>,
 }
+
+/// How long a connection waits for the stop of its last motion: a stop takes five seconds at most.
+const LAST_STOP: Duration = Duration::from_secs(6);
 
 /// What all handles of a connection share.
 struct Connection {
@@ -57,9 +62,13 @@ struct Connection {
 
 impl Drop for Connection {
     fn drop(&mut self) {
-        // Inside a runtime nothing can be waited for; then the engine's thread closes it.
+        // Inside a runtime nothing can be waited for; then the engine's thread does the same.
         if Handle::try_current().is_err() {
-            self.engine.block_on(self.robot.clone().close());
+            self.engine.block_on(async {
+                // A motion whose handle asked for a stop when it is dropped is being stopped now.
+                timeout(LAST_STOP, self.robot.nothing_streams()).await.ok();
+                self.robot.clone().close().await;
+            });
         }
     }
 }
@@ -119,7 +128,7 @@ impl Robot {
         &self.robot
     }
 
-    /// As [`crate::Robot::close`].
+    /// As [`crate::Robot::close`]: at once, whatever other clones are doing.
     pub fn close(self) {
         self.engine().block_on(self.robot.clone().close());
     }
@@ -238,11 +247,7 @@ impl Robot {
     ///
     /// # Errors
     /// As there.
-    pub fn subscribe(
-        &self,
-        addresses: &[Address],
-        every: std::time::Duration,
-    ) -> Result<Subscription, NotSubscribed> {
+    pub fn subscribe(&self, addresses: &[Address], every: Duration) -> Result<Subscription, NotSubscribed> {
         let subscription = self.robot.subscribe(addresses, every)?;
         Ok(Subscription::new(subscription, Arc::clone(&self.connection)))
     }

@@ -145,11 +145,14 @@ impl MotionHandle {
         if let Some(outcome) = &self.outcome {
             return outcome.clone();
         }
-        let outcome = (&mut self.task).await.unwrap_or_else(|_gone| {
+        let outcome = match (&mut self.task).await {
+            Ok(outcome) => outcome,
             // The task does not panic; a runtime that was shut down ends it.
-            let progress = Progress { ended: true, ..self.progress() };
-            Err(MotionError { cause: Cause::Abandoned, progress, stop: None })
-        });
+            Err(_gone) => {
+                let progress = Progress { ended: true, ..self.progress() };
+                Err(MotionError { cause: Cause::Abandoned, progress, stop: None })
+            }
+        };
         self.outcome = Some(outcome.clone());
         outcome
     }

@@ -221,6 +221,12 @@ impl Robot {
         self.lanes.ordinary.closed().await;
     }
 
+    /// Waits until no path is streamed any more, and none is being stopped.
+    pub(crate) async fn nothing_streams(&self) {
+        // It is never closed.
+        drop(self.lanes.streaming.acquire().await);
+    }
+
     pub(crate) fn hub(&self) -> &Hub {
         &self.lanes.hub
     }

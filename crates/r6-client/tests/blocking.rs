@@ -127,6 +127,42 @@ fn subscribed_values_are_read_between_the_calls() {
     assert!(mode.next_within(Duration::ZERO).is_some());
 }
 
+/// A loop of calls that are ready at once is no silence and drives nothing: the engine goes on beside it.
+#[test]
+fn a_loop_that_waits_for_nothing_keeps_nothing_from_going_on() {
+    let controller = VirtualController::builder().clock(Clock::Times(20.0)).start_blocking().unwrap();
+    let robot = connect(&controller, RobotSettings::default());
+    let handle = robot.run(&motion((0..60).map(|n| f64::from(n % 2))), RunOptions::default()).unwrap();
+    let mut mode = robot.subscribe(&[Address::IsMoving], Duration::from_millis(50)).unwrap();
+    let begun = Instant::now();
+    while handle.progress().done < 60 {
+        assert!(begun.elapsed() < PATIENCE, "{:?}", handle.progress());
+        // Both have their answer without waiting.
+        let _ended = handle.ended_within(Duration::ZERO);
+        assert!(mode.next_within(Duration::ZERO).is_some());
+    }
+    handle.finished().unwrap();
+}
+
+/// The end of a scope, by an error, a panic or in good order: the arm is stopped first if that was asked for.
+#[test]
+fn the_end_of_a_scope_stops_the_arm_where_that_was_asked_for() {
+    let stop_on_drop = RunOptions { stop_on_drop: true, ..RunOptions::default() };
+    for panics in [false, true] {
+        let (controller, robot) = cell();
+        let ended = thread::spawn(move || {
+            let handle = robot.run(&motion([150.0, -150.0, 150.0]), stop_on_drop).unwrap();
+            assert!(handle.step(1).unwrap().started());
+            assert!(!panics, "on purpose");
+            drop(handle);
+        });
+        assert_eq!(ended.join().is_err(), panics);
+        let snapshot = controller.handle().snapshot();
+        assert_eq!((snapshot.moving, snapshot.list_length), (false, 0));
+        assert!(snapshot.axes[0].abs() < 149.0, "{:?}", snapshot.axes);
+    }
+}
+
 #[test]
 fn heartbeats_leave_between_the_calls() {
     // Ten times as fast, the watchdog waits for a second.

@@ -53,6 +53,35 @@ fn photos_are_served_until_the_handle_is_closed() {
     assert!(matches!(ended, PhotosEnded::Closed | PhotosEnded::Request { cam_id: 2, .. }), "{ended}");
 }
 
+/// A picture may take long: what others want of the robot does not wait for it.
+#[test]
+fn a_stop_does_not_wait_for_a_picture() {
+    let (controller, robot) = cell();
+    robot.status().unwrap();
+    let (asked, seen) = std::sync::mpsc::channel();
+    let (taken, picture) = std::sync::mpsc::channel::<()>();
+    let serving = std::thread::spawn({
+        let robot = robot.clone();
+        move || {
+            robot.serve_photos(|_| {
+                asked.send(()).unwrap();
+                picture.recv().ok();
+                Shot::Failed
+            })
+        }
+    });
+    loop {
+        controller.handle().request_photo(2);
+        if seen.recv_timeout(Duration::from_millis(50)).is_ok() {
+            break;
+        }
+    }
+    assert!(robot.stop().unwrap().confirmed);
+    drop(taken);
+    robot.close();
+    serving.join().unwrap();
+}
+
 #[test]
 fn a_target_is_followed_until_its_sender_is_gone() {
     let (controller, robot) = cell();

@@ -1,6 +1,7 @@
 //! What a robot shares with the rest of its cell: registers, cameras, targets that move.
 
-use tokio::sync::watch;
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio::task::JoinHandle;
 
 use crate::blocking::Robot;
 use crate::units::AxisPosition;
@@ -28,10 +29,38 @@ impl Robot {
         self.engine().block_on(self.as_async().write_registers(first, values, keep))
     }
 
-    /// As [`crate::Robot::serve_photos`]: it keeps this thread until it cannot go on. `look` runs on it, and must not call
-    /// this robot.
+    /// As [`crate::Robot::serve_photos`]: it keeps this thread until it cannot go on. `look` runs on it, may take its time and may call
+    /// this robot: stops of other threads, heartbeats and motions go on meanwhile.
     pub fn serve_photos(&self, mut look: impl FnMut(i64) -> Shot) -> PhotosEnded {
-        self.engine().block_on(self.as_async().serve_photos(|cam_id| std::future::ready(look(cam_id))))
+        let (ask, mut asked) = mpsc::channel::<(i64, oneshot::Sender<Shot>)>(1);
+        let robot = self.as_async().clone();
+        let mut serving = Serving(self.engine().handle().spawn(async move {
+            let look = |cam_id| {
+                let ask = ask.clone();
+                async move {
+                    let (tell, told) = oneshot::channel();
+                    // Whoever looked is gone only if this is about to end, too.
+                    ask.send((cam_id, tell)).await.ok();
+                    told.await.unwrap_or(Shot::NotMine)
+                }
+            };
+            robot.serve_photos(look).await
+        }));
+        loop {
+            let next = async {
+                tokio::select! {
+                    biased;
+                    Some(asked) = asked.recv() => Ok(asked),
+                    // The task does not panic; one that is no longer there was closed with the engine.
+                    ended = &mut serving.0 => Err(ended.unwrap_or(PhotosEnded::Closed)),
+                }
+            };
+            match self.engine().block_on(next) {
+                // Outside the engine, which is driven by its own thread meanwhile.
+                Ok((cam_id, tell)) => drop(tell.send(look(cam_id))),
+                Err(ended) => return ended,
+            }
+        }
     }
 
     /// As [`crate::Robot::follow`]: it keeps this thread until the sender is gone; another one sends.
@@ -45,5 +74,14 @@ impl Robot {
         options: FollowOptions,
     ) -> Result<Followed, MotionError> {
         self.engine().block_on(self.as_async().follow(targets, options))
+    }
+}
+
+/// The task that serves; it ends with this, where a `look` panics, too.
+struct Serving(JoinHandle<PhotosEnded>);
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        self.0.abort();
     }
 }

@@ -8,8 +8,9 @@
 //! The keeper takes over when no call was made for a moment. The first call after that takes the runtime back, which costs one
 //! wake-up of each of the two threads.
 
-use std::future::Future;
+use std::future::{Future, poll_fn};
 use std::io;
+use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::thread::{self, Thread};
@@ -26,8 +27,9 @@ const FIRST_PAUSE: Duration = Duration::from_millis(1);
 /// The keeper looks for the end of a long call at least so often.
 const LONGEST_PAUSE: Duration = Duration::from_millis(10);
 
-/// What is left to do at the end, connections to close above all, gets so much time: a closing connection takes half a second.
-const FAREWELL: Duration = Duration::from_secs(1);
+/// What is left to do at the end gets so much time: a stop that is being confirmed takes five seconds at most, a closing connection half a
+/// second.
+const FAREWELL: Duration = Duration::from_secs(6);
 
 /// Runs the async client for threads that are not async. Clones are the same engine; it ends when the last is gone.
 ///
@@ -82,8 +84,16 @@ impl Engine {
     /// Where a tokio runtime runs on this thread: nothing may wait there.
     pub fn block_on<F: Future>(&self, future: F) -> F::Output {
         let shared = &self.0.shared;
-        let _call = Call::begin(shared);
-        shared.runtime.block_on(future)
+        let mut future = pin!(future);
+        let mut call = None;
+        shared.runtime.block_on(poll_fn(|cx| {
+            let polled = future.as_mut().poll(cx);
+            // What is ready at once drives nothing: a loop of such calls must not keep the keeper away.
+            if polled.is_pending() {
+                call.get_or_insert_with(|| Call::begin(shared));
+            }
+            polled
+        }))
     }
 
     /// Runs what needs a runtime around it but does not wait.
