@@ -7,7 +7,7 @@ pub struct Row {
     /// What.
     pub what: String,
     /// Against what, in the same run.
-    pub against: &'static str,
+    pub against: String,
     /// What it should be; `None` where it is only told.
     pub goal: Option<Goal>,
     /// What it was.
@@ -19,14 +19,17 @@ pub struct Row {
 pub enum Goal {
     /// Not more than so much of the other's time.
     AtMost(f64),
+    /// The other takes at least so many times as long.
+    AtLeastTimesAsFast(f64),
 }
 
 impl Row {
     /// Whether it holds. It fails only if the whole middle half of the rounds is beyond it.
     fn holds(&self) -> Option<bool> {
-        let [low, _, _] = self.ratio.quartiles();
+        let [low, _, high] = self.ratio.quartiles();
         match self.goal? {
             Goal::AtMost(limit) => Some(low <= limit),
+            Goal::AtLeastTimesAsFast(limit) => Some(high >= limit),
         }
     }
 }
@@ -40,6 +43,7 @@ pub fn table(rows: &[Row]) -> String {
         let goal = match row.goal {
             None => "–".to_owned(),
             Some(Goal::AtMost(limit)) => format!("≤ {limit:.2} ×"),
+            Some(Goal::AtLeastTimesAsFast(limit)) => format!("≥ {limit:.1} × as fast"),
         };
         let verdict = match row.holds() {
             None => "",

@@ -1,5 +1,6 @@
 //! The rows of the table, in its order.
 
+mod codec;
 mod echo;
 mod engine;
 mod round_trip;
@@ -10,5 +11,10 @@ use crate::report::Row;
 type Measured = (&'static str, fn() -> Vec<Row>);
 
 /// All of them.
-pub const ALL: &[Measured] =
-    &[("round-trip", round_trip::rows), ("handles", round_trip::handles), ("engine", engine::rows)];
+pub const ALL: &[Measured] = &[
+    ("round-trip", round_trip::rows),
+    ("handles", round_trip::handles),
+    ("engine", engine::rows),
+    ("codec", codec::rows),
+    ("frames", codec::frames),
+];

@@ -81,7 +81,7 @@ pub fn rows() -> Vec<Row> {
     let ratios = compare(&mut contenders);
     let row = |what: &str, goal, ratio| Row {
         what: format!("round trip of a 12-address query, {what}"),
-        against: FLOOR,
+        against: FLOOR.to_owned(),
         goal: Some(Goal::AtMost(goal)),
         ratio,
     };
@@ -92,7 +92,7 @@ pub fn rows() -> Vec<Row> {
         row("async, p99", 1.20, ratios[1][1].clone()),
         Row {
             what: "the same bytes over a bare tokio socket, p50".to_owned(),
-            against: FLOOR,
+            against: FLOOR.to_owned(),
             goal: None,
             ratio: ratios[2][0].clone(),
         },
@@ -175,7 +175,7 @@ pub fn handles() -> Vec<Row> {
     let ratio = compare(&mut contenders).remove(0).remove(0);
     vec![Row {
         what: "64 handles sharing one robot, time per query".to_owned(),
-        against: "one handle",
+        against: "one handle".to_owned(),
         goal: Some(Goal::AtMost(1.0)),
         ratio,
     }]
