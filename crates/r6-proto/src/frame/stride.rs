@@ -178,25 +178,30 @@ impl State {
         let bad = (masks.irregular & there) | lost | misplaced;
         // Up to the first that is bad, everything is known.
         let mut left = brackets & bad.wrapping_sub(1) & !bad;
-        let (mut depth, mut objects, mut wrong) = (self.depth, self.objects, 0);
+        let (mut depth, mut objects) = (self.depth, self.objects);
         while left != 0 {
             let bit = left.trailing_zeros();
             left &= left - 1;
-            let (opens, is_object) = (open >> bit & 1, masks.object >> bit & 1);
-            // Which of both it is nobody can foretell, so both are worked out and one is taken.
-            wrong |= (objects ^ is_object) & !opens & 1;
-            objects = if opens == 1 { objects << 1 | is_object } else { objects >> 1 };
-            depth = depth + 2 * opens - 1;
-            wrong |= u64::from(depth > max_depth as u64);
-            if depth == 0 {
-                if wrong != 0 {
+            let is_object = masks.object >> bit & 1;
+            if open >> bit & 1 == 1 {
+                objects = objects << 1 | is_object;
+                depth += 1;
+                if depth > max_depth as u64 {
                     return Taken::None;
                 }
-                *self = Self { depth, objects, in_string: 0, holds: 0, closed: 0 };
-                return Taken::Closed(bit as usize + 1);
+            } else {
+                if (objects ^ is_object) & 1 == 1 {
+                    return Taken::None;
+                }
+                objects >>= 1;
+                depth -= 1;
+                if depth == 0 {
+                    *self = Self { depth, objects, in_string: 0, holds: 0, closed: 0 };
+                    return Taken::Closed(bit as usize + 1);
+                }
             }
         }
-        if bad | wrong != 0 {
+        if bad != 0 {
             return Taken::None;
         }
         let last = to - 1;
