@@ -24,9 +24,10 @@ bench: ## Run the benchmarks; ARGS go to criterion, such as a part of a name
 fmt: ## Format the Rust sources
 	@$(CARGO) fmt --all
 
-docs: ## Build the API documentation of the workspace
+docs: ## Build the API documentation of the workspace, and the book of docs/
 	@RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked --workspace --no-deps
-	@echo "Open $(BUILT)/doc/r6_client/index.html"
+	@tools/book
+	@echo "Open target/book/docs/index.html and $(BUILT)/doc/r6_client/index.html"
 
 clean: ## Remove what was built, the tools in target/tools included
 	@$(CARGO) clean

@@ -8,11 +8,15 @@
 mod measure;
 mod report;
 mod rows;
+mod serve;
 
 use std::env;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    if let Some(served) = serve::asked() {
+        return served;
+    }
     let wanted: Vec<String> = env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
     if let Err(error) = measure::pin() {
         eprintln!("this process cannot be kept on one core ({error}); ratios of two cores are none");

@@ -22,6 +22,23 @@ pub fn pin() -> io::Result<()> {
     Ok(rustix::thread::sched_setaffinity(None, &one)?)
 }
 
+/// How long this process has had a processor (Linux).
+pub fn processor_time() -> Duration {
+    processor_time_of(std::process::id())
+}
+
+/// The same for another: all its threads.
+pub fn processor_time_of(process: u32) -> Duration {
+    let tasks =
+        std::fs::read_dir(format!("/proc/{process}/task")).expect("Linux tells the threads of a process");
+    let nanoseconds = tasks.flatten().map(|task| {
+        // A thread that has just ended has nothing to tell.
+        let text = std::fs::read_to_string(task.path().join("schedstat")).unwrap_or_default();
+        text.split(' ').next().and_then(|number| number.parse::<u64>().ok()).unwrap_or(0)
+    });
+    Duration::from_nanos(nanoseconds.sum())
+}
+
 /// The durations of one slice, in order.
 pub struct Slice(Vec<u32>);
 
@@ -69,6 +86,11 @@ pub fn repeated<'c>(mut once: impl FnMut() + 'c) -> Contender<'c> {
 pub struct Ratio(Vec<f64>);
 
 impl Ratio {
+    /// How the other compares with the one.
+    pub fn inverse(&self) -> Self {
+        Self(self.0.iter().rev().map(|ratio| 1.0 / ratio).collect())
+    }
+
     /// The median, and the middle half of the rounds.
     pub fn quartiles(&self) -> [f64; 3] {
         [1, 2, 3].map(|quarter| {
@@ -98,7 +120,7 @@ pub fn compare(contenders: &mut [Contender<'_>]) -> Vec<Vec<Ratio>> {
     let mut floors: Vec<f64> = rounds.iter().map(|figures| figures[0][0]).collect();
     floors.sort_by(f64::total_cmp);
     let median = floors[floors.len() / 2];
-    eprintln!("  the floor: {:.1} µs", median / 1000.0);
+    eprintln!("  the floor: {median:.0} ns");
     rounds.retain(|figures| (figures[0][0] / median - 1.0).abs() <= 0.15);
     (1..contenders.len())
         .map(|at| {

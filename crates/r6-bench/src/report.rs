@@ -7,7 +7,7 @@ pub struct Row {
     /// What.
     pub what: String,
     /// Against what, in the same run.
-    pub against: String,
+    pub against: &'static str,
     /// What it should be; `None` where it is only told.
     pub goal: Option<Goal>,
     /// What it was.
@@ -19,17 +19,17 @@ pub struct Row {
 pub enum Goal {
     /// Not more than so much of the other's time.
     AtMost(f64),
-    /// The other takes at least so many times as long.
-    AtLeastTimesAsFast(f64),
+    /// At least so many times as fast.
+    AtLeastFast(f64),
 }
 
 impl Row {
     /// Whether it holds. It fails only if the whole middle half of the rounds is beyond it.
     fn holds(&self) -> Option<bool> {
-        let [low, _, high] = self.ratio.quartiles();
+        let [low, _, _] = self.ratio.quartiles();
         match self.goal? {
             Goal::AtMost(limit) => Some(low <= limit),
-            Goal::AtLeastTimesAsFast(limit) => Some(high >= limit),
+            Goal::AtLeastFast(times) => Some(1.0 / low >= times),
         }
     }
 }
@@ -40,20 +40,32 @@ pub fn table(rows: &[Row]) -> String {
         String::from("| what | against | goal | measured (middle half) | |\n|---|---|---|---|---|\n");
     for row in rows {
         let [low, median, high] = row.ratio.quartiles();
-        let goal = match row.goal {
-            None => "–".to_owned(),
-            Some(Goal::AtMost(limit)) => format!("≤ {limit:.2} ×"),
-            Some(Goal::AtLeastTimesAsFast(limit)) => format!("≥ {limit:.1} × as fast"),
+        let measured = |ratios: [f64; 3]| {
+            let [low, median, high] = ratios.map(shown);
+            format!("{median} × ({low}–{high})")
+        };
+        let (goal, figure) = match row.goal {
+            None => ("–".to_owned(), measured([low, median, high])),
+            Some(Goal::AtMost(limit)) => (format!("≤ {} ×", shown(limit)), measured([low, median, high])),
+            Some(Goal::AtLeastFast(times)) => {
+                (format!("≥ {} × as fast", shown(times)), measured([1.0 / high, 1.0 / median, 1.0 / low]))
+            }
         };
         let verdict = match row.holds() {
             None => "",
             Some(true) => "held",
             Some(false) => "missed",
         };
-        text += &format!(
-            "| {} | {} | {goal} | {median:.2} × ({low:.2}–{high:.2}) | {verdict} |\n",
-            row.what, row.against
-        );
+        text += &format!("| {} | {} | {goal} | {figure} | {verdict} |\n", row.what, row.against);
     }
     text
+}
+
+/// A ratio with three figures.
+fn shown(ratio: f64) -> String {
+    match ratio {
+        100.0.. => format!("{ratio:.0}"),
+        10.0.. => format!("{ratio:.1}"),
+        _ => format!("{ratio:.2}"),
+    }
 }

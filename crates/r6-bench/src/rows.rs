@@ -1,8 +1,10 @@
 //! The rows of the table, in its order.
 
 mod codec;
-mod echo;
+mod controller;
+pub mod echo;
 mod engine;
+mod fleet;
 mod round_trip;
 
 use crate::report::Row;
@@ -17,4 +19,7 @@ pub const ALL: &[Measured] = &[
     ("engine", engine::rows),
     ("codec", codec::rows),
     ("frames", codec::frames),
+    ("controller", controller::rows),
+    ("simulated", controller::simulated),
+    ("fleet", fleet::rows),
 ];

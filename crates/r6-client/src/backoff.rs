@@ -4,6 +4,12 @@ use std::time::Duration;
 
 use crate::settings::Reconnect;
 
+/// The longest wait before an attempt, as a part of the period at which the robot is watched. The rest of the period is for the attempt
+/// itself, for the controller to say who it is, and for the values to be read: so they are there again within one period. A
+/// robot that is away costs no more attempts than it would cost queries, and each is drawn from half of the wait: many clients of one
+/// switch do not return as one.
+const PART_OF_A_PERIOD: f64 = 0.375;
+
 /// Waits that double up to a cap, each jittered within its upper half.
 #[derive(Debug)]
 pub(crate) struct Backoff {
@@ -20,10 +26,11 @@ impl Backoff {
         Self { first, cap: settings.cap, next: first, jitter: settings.jitter_seed.unwrap_or_else(seed) }
     }
 
-    /// The wait before the next attempt.
-    pub fn next_wait(&mut self) -> Duration {
-        let wait = self.next;
-        self.next = wait.saturating_mul(2).min(self.cap);
+    /// The wait before the next attempt. `polled` is the shortest period that anybody watches the robot at: whoever is watched
+    /// is not waited for longer than a part of it.
+    pub fn next_wait(&mut self, polled: Option<Duration>) -> Duration {
+        let wait = polled.map_or(self.next, |every| self.next.min(every.mul_f64(PART_OF_A_PERIOD)));
+        self.next = self.next.saturating_mul(2).min(self.cap);
         wait.mul_f64(0.5 + 0.5 * self.draw())
     }
 
@@ -54,7 +61,7 @@ mod tests {
             jitter_seed: Some(seed),
         };
         let mut backoff = Backoff::new(settings, || unreachable!("the settings have a seed"));
-        (0..8).map(|_| backoff.next_wait()).collect()
+        (0..8).map(|_| backoff.next_wait(None)).collect()
     }
 
     #[test]
@@ -76,9 +83,21 @@ mod tests {
         let settings = Reconnect { jitter_seed: Some(1), ..Reconnect::default() };
         let mut backoff = Backoff::new(settings, || 0);
         for _ in 0..5 {
-            backoff.next_wait();
+            backoff.next_wait(None);
         }
         backoff.reset();
-        assert!(backoff.next_wait() <= settings.first_wait);
+        assert!(backoff.next_wait(None) <= settings.first_wait);
+    }
+
+    #[test]
+    fn who_is_watched_is_not_waited_for_longer_than_a_part_of_the_period() {
+        let settings = Reconnect { jitter_seed: Some(1), ..Reconnect::default() };
+        let mut backoff = Backoff::new(settings, || 0);
+        let every = Duration::from_secs(1);
+        let waits: Vec<_> = (0..20).map(|_| backoff.next_wait(Some(every))).collect();
+        let most = every * 3 / 8;
+        assert!(waits.iter().all(|wait| *wait <= most), "{waits:?}");
+        assert!(waits.iter().skip(3).all(|wait| *wait >= most / 2), "no flood of attempts: {waits:?}");
+        assert!(backoff.next_wait(None) > most, "who is watched by nobody can wait");
     }
 }

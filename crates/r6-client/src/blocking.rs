@@ -18,6 +18,7 @@
 //!
 //! None of this may be called where a tokio runtime runs: use [`crate::Robot`] there.
 
+mod cell;
 mod engine;
 mod motion;
 mod watch;

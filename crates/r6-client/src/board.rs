@@ -11,7 +11,7 @@ use tokio::task::AbortHandle;
 use tokio::time::Instant;
 
 use crate::clock::Clock;
-use crate::error::RequestError;
+use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::poll_plan::{Next, PollPlan, next_due, slack};
 use crate::query::{NoReading, QueryResult};
 use crate::subscription::{MAX_ADDRESSES, MAX_POLLED, MAX_SUBSCRIPTIONS, NotSubscribed};
@@ -168,6 +168,11 @@ impl Board {
         }
     }
 
+    /// The shortest period that anybody watches at; `None` while nobody does.
+    pub fn pace(&self) -> Option<Duration> {
+        self.shared().wishes.values().map(|wish| wish.every).min()
+    }
+
     /// What one subscription sees.
     pub fn seen(&self, addresses: &[Address]) -> Seen {
         let shared = self.shared();
@@ -210,6 +215,7 @@ impl Board {
                 Next::Idle => return None,
                 Next::Wait(until) => {
                     tokio::select! {
+                        biased;
                         () = tokio::time::sleep_until(self.clock.at(Some(until))) => {}
                         () = self.changed.notified() => {}
                     }
@@ -239,9 +245,39 @@ impl Board {
     pub fn failed(&self, poll: &Poll, error: RequestError) {
         let now = self.clock.now();
         let mut shared = self.shared();
+        if took_its_time(&error) {
+            shared.plan.lost(&poll.addresses, now);
+        } else {
+            shared.plan.failed(&poll.addresses, now);
+        }
         shared.failure = Some(error);
-        shared.plan.failed(&poll.addresses, now);
         shared.tell_all();
+    }
+}
+
+/// Whether a failure comes only after a time-out or an attempt to connect, which has a wait of its own: then nothing is gained by
+/// another pause before the next poll.
+fn took_its_time(error: &RequestError) -> bool {
+    match error {
+        RequestError::NotSent(error) => match error {
+            NotSent::Unreachable { .. } | NotSent::ConnectTimedOut { .. } | NotSent::Unidentified { .. } => {
+                true
+            }
+            NotSent::BadAddress { .. }
+            | NotSent::Disconnected
+            | NotSent::StateNotRead
+            | NotSent::AnotherRobot { .. }
+            | NotSent::Busy { .. }
+            | NotSent::Wire(_)
+            | NotSent::Closed
+            | NotSent::NoEngine { .. }
+            | NotSent::OutsideEnvelope(_) => false,
+        },
+        RequestError::OutcomeUnknown(unknown) => match unknown {
+            OutcomeUnknown::TimedOut { .. } | OutcomeUnknown::ConnectionLost { .. } => true,
+            OutcomeUnknown::Unreadable { .. } | OutcomeUnknown::Unclear { .. } => false,
+        },
+        RequestError::Refused(_) => false,
     }
 }
 

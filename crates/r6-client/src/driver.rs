@@ -122,6 +122,10 @@ impl<C: Connect> Driver<C> {
     /// One connection, from its first byte to its end.
     async fn serve(&mut self, stream: &mut C::Stream, link: &mut Link) -> Ended {
         let mut waiter = Waiter::new();
+        // The watchdog is armed before anything moves: a timer may come a millisecond late, and this process may die in it.
+        if let Err(reason) = link.tick(self.clock.now()) {
+            return Ended::Lost(reason);
+        }
         loop {
             self.hand_over_held(link);
             link.introduce(self.clock.now());
@@ -213,7 +217,7 @@ impl<C: Connect> Driver<C> {
                 }
             }
             // A stop does not wait for the end of the backoff; it is sent again at its own pace.
-            let backoff = sleep(self.backoff.next_wait());
+            let backoff = sleep(self.backoff.next_wait(self.hub.board.pace()));
             tokio::pin!(backoff);
             while !self.held.iter().any(|job| job.work.sent().effect == Effect::Stops) {
                 tokio::select! {

@@ -23,6 +23,10 @@ const AGAIN: [Address; 5] =
 /// waits behind it waits twice the reply time-out at most.
 const MAX_TIMEOUTS: u32 = 2;
 
+/// How often one address is asked for alone until it is believed that the controller has no such value, or none that can be read: one
+/// odd reply must not make another robot of it.
+const MAX_ODD: u32 = 3;
+
 /// So many characters of a text are told in an error; names on pendants are shorter.
 const TOLD_CHARS: usize = 64;
 
@@ -56,6 +60,18 @@ pub struct Found {
 }
 
 impl Identity {
+    /// Takes what is not known from another.
+    pub(crate) fn fill_in(&mut self, other: &Self) {
+        let text = |mine: &mut Option<String>, other: &Option<String>| {
+            if mine.is_none() {
+                mine.clone_from(other);
+            }
+        };
+        text(&mut self.firmware, &other.firmware);
+        text(&mut self.machine_name, &other.machine_name);
+        self.axis_count = self.axis_count.or(other.axis_count);
+    }
+
     /// From a query that had all three values; `None` if one is missing.
     pub(crate) fn of(read: &QueryResult) -> Option<Self> {
         IDENTITY.iter().all(|address| read.reading(*address).is_some()).then(|| Self {
@@ -89,7 +105,11 @@ pub(crate) struct Introduction {
     /// What is still to be asked; the first is under way.
     parts: VecDeque<Vec<Address>>,
     read: Vec<(Address, Reading)>,
+    /// What had a value that cannot be one, each time.
+    unreadable: Vec<Address>,
     timeouts: u32,
+    /// How often the one that is under way gave no value.
+    odd: u32,
 }
 
 impl Introduction {
@@ -105,7 +125,7 @@ impl Introduction {
     }
 
     fn asking<const N: usize>(parts: [Vec<Address>; N]) -> Self {
-        Self { parts: parts.into(), read: Vec::new(), timeouts: 0 }
+        Self { parts: parts.into(), read: Vec::new(), unreadable: Vec::new(), timeouts: 0, odd: 0 }
     }
 
     /// What is to be asked next; `None` when all is known.
@@ -113,18 +133,39 @@ impl Introduction {
         self.parts.front().map(Vec::as_slice)
     }
 
-    /// The answer to [`Self::next`]. Whatever gives no value when it is asked for alone is none.
+    /// The answer to [`Self::next`]. Whatever gives no value when it is asked for alone, again and again, is none.
     pub fn answered(&mut self, answer: Result<Answer, RequestError>) {
         let Some(asked) = self.parts.pop_front() else { return };
+        let mut missing = Vec::new();
+        let lacking = matches!(answer, Ok(Answer::Mismatch { answered: 0, .. }));
         match answer {
             Ok(Answer::Values { values, .. }) => {
-                let read = asked.into_iter().zip(values);
-                self.read.extend(read.filter_map(|(address, value)| Some((address, value.ok()?))));
-            }
-            Ok(Answer::Mismatch { .. } | Answer::Accepted(_) | Answer::Left) | Err(_) => {
-                if asked.len() > 1 {
-                    asked.into_iter().rev().for_each(|address| self.parts.push_front(vec![address]));
+                for (address, value) in asked.into_iter().zip(values) {
+                    match value {
+                        Ok(reading) => self.read.push((address, reading)),
+                        Err(_unreadable) => missing.push(address),
+                    }
                 }
+            }
+            Ok(Answer::Mismatch { .. } | Answer::Accepted(_) | Answer::Left) | Err(_) => missing = asked,
+        }
+        match missing.as_slice() {
+            [] => self.odd = 0,
+            [address] => {
+                self.odd += 1;
+                // Older firmware lacks the length of its list, and nobody is told apart by it.
+                if self.odd < MAX_ODD && IDENTITY.contains(address) {
+                    self.parts.push_front(missing);
+                } else {
+                    self.odd = 0;
+                    if !lacking {
+                        self.unreadable.push(*address);
+                    }
+                }
+            }
+            _several => {
+                self.odd = 0;
+                missing.into_iter().rev().for_each(|address| self.parts.push_front(vec![address]));
             }
         }
     }
@@ -133,6 +174,11 @@ impl Introduction {
     pub fn timed_out(&mut self) -> bool {
         self.timeouts += 1;
         self.timeouts >= MAX_TIMEOUTS
+    }
+
+    /// Whether all that tells who is there was read, or is known to be missing.
+    pub fn is_certain(&self) -> bool {
+        !self.unreadable.iter().any(|address| IDENTITY.contains(address))
     }
 
     /// What was read.
@@ -239,7 +285,9 @@ mod tests {
         introduction.answered(short(2));
         let mut asked = Vec::new();
         while let Some([address]) = introduction.next() {
-            asked.push(*address);
+            if asked.last() != Some(address) {
+                asked.push(*address);
+            }
             let reply = match address {
                 Address::Version => answer(vec![text("F5")]),
                 Address::AxisNum => answer(vec![Reading::Integer(4)]),
@@ -252,6 +300,25 @@ mod tests {
         let axis_count = Some(4);
         assert_eq!(identity, Identity { firmware: Some("F5".to_owned()), machine_name: None, axis_count });
         assert_eq!(identity.to_string(), "no machineName, version `F5`, 4 axes");
+    }
+
+    #[test]
+    fn one_odd_reply_makes_no_other_robot() {
+        let odd = || Err(crate::error::NotSent::Disconnected.into());
+        let mut introduction = Introduction::first();
+        introduction.answered(odd());
+        introduction.answered(answer(vec![text("F5")]));
+        introduction.answered(answer(vec![text("cell 4")]));
+        introduction.answered(odd());
+        introduction.answered(short(0));
+        assert_eq!(introduction.next(), Some([Address::AxisNum].as_slice()), "asked a third time");
+        introduction.answered(answer(vec![Reading::Integer(6)]));
+        assert!(introduction.is_certain());
+        assert_eq!(introduction.found().identity.axis_count, Some(6));
+        let mut introduction = Introduction::first();
+        (0..10).for_each(|_| introduction.answered(odd()));
+        assert_eq!(introduction.next(), None, "it comes to an end");
+        assert!(!introduction.is_certain());
     }
 
     #[test]

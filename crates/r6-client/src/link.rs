@@ -132,8 +132,19 @@ impl Link {
         match lane {
             Lane::Urgent => self.in_flight.len() < MAX_IN_FLIGHT + RESERVED_FOR_STOPS,
             Lane::Ordinary | Lane::Background => {
-                self.in_flight.len() < MAX_IN_FLIGHT && self.output().is_empty() && !self.is_introducing()
+                self.in_flight.len() < self.most_in_flight()
+                    && self.output().is_empty()
+                    && !self.is_introducing()
             }
+        }
+    }
+
+    /// A firmware that does not say which request it answers gets one at a time: where one reply is lost, the next one would be
+    /// taken for it.
+    fn most_in_flight(&self) -> usize {
+        match self.session.learned().echoes_pack_id {
+            Some(false) => 1,
+            Some(true) | None => MAX_IN_FLIGHT,
         }
     }
 
@@ -177,7 +188,8 @@ impl Link {
     /// Tells who is there, once that is known.
     fn end_introduction(&mut self) {
         if let Some(introduction) = self.introduction.take_if(|asking| asking.next().is_none()) {
-            self.hub.introduced(introduction.found(), self.first);
+            let certain = introduction.is_certain();
+            self.hub.introduced(introduction.found(), certain, self.first);
         }
     }
 

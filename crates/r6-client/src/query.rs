@@ -20,6 +20,9 @@ use crate::settings::RobotSettings;
 /// Unsupported addresses that are remembered for a connection: more than the table of addresses has, registers apart.
 const MAX_REMEMBERED: usize = 256;
 
+/// Addresses that had a value, registers included: as many as there are.
+const MAX_SUPPORTED: usize = 2048;
+
 /// What a value is taken to need in a reply, quotes and comma included: the longest captured position,
 /// `"-2597.112793"`, needs 15.
 const BYTES_PER_VALUE: usize = 16;
@@ -205,6 +208,7 @@ impl Robot {
                             *row = value.map_err(NoReading::Unreadable);
                         }
                     }
+                    self.remember_supported(connection, &part);
                 }
                 Answer::Mismatch { answered, after } => {
                     took = took.max(after);
@@ -264,22 +268,39 @@ impl Robot {
         parts
     }
 
-    /// An address that every controller has is never remembered: one odd reply must not hide alarm and mode for good.
+    /// What was answered once is there: no odd reply hides it later.
+    fn remember_supported(&self, connection: u64, part: &[(usize, Address)]) {
+        let mut known = self.hub().known();
+        if known.connection != connection {
+            return;
+        }
+        for (_, address) in part {
+            if may_be_missing(*address) && known.supported.len() < MAX_SUPPORTED {
+                known.supported.insert(*address);
+            }
+        }
+    }
+
+    /// An address that every controller has is never remembered, nor one that had a value: one odd reply must not hide alarm and
+    /// mode for good.
     fn remember_unsupported(&self, connection: u64, address: Address) {
-        if is_everywhere(address) || matches!(address, Address::Counter(_)) {
+        if !may_be_missing(address) {
             return;
         }
         let mut known = self.hub().known();
-        if known.connection == connection && known.unsupported.len() < MAX_REMEMBERED {
+        let had_a_value = known.supported.contains(&address);
+        if known.connection == connection && !had_a_value && known.unsupported.len() < MAX_REMEMBERED {
             known.unsupported.insert(address);
         }
     }
 
-    /// On a first connection a query may tell who is there; on others that is known before any query is sent.
+    /// On a first connection a query may tell who is there; on others that is known before any query is sent. Who was taken for
+    /// another because of an odd reply is himself again once he says so.
     fn remember_identity(&self, connection: u64, result: &QueryResult) {
         let Some(identity) = Identity::of(result) else { return };
         let mut known = self.hub().known();
-        if known.connection == connection && known.present.is_none() {
+        let meant = known.expected.as_ref() == Some(&identity);
+        if known.connection == connection && (meant || known.present.is_none()) {
             known.expected.get_or_insert_with(|| identity.clone());
             known.present = Some(identity);
         }
@@ -305,6 +326,11 @@ fn divide(part: &[(usize, Address)]) -> (Part, Part) {
     }
     let (first, second) = part.split_at(part.len() / 2);
     (first.to_vec(), second.to_vec())
+}
+
+/// Whether a controller may lack the address for good. Counters can be made at any time.
+fn may_be_missing(address: Address) -> bool {
+    !is_everywhere(address) && !matches!(address, Address::Counter(_))
 }
 
 /// Whether the oldest manual has the address, on both ports. Counters have to be made first.

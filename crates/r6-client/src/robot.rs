@@ -216,6 +216,11 @@ impl Robot {
         Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()
     }
 
+    /// Ends once the handle is closed, for this clone or another.
+    pub(crate) async fn closed(&self) {
+        self.lanes.ordinary.closed().await;
+    }
+
     pub(crate) fn hub(&self) -> &Hub {
         &self.lanes.hub
     }
@@ -284,6 +289,8 @@ pub(crate) struct Known {
     pub firmware: Option<Option<String>>,
     /// Addresses that it does not support.
     pub unsupported: BTreeSet<Address>,
+    /// Addresses that some controllers lack, and that had a value here.
+    pub supported: BTreeSet<Address>,
     /// Counts the connections, so that no answer of one is kept for the next.
     pub connection: u64,
     /// Who is there, once that was read.
@@ -314,12 +321,16 @@ impl Hub {
         self.meter.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A controller has said who it is.
-    pub fn introduced(&self, mut found: Found, first: bool) {
+    /// A controller has said who it is; `certain`: and all of that could be read. What could not is taken to be as it was.
+    pub fn introduced(&self, mut found: Found, certain: bool, first: bool) {
         {
             let mut known = self.known();
-            let expected = known.expected.get_or_insert_with(|| found.identity.clone());
-            found.another = *expected != found.identity;
+            match &known.expected {
+                Some(expected) if !certain => found.identity.fill_in(expected),
+                None if certain => known.expected = Some(found.identity.clone()),
+                Some(_) | None => {}
+            }
+            found.another = known.expected.as_ref().is_some_and(|expected| *expected != found.identity);
             known.present = Some(found.identity.clone());
         }
         if found.another {

@@ -178,7 +178,7 @@ impl Robot {
     }
 
     /// Looks at the machine, and clears a list that is left over if that is wished and possible.
-    async fn look_before(&self, options: RunOptions) -> Result<Status, Cause> {
+    pub(crate) async fn look_before(&self, options: RunOptions) -> Result<Status, Cause> {
         let mut status = self.status().await.map_err(Cause::Unreadable)?;
         let unmet = |status: &Status| -> Vec<Unmet> {
             let idle = |unmet: &Unmet| matches!(unmet, Unmet::Mode { found } if *found == options.idle_mode);

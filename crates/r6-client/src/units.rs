@@ -50,6 +50,7 @@
 //! let nine = r6_client::units::AxisPosition::degrees([0.0; 9]);
 //! ```
 
+mod nearest;
 mod position;
 
 use std::fmt;

@@ -120,6 +120,9 @@ async fn connect(address: SocketAddr) -> Result<TcpStream, String> {
         Ok(connected) => connected.map_err(|error| error.to_string())?,
         Err(_) => return Err(format!("no answer within {CONNECT_TIME:?}")),
     };
+    if let Err(error) = stream.set_nodelay(true) {
+        debug!(%error, "frames to a camera may be late");
+    }
     if let Err(error) = watch(&SockRef::from(&stream)) {
         debug!(%error, "a camera that loses its power will not be noticed soon");
     }

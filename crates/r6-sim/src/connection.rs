@@ -1,4 +1,4 @@
-//! One TCP connection to a virtual controller.
+//! One connection to a virtual controller, over whatever carries its bytes.
 
 mod faulty;
 
@@ -8,12 +8,12 @@ use std::time::Duration;
 use r6_controller::fault::link::Link;
 use r6_controller::{ConnectionId, Level};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tracing::{debug, trace};
 
 use crate::camera::Camera;
 use crate::handle::ControllerHandle;
+use crate::wire::Wire;
 
 /// One read of the socket.
 const READ_BYTES: usize = 4096;
@@ -35,7 +35,7 @@ enum End {
 }
 
 /// Serves a connection until it ends.
-pub(crate) async fn serve(controller: ControllerHandle, stream: TcpStream) {
+pub(crate) async fn serve<W: Wire>(controller: ControllerHandle, stream: W) {
     let (id, notice) = controller.connect();
     debug!(connection = id.number(), "connected");
     let how = Conversation::new(&controller, stream, id, &notice).converse().await;
@@ -43,7 +43,7 @@ pub(crate) async fn serve(controller: ControllerHandle, stream: TcpStream) {
 }
 
 /// Serves a connection that was opened to a camera, until it ends.
-pub(crate) async fn serve_camera(controller: &ControllerHandle, stream: TcpStream, camera: Camera) {
+pub(crate) async fn serve_camera<W: Wire>(controller: &ControllerHandle, stream: W, camera: Camera) {
     let (id, notice) = controller.connect_camera(camera.cam_id);
     controller.tell(Some(id), Level::Info, format!("connected to {camera}"));
     let how = Conversation::new(controller, stream, id, &notice).converse().await;
@@ -51,9 +51,9 @@ pub(crate) async fn serve_camera(controller: &ControllerHandle, stream: TcpStrea
 }
 
 /// One connection, and what is known of it.
-struct Conversation<'c> {
+struct Conversation<'c, W> {
     controller: &'c ControllerHandle,
-    stream: TcpStream,
+    stream: W,
     id: ConnectionId,
     notice: &'c Notify,
     input: Vec<u8>,
@@ -74,13 +74,8 @@ enum Next {
     LinkChanged,
 }
 
-impl<'c> Conversation<'c> {
-    fn new(
-        controller: &'c ControllerHandle,
-        stream: TcpStream,
-        id: ConnectionId,
-        notice: &'c Notify,
-    ) -> Self {
+impl<'c, W: Wire> Conversation<'c, W> {
+    fn new(controller: &'c ControllerHandle, stream: W, id: ConnectionId, notice: &'c Notify) -> Self {
         let (link_changes, link) = controller.look(|now_is, now| {
             let faults = now_is.link_faults();
             let link = (!faults.is_empty()).then(|| controller.new_link(id, now, faults));
@@ -101,7 +96,7 @@ impl<'c> Conversation<'c> {
         match end {
             Ok(End::Closed) => "closed by the peer".to_owned(),
             Ok(End::Reset) => {
-                reset(&self.stream);
+                self.stream.reset();
                 "reset".to_owned()
             }
             Ok(End::HungUp) => {
@@ -113,8 +108,6 @@ impl<'c> Conversation<'c> {
     }
 
     async fn run(&mut self) -> io::Result<End> {
-        // Each frame leaves at once and by itself: clients read with one call and small buffers.
-        self.stream.set_nodelay(true)?;
         loop {
             let end = match self.link.take_if(|link| !link.is_transparent()) {
                 None => self.run_whole().await?,
@@ -154,7 +147,9 @@ impl<'c> Conversation<'c> {
                 return Ok(Some(End::Closed));
             }
             let delay = due.unwrap_or(Duration::MAX);
+            // What is due was looked for just now, so whoever sends much delays nothing by being looked at first.
             tokio::select! {
+                biased;
                 read = self.stream.read(&mut self.input), if !self.half_closed => {
                     let bytes = self.input.get(..read?).unwrap_or_default();
                     self.half_closed = bytes.is_empty();
@@ -202,20 +197,13 @@ impl<'c> Conversation<'c> {
 }
 
 /// Writes to a peer that reads.
-async fn write(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<()> {
+async fn write<W: Wire>(stream: &mut W, bytes: &[u8]) -> io::Result<()> {
     tokio::time::timeout(WRITE_TIMEOUT, stream.write_all(bytes)).await?
-}
-
-/// Lets the connection end with a reset instead of an orderly close.
-fn reset(stream: &TcpStream) {
-    if let Err(error) = socket2::SockRef::from(stream).set_linger(Some(Duration::ZERO)) {
-        debug!(%error, "the connection is closed instead of reset");
-    }
 }
 
 /// Closes our half, and waits a little for the peer to close its own: a socket that is dropped with bytes that nobody read
 /// would be reset.
-async fn hang_up(stream: &mut TcpStream, input: &mut [u8]) {
+async fn hang_up<W: Wire>(stream: &mut W, input: &mut [u8]) {
     let end = async {
         stream.shutdown().await?;
         while stream.read(input).await? > 0 {}

@@ -1,4 +1,4 @@
-//! Where connections come in: accepted, refused, or left without an answer.
+//! Where connections come in, over TCP or in memory: accepted, refused, or left without an answer.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -8,15 +8,24 @@ use r6_controller::Level;
 use r6_controller::fault::link::Door;
 use socket2::{Domain, Protocol, SockRef, Socket, Type};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::watch;
+use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 use tracing::{debug, warn};
 
 use crate::connection;
 use crate::handle::ControllerHandle;
+use crate::memory::MemoryStream;
 
 /// How many connections the system holds for us until they are accepted, as tokio has it.
 const BACKLOG: i32 = 1024;
+
+/// After how long a system asks again that wants to connect and gets no answer; then after twice as long, and so on.
+const FIRST_ASKED_AGAIN: Duration = Duration::from_secs(1);
+
+/// What the log says of the door.
+const REFUSES: &str = "connections are refused";
+const GIVES_NO_ANSWER: &str = "attempts to connect get no answer";
+const TAKES_AGAIN: &str = "connections are taken again";
 
 /// The waits before a port is tried again that somebody took while it was closed: the first, and the longest.
 const FIRST_WAIT: Duration = Duration::from_millis(10);
@@ -46,6 +55,59 @@ pub(crate) async fn attend(listener: TcpListener, controller: ControllerHandle) 
     }
 }
 
+/// Attends to the connections in memory of a controller, which end with this task. Whether they are made at all is decided by
+/// [`knock`].
+pub(crate) async fn attend_in_memory(
+    mut arrivals: mpsc::Receiver<MemoryStream>,
+    controller: ControllerHandle,
+) {
+    let mut entrance = Entrance { door: controller.door(), controller, connections: JoinSet::new() };
+    let mut before = *entrance.door.borrow_and_update();
+    loop {
+        tokio::select! {
+            biased;
+            () = changed(&mut entrance.door) => {
+                let door = *entrance.door.borrow_and_update();
+                match std::mem::replace(&mut before, door) {
+                    same if same == door => {}
+                    _ if door == Door::Refuses => entrance.tell(REFUSES),
+                    _ if door == Door::BlackHole => entrance.tell(GIVES_NO_ANSWER),
+                    _ => entrance.tell(TAKES_AGAIN),
+                }
+            }
+            Some(_) = entrance.connections.join_next() => {}
+            Some(stream) = arrivals.recv() => {
+                entrance.connections.spawn(connection::serve(entrance.controller.clone(), stream));
+            }
+            else => return,
+        }
+    }
+}
+
+/// An attempt to connect in memory: as a system makes it, which asks again where it gets no answer.
+pub(crate) async fn knock(
+    door: &watch::Receiver<Door>,
+    entrance: &mpsc::Sender<MemoryStream>,
+) -> io::Result<MemoryStream> {
+    let mut wait = FIRST_ASKED_AGAIN;
+    loop {
+        // Decided before anything is waited for: nobody may hold this.
+        let door = *door.borrow();
+        match door {
+            Door::Open => {
+                let (near, far) = MemoryStream::pair();
+                let accepted = entrance.try_send(far);
+                return accepted.map(|()| near).map_err(|_| io::ErrorKind::ConnectionRefused.into());
+            }
+            Door::Refuses => return Err(io::ErrorKind::ConnectionRefused.into()),
+            Door::BlackHole => {
+                tokio::time::sleep(wait).await;
+                wait *= 2;
+            }
+        }
+    }
+}
+
 /// A controller's, with the connections that came through it.
 struct Entrance {
     controller: ControllerHandle,
@@ -58,18 +120,23 @@ impl Entrance {
     async fn accept(&mut self, listener: &TcpListener) {
         loop {
             tokio::select! {
+                biased;
+                () = changed(&mut self.door) => return,
+                Some(_) = self.connections.join_next() => {}
                 accepted = listener.accept() => match accepted {
-                    Ok((stream, _)) => {
-                        self.connections.spawn(connection::serve(self.controller.clone(), stream));
-                    }
+                    // Each frame leaves at once and by itself: clients read with one call and small buffers.
+                    Ok((stream, _)) => match stream.set_nodelay(true) {
+                        Ok(()) => {
+                            self.connections.spawn(connection::serve(self.controller.clone(), stream));
+                        }
+                        Err(error) => debug!(%error, "a connection was gone before it was served"),
+                    },
                     Err(error) => {
                         // Most likely too many open files: give the connections a moment to end.
                         warn!(controller = %self.controller.address(), %error, "a connection could not be accepted");
                         tokio::time::sleep(Duration::from_millis(100)).await;
                     }
                 },
-                () = changed(&mut self.door) => return,
-                Some(_) = self.connections.join_next() => {}
             }
         }
     }
@@ -78,6 +145,7 @@ impl Entrance {
     async fn wait(&mut self) {
         loop {
             tokio::select! {
+                biased;
                 () = changed(&mut self.door) => return,
                 Some(_) = self.connections.join_next() => {}
             }
@@ -89,14 +157,14 @@ impl Entrance {
         let address = self.controller.address();
         drop(listener);
         let mut socket = bind(address);
-        self.tell("connections are refused");
+        self.tell(REFUSES);
         self.wait().await;
         let mut wait = FIRST_WAIT;
         let mut told = false;
         loop {
             match socket.and_then(listen) {
                 Ok(listener) => {
-                    self.tell("connections are taken again");
+                    self.tell(TAKES_AGAIN);
                     return listener;
                 }
                 Err(error) => {
@@ -125,7 +193,7 @@ impl Entrance {
             Ok(Vec::new())
         };
         match &fillers {
-            Ok(_) => self.tell("attempts to connect get no answer"),
+            Ok(_) => self.tell(GIVES_NO_ANSWER),
             Err(error) => {
                 let text = format!("connections are not served, but they are made: {error}");
                 self.controller.tell(None, Level::Warning, text);
@@ -137,7 +205,7 @@ impl Entrance {
         if let Err(error) = SockRef::from(listener).listen(BACKLOG) {
             warn!(controller = %self.controller.address(), %error, "few connections can wait to be accepted");
         }
-        self.tell("connections are taken again");
+        self.tell(TAKES_AGAIN);
     }
 
     fn tell(&self, text: &str) {

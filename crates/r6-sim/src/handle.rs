@@ -1,6 +1,8 @@
 //! One running virtual controller, as the rest of the program sees it.
 
 use std::collections::BTreeMap;
+use std::fmt;
+use std::io;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -11,11 +13,16 @@ use r6_controller::{
     ConnectionId, Controller, ControllerSnapshot, Level, LogLine, PanelAction, Refused, SavedState,
 };
 use r6_proto::time::Instant;
-use tokio::sync::{Notify, broadcast, watch};
+use tokio::sync::{Notify, broadcast, mpsc, watch};
 use tracing::{info, warn};
 
+use crate::camera::Camera;
 use crate::clock::Pace;
+use crate::connection;
+use crate::door::knock;
 use crate::keeper::{Changes, Keeper};
+use crate::memory::MemoryStream;
+use crate::wire::Wire;
 
 /// How many log lines a slow reader may fall behind before it loses the oldest.
 const LOG_BACKLOG: usize = 256;
@@ -39,6 +46,8 @@ struct Shared {
     log_from_start: Mutex<Option<broadcast::Receiver<LogLine>>>,
     /// What becomes of attempts to connect.
     door: watch::Sender<Door>,
+    /// Takes connections in memory, where the controller is reached that way.
+    entrance: Option<mpsc::Sender<MemoryStream>>,
     /// Seeds what is drawn on the links.
     seed: u64,
 }
@@ -51,6 +60,18 @@ struct State {
     connections: BTreeMap<ConnectionId, Connected>,
     /// The changes of the link that the door knows of.
     link_changes: u64,
+    observers: Vec<Observer>,
+}
+
+/// Who is told of everything.
+struct Observer(Box<Observe>);
+
+type Observe = dyn FnMut(Instant, &Controller, &[LogLine]) + Send;
+
+impl fmt::Debug for Observer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Observer")
+    }
 }
 
 #[derive(Debug)]
@@ -66,6 +87,7 @@ impl ControllerHandle {
         controller: Controller,
         pace: Pace,
         keeper: Option<Keeper>,
+        entrance: Option<mpsc::Sender<MemoryStream>>,
         seed: u64,
     ) -> Self {
         // That it was switched on is the first change.
@@ -73,17 +95,48 @@ impl ControllerHandle {
         let connections = BTreeMap::new();
         let door = watch::Sender::new(Door::of(controller.link_faults()));
         let link_changes = controller.link_changes();
-        let state = Mutex::new(State { controller, pace, changes, connections, link_changes });
+        let observers = Vec::new();
+        let state = State { controller, pace, changes, connections, link_changes, observers };
+        let state = Mutex::new(state);
         let (log, first) = broadcast::channel(LOG_BACKLOG);
         let log_from_start = Mutex::new(Some(first));
         let timers = Notify::new();
-        Self { shared: Arc::new(Shared { address, state, keeper, timers, log, log_from_start, door, seed }) }
+        let shared = Shared { address, state, keeper, timers, log, log_from_start, door, entrance, seed };
+        Self { shared: Arc::new(shared) }
     }
 
-    /// Where it listens.
+    /// Where it listens; only a name where it is reached in memory.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.shared.address
+    }
+
+    /// Connects to it without a network ([`crate::Simulation::start_in_memory`]): through the same door, over the same faulty
+    /// links as over TCP. While attempts to connect get no answer, this asks again after 1 s, 2 s, 4 s, as a system does.
+    ///
+    /// # Errors
+    /// `ConnectionRefused` where it is refused, or the simulation has ended; `Unsupported` where it listens on TCP.
+    pub async fn dial(&self) -> io::Result<MemoryStream> {
+        let entrance = self.shared.entrance.as_ref().ok_or(io::ErrorKind::Unsupported)?;
+        knock(&self.door(), entrance).await
+    }
+
+    /// Serves a connection that was accepted elsewhere, until it ends: over a network that somebody simulates, or one
+    /// that this crate does not know. The door is the business of whoever accepts.
+    pub async fn serve<W: Wire>(&self, wire: W) {
+        connection::serve(self.clone(), wire).await;
+    }
+
+    /// The same for a connection that was opened to a camera.
+    pub async fn serve_camera<W: Wire>(&self, wire: W, camera: Camera) {
+        connection::serve_camera(self, wire, camera).await;
+    }
+
+    /// Has this called after everything that happens to the controller, from now on, with the time and the log lines
+    /// that came of it: for tests that hold it to promises at every step, or count what it carries out. It must not wait, and
+    /// not call the handle: the controller stands meanwhile.
+    pub fn observe(&self, observer: impl FnMut(Instant, &Controller, &[LogLine]) + Send + 'static) {
+        self.state().observers.push(Observer(Box::new(observer)));
     }
 
     /// What a person would see at the machine, now.
@@ -251,6 +304,8 @@ impl ControllerHandle {
         if state.pace.deadline(&state.controller) != before {
             self.shared.timers.notify_one();
         }
+        let State { observers, controller, pace, .. } = &mut *state;
+        observers.iter_mut().for_each(|Observer(observe)| observe(pace.now(), controller, &lines));
         drop(state);
         self.trace(&lines);
         result
@@ -270,13 +325,13 @@ impl ControllerHandle {
     /// Takes a new connection; the notice wakes its task when it has something to write.
     pub(crate) fn connect(&self) -> (ConnectionId, Arc<Notify>) {
         let id = self.look(|controller, now| controller.connect(now));
-        self.serve(id)
+        self.enter(id)
     }
 
     /// Takes a connection that was opened to a camera, likewise.
     pub(crate) fn connect_camera(&self, cam_id: Option<i64>) -> (ConnectionId, Arc<Notify>) {
         let id = self.look(|controller, now| controller.connect_camera(now, cam_id));
-        self.serve(id)
+        self.enter(id)
     }
 
     /// Adds a line to the log.
@@ -284,7 +339,7 @@ impl ControllerHandle {
         self.look(|controller, now| controller.log(now, connection, level, text));
     }
 
-    fn serve(&self, id: ConnectionId) -> (ConnectionId, Arc<Notify>) {
+    fn enter(&self, id: ConnectionId) -> (ConnectionId, Arc<Notify>) {
         let notice = Arc::new(Notify::new());
         let connected = Connected { notice: Arc::clone(&notice), changed: 0 };
         self.state().connections.insert(id, connected);
@@ -313,6 +368,7 @@ impl ControllerHandle {
                 None => self.shared.timers.notified().await,
                 Some(pause) => {
                     tokio::select! {
+                        biased;
                         () = tokio::time::sleep(pause) => {
                             self.handle(|state| state.pace.handle_timeout(&mut state.controller));
                         }

@@ -1,7 +1,8 @@
 //! Virtual R6 / HC1 controllers on TCP ports.
 //!
 //! This is the shell around [`r6_controller::Controller`]: listeners, one task for each connection, one for the
-//! timers of each controller, and the [`panel`] over HTTP. It holds no robot logic.
+//! timers of each controller, and the [`panel`] over HTTP. It holds no robot logic. Without a network, controllers are reached
+//! in memory ([`Simulation::start_in_memory`]), or over any other [`Wire`] ([`ControllerHandle::serve`]).
 //!
 //! ```
 //! # tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(async {
@@ -17,16 +18,20 @@ mod connection;
 mod door;
 mod handle;
 mod keeper;
+mod memory;
 pub mod panel;
 mod settings;
 mod simulation;
 mod state;
 mod virtual_controller;
+mod wire;
 
 pub use camera::{BadCamera, Camera, MAX_CAMERAS};
 pub use clock::{BadClock, Clock};
 pub use handle::ControllerHandle;
+pub use memory::{MEMORY_BYTES, MemoryStream};
 pub use settings::{SimError, SimSettings};
 pub use simulation::Simulation;
 pub use state::StateError;
 pub use virtual_controller::{Builder, VirtualController};
+pub use wire::Wire;

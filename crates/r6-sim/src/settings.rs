@@ -116,6 +116,8 @@ pub enum SimError {
         /// Where.
         address: SocketAddr,
     },
+    /// A panel or a camera was asked for, and there is no network.
+    NeedsNetwork,
     /// The system gives no thread or runtime.
     System(io::Error),
     /// The folder of [`SimSettings::state`] cannot be used.
@@ -155,6 +157,9 @@ impl fmt::Display for SimError {
                     "too many open files: each controller listens on one; raise the limit with `ulimit -n`"
                 )
             }
+            Self::NeedsNetwork => f.write_str(
+                "controllers in memory have no network for a panel or for cameras: start them with sockets, or without those",
+            ),
             Self::State(error) => error.fmt(f),
             Self::System(error) => write!(f, "the system gives no thread to run on: {error}"),
             Self::Listen { address, error } => write!(f, "cannot listen on {address}: {error}"),

@@ -1,10 +1,12 @@
 //! A number of virtual controllers, started and ended together.
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 
 use r6_controller::{Controller, ControllerSettings};
 use r6_proto::time::Instant;
 use tokio::net::TcpListener;
+use tokio::sync::{Semaphore, mpsc};
 use tokio::task::JoinSet;
 use tracing::warn;
 
@@ -13,12 +15,16 @@ use crate::clock::Pace;
 use crate::door;
 use crate::handle::ControllerHandle;
 use crate::keeper::Keeper;
+use crate::memory::MemoryStream;
 use crate::panel;
 use crate::settings::{MAX_CONTROLLERS, SimError, SimSettings};
 use crate::state::{Found, StateFile, StateFolder};
 
 /// What a controller shows whose state could not be read: "storage cannot be read".
 const STORAGE_ALARM: u32 = 14;
+
+/// How many connections in memory wait to be served; beyond, they are refused. As many as systems hold.
+const MAX_ARRIVALS: usize = 1024;
 
 /// Running virtual controllers; they end when this is dropped.
 #[derive(Debug)]
@@ -34,29 +40,16 @@ impl Simulation {
     /// # Errors
     /// [`SimError`]: nothing is left running.
     pub async fn start(settings: SimSettings) -> Result<Self, SimError> {
-        let addresses = addresses(&settings)?;
         check_cameras(&settings)?;
-        let folder = settings.state.as_deref().map(StateFolder::open).transpose().map_err(SimError::State)?;
-        let writes = Keeper::writes();
-        let started = tokio::time::Instant::now();
+        let mut cabinets = Cabinets::new(&settings)?;
         let panel = listen_for_panel(&settings).await?;
-        let mut simulation =
-            Self { controllers: Vec::with_capacity(addresses.len()), panel: None, tasks: JoinSet::new() };
-        for (number, address) in (0_u64..).zip(addresses) {
+        let mut simulation = Self { controllers: Vec::new(), panel: None, tasks: JoinSet::new() };
+        for address in addresses(&settings)? {
             let failed = |error| SimError::Listen { address, error };
             let listener = TcpListener::bind(address).await.map_err(failed)?;
             let bound = listener.local_addr().map_err(failed)?;
-            let file = folder.as_ref().map(|folder| folder.file(number + 1));
-            let mut controller = switch_on(&settings, number, file.as_ref())?;
-            settings.cameras.iter().for_each(|camera| controller.expect_camera(camera.cam_id));
-            let keeper = file.map(|file| Keeper::new(file, writes.clone()));
-            let pace = Pace::new(settings.clock, started);
-            let seed = settings.seed.wrapping_add(number);
-            let handle = ControllerHandle::new(bound, controller, pace, keeper, seed);
-            simulation.tasks.spawn(handle.clone().run_timers());
-            if folder.is_some() {
-                simulation.tasks.spawn(handle.clone().run_keeper());
-            }
+            let seed = cabinets.next_seed();
+            let handle = cabinets.switch_on(bound, None, &mut simulation.tasks)?;
             simulation.tasks.spawn(door::attend(listener, handle.clone()));
             for (nth, camera) in (0_u64..).zip(&settings.cameras) {
                 // Each link draws its own waits.
@@ -68,6 +61,30 @@ impl Simulation {
         if let Some((address, listener)) = panel {
             simulation.panel = Some(address);
             simulation.tasks.spawn(panel::serve(listener, simulation.controllers.clone()));
+        }
+        Ok(simulation)
+    }
+
+    /// Starts controllers that are reached without a network, by [`ControllerHandle::dial`]: their addresses are names, and
+    /// port 0 stands for the number of the controller. Time is tokio's: on a clock that is paused, and on a runtime with one
+    /// thread, the same settings and the same peers give the same bytes and the same log, whatever the machine does besides.
+    ///
+    /// # Errors
+    /// [`SimError`]: nothing is left running. Panel and cameras need a network.
+    pub async fn start_in_memory(settings: SimSettings) -> Result<Self, SimError> {
+        if settings.panel.is_some() || !settings.cameras.is_empty() {
+            return Err(SimError::NeedsNetwork);
+        }
+        let mut cabinets = Cabinets::new(&settings)?;
+        let mut simulation = Self { controllers: Vec::new(), panel: None, tasks: JoinSet::new() };
+        for (number, mut address) in (1..).zip(addresses(&settings)?) {
+            if address.port() == 0 {
+                address.set_port(number);
+            }
+            let (entrance, arrivals) = mpsc::channel(MAX_ARRIVALS);
+            let handle = cabinets.switch_on(address, Some(entrance), &mut simulation.tasks)?;
+            simulation.tasks.spawn(door::attend_in_memory(arrivals, handle.clone()));
+            simulation.controllers.push(handle);
         }
         Ok(simulation)
     }
@@ -94,6 +111,52 @@ impl Simulation {
     }
 }
 
+/// Switches the controllers on, one after the other.
+struct Cabinets<'s> {
+    settings: &'s SimSettings,
+    folder: Option<StateFolder>,
+    writes: Arc<Semaphore>,
+    started: tokio::time::Instant,
+    /// The number of the next one, from 0.
+    next: u64,
+}
+
+impl<'s> Cabinets<'s> {
+    fn new(settings: &'s SimSettings) -> Result<Self, SimError> {
+        let folder = settings.state.as_deref().map(StateFolder::open).transpose().map_err(SimError::State)?;
+        let (writes, started) = (Keeper::writes(), tokio::time::Instant::now());
+        Ok(Self { settings, folder, writes, started, next: 0 })
+    }
+
+    /// The seed that the next one has.
+    fn next_seed(&self) -> u64 {
+        self.settings.seed.wrapping_add(self.next)
+    }
+
+    /// The next one, with the tasks that keep its time and its state.
+    fn switch_on(
+        &mut self,
+        address: SocketAddr,
+        entrance: Option<mpsc::Sender<MemoryStream>>,
+        tasks: &mut JoinSet<()>,
+    ) -> Result<ControllerHandle, SimError> {
+        let (settings, seed) = (self.settings, self.next_seed());
+        let file = self.folder.as_ref().map(|folder| folder.file(self.next + 1));
+        let mut controller = switch_on(settings, seed, file.as_ref())?;
+        settings.cameras.iter().for_each(|camera| controller.expect_camera(camera.cam_id));
+        let keeper = file.map(|file| Keeper::new(file, self.writes.clone()));
+        let keeps = keeper.is_some();
+        let pace = Pace::new(settings.clock, self.started);
+        let handle = ControllerHandle::new(address, controller, pace, keeper, entrance, seed);
+        tasks.spawn(handle.clone().run_timers());
+        if keeps {
+            tasks.spawn(handle.clone().run_keeper());
+        }
+        self.next += 1;
+        Ok(handle)
+    }
+}
+
 /// The panel's listener, where one is wanted.
 async fn listen_for_panel(settings: &SimSettings) -> Result<Option<(SocketAddr, TcpListener)>, SimError> {
     let Some(address) = settings.panel else { return Ok(None) };
@@ -105,13 +168,13 @@ async fn listen_for_panel(settings: &SimSettings) -> Result<Option<(SocketAddr, 
     Ok(Some((listener.local_addr().map_err(failed)?, listener)))
 }
 
-/// The controller of this number from 0, as it was left by the last power cut.
-fn switch_on(settings: &SimSettings, number: u64, file: Option<&StateFile>) -> Result<Controller, SimError> {
+/// A controller, as it was left by the last power cut.
+fn switch_on(settings: &SimSettings, seed: u64, file: Option<&StateFile>) -> Result<Controller, SimError> {
     let own = ControllerSettings {
         start: settings.start,
         library: settings.library.clone(),
         mold: settings.mold.clone(),
-        seed: settings.seed.wrapping_add(number),
+        seed,
         scenario: settings.scenario.clone(),
         ..ControllerSettings::new(settings.profile.clone(), settings.model.clone())
     };

@@ -218,6 +218,16 @@ impl Builder {
         Ok(VirtualController { handle, running: Running::Here(simulation) })
     }
 
+    /// Starts it on the runtime that this is called on, without a network: [`ControllerHandle::dial`] reaches it.
+    ///
+    /// # Errors
+    /// [`SimError`]: nothing is left running.
+    pub async fn start_in_memory(self) -> Result<VirtualController, SimError> {
+        let simulation = Simulation::start_in_memory(self.settings).await?;
+        let handle = only(&simulation)?;
+        Ok(VirtualController { handle, running: Running::Here(simulation) })
+    }
+
     /// Starts it on a thread of its own.
     ///
     /// # Errors

@@ -45,6 +45,12 @@ pub const RULES: &[Rule] = &[
         layer: Layer::Shell,
         may_use: &["r6-client", "r6-controller", "r6-proto", "r6-sim"],
     },
+    // This crate alone binds both sides: a Python program brings its own virtual controller.
+    Rule {
+        package: "r6-python",
+        layer: Layer::Shell,
+        may_use: &["r6-client", "r6-controller", "r6-proto", "r6-sim"],
+    },
     // Nothing depends on it; it looks at everything.
     Rule {
         package: "r6-bench",

@@ -4,6 +4,7 @@
 //! Everything here panics with a message that names the file and the fault: a broken test file is a failed test.
 
 pub mod alloc;
+pub mod book;
 pub mod coverage;
 pub mod layers;
 pub mod transcript;

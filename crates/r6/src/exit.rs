@@ -163,7 +163,8 @@ impl From<RequestError> for Failure {
                 | NotSent::StateNotRead
                 | NotSent::Unidentified { .. }
                 | NotSent::Busy { .. }
-                | NotSent::Closed,
+                | NotSent::Closed
+                | NotSent::NoEngine { .. },
             ) => Exit::NoReply,
             RequestError::NotSent(NotSent::AnotherRobot { .. } | NotSent::OutsideEnvelope(_))
             | RequestError::Refused(_) => Exit::Refused,

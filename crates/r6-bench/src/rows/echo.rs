@@ -14,6 +14,22 @@ pub fn addresses() -> Vec<Address> {
     axes.chain(world).map(|name| name.parse().expect("an address")).collect()
 }
 
+/// The query of them as the SDK sends it, but for its `packID`.
+pub fn query_bytes() -> String {
+    let names: Vec<String> = addresses().iter().map(|address| format!("\"{address}\"")).collect();
+    format!(
+        r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"10000","queryAddr":[{}]}}"#,
+        names.join(",")
+    )
+}
+
+/// How long the reply to [`query_bytes`] is.
+pub fn reply_length() -> usize {
+    let mut reply = Vec::new();
+    answer(query_bytes().as_bytes(), &mut reply);
+    reply.len()
+}
+
 const HEAD: &[u8] = br#"{"dsID":"www.hc-system.com.RemoteMonitor","packID":""#;
 const TAIL: &[u8] = br#"","queryAddr":["axis-0","axis-1","axis-2","axis-3","axis-4","axis-5","world-0","world-1","world-2","world-3","world-4","world-5"],"queryData":["10.250000","-20.125000","30.500000","0.015400","-82.820000","0.018500","1500.035000","-125.633000","1461.035000","179.984000","0.805000","-179.992000"],"reqType":"query"}"#;
 
@@ -30,7 +46,7 @@ pub fn start() -> SocketAddr {
     address
 }
 
-fn serve(mut stream: TcpStream) {
+pub fn serve(mut stream: TcpStream) {
     stream.set_nodelay(true).expect("small frames leave at once");
     let mut input = vec![0; 1 << 16];
     let (mut filled, mut output) = (0, Vec::with_capacity(1 << 16));

@@ -18,18 +18,9 @@ const FLOOR: &str = "blocking socket, same bytes";
 /// Values of a reply, as they must be: both sides have to have read the same.
 const FIRST: f64 = 10.25;
 
-/// What the SDK sends, but for its `packID`.
-fn query_bytes() -> String {
-    let names: Vec<String> = echo::addresses().iter().map(|address| format!("\"{address}\"")).collect();
-    format!(
-        r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"10000","queryAddr":[{}]}}"#,
-        names.join(",")
-    )
-}
-
 /// A blocking socket that writes a query and reads until the reply's end.
 fn socket(address: SocketAddr) -> impl FnMut() {
-    let query = query_bytes();
+    let query = echo::query_bytes();
     let mut stream = std::net::TcpStream::connect(address).expect("it listens");
     stream.set_nodelay(true).expect("small frames leave at once");
     let mut buffer = vec![0; 4096];
@@ -81,7 +72,7 @@ pub fn rows() -> Vec<Row> {
     let ratios = compare(&mut contenders);
     let row = |what: &str, goal, ratio| Row {
         what: format!("round trip of a 12-address query, {what}"),
-        against: FLOOR.to_owned(),
+        against: FLOOR,
         goal: Some(Goal::AtMost(goal)),
         ratio,
     };
@@ -92,7 +83,7 @@ pub fn rows() -> Vec<Row> {
         row("async, p99", 1.20, ratios[1][1].clone()),
         Row {
             what: "the same bytes over a bare tokio socket, p50".to_owned(),
-            against: FLOOR.to_owned(),
+            against: FLOOR,
             goal: None,
             ratio: ratios[2][0].clone(),
         },
@@ -102,7 +93,7 @@ pub fn rows() -> Vec<Row> {
 /// The least that async costs: a tokio socket that writes and reads the same bytes, without a task of its own.
 fn bare_tokio<'c>(address: SocketAddr) -> Contender<'c> {
     let runtime = runtime();
-    let query = query_bytes();
+    let query = echo::query_bytes();
     let mut stream = runtime.block_on(tokio::net::TcpStream::connect(address)).expect("it listens");
     stream.set_nodelay(true).expect("small frames leave at once");
     let mut buffer = vec![0; 4096];
@@ -175,7 +166,7 @@ pub fn handles() -> Vec<Row> {
     let ratio = compare(&mut contenders).remove(0).remove(0);
     vec![Row {
         what: "64 handles sharing one robot, time per query".to_owned(),
-        against: "one handle".to_owned(),
+        against: "one handle",
         goal: Some(Goal::AtMost(1.0)),
         ratio,
     }]

@@ -67,8 +67,7 @@ impl Controller {
 
     pub async fn accept(&self) -> Peer {
         let (stream, _) = soon(self.listener.accept()).await.unwrap();
-        stream.set_nodelay(true).unwrap();
-        Peer { stream, received: Vec::new(), name: "cell 4", introducing: false }
+        Peer::of(stream)
     }
 
     /// A robot that is connected, and the controller's end of its connection.
@@ -81,6 +80,12 @@ impl Controller {
 }
 
 impl Peer {
+    /// The controller's end of a connection.
+    pub fn of(stream: TcpStream) -> Self {
+        stream.set_nodelay(true).unwrap();
+        Self { stream, received: Vec::new(), name: "cell 4", introducing: false }
+    }
+
     /// The next frame from the client, besides its asking who is there: that is answered.
     pub async fn frame(&mut self) -> Value {
         loop {

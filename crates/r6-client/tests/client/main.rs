@@ -3,11 +3,14 @@
 
 mod controller;
 
+mod camera;
 mod connection;
 mod identity;
+mod listening;
 mod motion;
 mod outcomes;
 mod queries;
+mod registers;
 mod replies;
 mod status;
 mod stopping;

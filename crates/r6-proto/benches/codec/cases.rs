@@ -17,16 +17,13 @@ const MONITOR: &str = "www.hc-system.com.RemoteMonitor";
 const REMOTE_COMMAND: &str = "www.hc-system.com.HCRemoteCommand";
 const CAMERA: &str = "www.hc-system.com.cam";
 
-/// The contenders, in the order in which a case has them.
-pub const CONTENDERS: [&str; 3] = ["r6", "serde_json", "sonic-rs"];
-
 /// Reads the frame with this number and adds up what it holds.
 pub type Read = Box<dyn FnMut(usize) -> f64>;
 
 /// Appends the frame with this number.
 pub type Write = Box<dyn FnMut(usize, &mut Vec<u8>)>;
 
-/// One kind of frame, in [`FRAMES`] examples.
+/// One kind of frame, in [`FRAMES`] examples. The contenders are `r6`, serde_json and sonic-rs, in this order.
 pub struct Case {
     /// What it is called.
     pub name: String,

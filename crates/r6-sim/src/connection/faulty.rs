@@ -8,8 +8,9 @@ use tokio::io::AsyncReadExt;
 use tracing::trace;
 
 use super::{Conversation, End, Next, write};
+use crate::wire::Wire;
 
-impl Conversation<'_> {
+impl<W: Wire> Conversation<'_, W> {
     /// Serves the connection over such a link; `None` once it is as good as none.
     pub(super) async fn run_faulty(&mut self, link: &mut Link) -> io::Result<Option<End>> {
         loop {
@@ -98,6 +99,7 @@ impl Conversation<'_> {
         let room = link.room().min(self.input.len());
         let input = self.input.get_mut(..room).unwrap_or_default();
         tokio::select! {
+            biased;
             read = self.stream.read(input), if !self.half_closed && room > 0 => {
                 let bytes = input.get(..read?).unwrap_or_default();
                 self.half_closed = bytes.is_empty();

@@ -1,0 +1,136 @@
+//! What the virtual controller costs its machine.
+
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+
+use r6_controller::{Controller, ControllerSettings, Profile, RobotModel, StartState};
+
+use super::echo;
+use crate::measure::{Contender, SLICE, compare, processor_time, processor_time_of};
+use crate::report::{Goal, Row};
+use crate::serve::{Running, Server};
+
+/// Connections, and frames that are under way on each.
+const CONNECTIONS: usize = 16;
+const IN_FLIGHT: usize = 16;
+
+/// Programs that keep many requests under way.
+struct Load {
+    server: Running,
+    streams: Vec<TcpStream>,
+    batch: Vec<u8>,
+}
+
+impl Load {
+    fn on(server: Server) -> Self {
+        let server = server.start();
+        let streams = (0..CONNECTIONS).map(|_| connect(server.address)).collect();
+        Self { server, streams, batch: echo::query_bytes().repeat(IN_FLIGHT).into_bytes() }
+    }
+
+    /// Nanoseconds of the server's processor time for each frame, over a slice.
+    fn cost(&mut self) -> Vec<f64> {
+        let before = processor_time_of(self.server.process());
+        let begun = Instant::now();
+        let mut frames = 0_u32;
+        let mut buffer = [0; 1 << 16];
+        while begun.elapsed() < SLICE {
+            for stream in &mut self.streams {
+                stream.write_all(&self.batch).expect("it is read");
+            }
+            for stream in &mut self.streams {
+                // A reply has one object and no brace in its texts.
+                let mut waiting = IN_FLIGHT;
+                while waiting > 0 {
+                    let count = stream.read(&mut buffer).expect("replies");
+                    assert!(count > 0, "all is answered");
+                    waiting -= buffer[..count].iter().filter(|byte| **byte == b'}').count();
+                    frames += u32::try_from(buffer[..count].iter().filter(|byte| **byte == b'}').count())
+                        .unwrap_or(0);
+                }
+            }
+        }
+        let spent = processor_time_of(self.server.process()) - before;
+        vec![spent.as_secs_f64() * 1e9 / f64::from(frames)]
+    }
+}
+
+fn connect(address: SocketAddr) -> TcpStream {
+    let stream = TcpStream::connect(address).expect("it listens");
+    stream.set_nodelay(true).expect("small frames leave at once");
+    stream
+}
+
+/// Its frames per second of processor time, many under way, beside a server that only copies.
+pub fn rows() -> Vec<Row> {
+    let (mut canned, mut controller) = (Load::on(Server::Canned), Load::on(Server::Controller));
+    // Once for warmth.
+    canned.cost();
+    controller.cost();
+    let mut contenders: Vec<Contender<'_>> = vec![Box::new(|| canned.cost()), Box::new(|| controller.cost())];
+    let ratio = compare(&mut contenders).remove(0).remove(0);
+    vec![Row {
+        what: "virtual controller, 16 connections × 16 queries under way, frames per second of its processor time".to_owned(),
+        against: "server that sends canned bytes, a reply at a time",
+        goal: Some(Goal::AtLeastFast(0.6)),
+        ratio,
+    }]
+}
+
+/// Time that one run of a moving arm covers.
+const SIMULATED: Duration = Duration::from_secs(3600);
+
+/// How many simulated seconds a second of the processor is, with an arm that moves and is polled ten times a second.
+pub fn simulated() -> Vec<Row> {
+    let speed = || {
+        let before = processor_time();
+        an_hour();
+        let spent = processor_time() - before;
+        // The floor of this comparison is real time itself.
+        vec![spent.as_secs_f64() / SIMULATED.as_secs_f64()]
+    };
+    let mut contenders: Vec<Contender<'_>> = vec![Box::new(|| vec![1.0]), Box::new(speed)];
+    let ratio = compare(&mut contenders).remove(0).remove(0);
+    vec![Row {
+        what: "simulated seconds per second, one moving robot polled at 10 Hz".to_owned(),
+        against: "real time",
+        goal: Some(Goal::AtLeastFast(10_000.0)),
+        ratio,
+    }]
+}
+
+fn an_hour() {
+    use r6_proto::time::Instant;
+    let model = RobotModel::named("BRTIRUS0707A").expect("a model that comes with r6-motion").clone();
+    let profile = Profile::named("hc1").expect("a profile that comes with the crate");
+    let settings =
+        ControllerSettings { start: StartState::Waiting, ..ControllerSettings::new(profile, model) };
+    let mut controller = Controller::new(settings, Instant::ORIGIN);
+    let id = controller.connect(Instant::ORIGIN);
+    // Its steps are kept, so the list begins again and again.
+    let step = |j1: i32| {
+        format!(
+            r#"{{"oneshot":"0","action":"4","m0":"{j1}","m1":"10","m2":"-20","m3":"0","m4":"30","m5":"0","ckStatus":"0x3F","speed":"50","delay":"0","smooth":"3"}}"#
+        )
+    };
+    let list = format!(
+        r#"{{"dsID":"www.hc-system.com.HCRemoteCommand","reqType":"AddRCC","emptyList":"1","packID":"1","instructions":[{},{}]}}"#,
+        step(40),
+        step(-40)
+    );
+    controller.handle_input(Instant::ORIGIN, id, list.as_bytes());
+    let query = echo::query_bytes();
+    let mut moved = 0_u32;
+    let polls = SIMULATED.as_millis() / 100;
+    for poll in 1..=polls {
+        let now = Instant::ORIGIN + Duration::from_millis(100) * u32::try_from(poll).unwrap_or(u32::MAX);
+        controller.handle_timeout(now);
+        controller.handle_input(now, id, query.as_bytes());
+        while let Some(frame) = controller.poll_transmit(now, id) {
+            moved += u32::from(!frame.is_empty());
+        }
+    }
+    assert!(moved >= u32::try_from(polls).unwrap_or(u32::MAX), "every poll is answered");
+    assert!(controller.machine().is_moving(), "the arm moves all the time");
+}

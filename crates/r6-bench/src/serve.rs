@@ -1,0 +1,123 @@
+//! Servers in processes of their own, so that what they cost can be told from what their clients cost: `r6-bench serve NAME`.
+
+use std::env;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::thread;
+
+use r6_controller::Profile;
+use r6_sim::VirtualController;
+
+use crate::rows::echo;
+
+/// The servers.
+#[derive(Clone, Copy)]
+pub enum Server {
+    /// Sends canned replies as fast as queries of a known length come, and reads nothing of them.
+    Canned,
+    /// Answers every query with the same values and its own `packID`.
+    Echo,
+    /// A virtual controller, its arm at rest.
+    Controller,
+}
+
+impl Server {
+    const ALL: [(&'static str, Self); 3] =
+        [("canned", Self::Canned), ("echo", Self::Echo), ("controller", Self::Controller)];
+
+    /// Starts it in a process of its own.
+    pub fn start(self) -> Running {
+        let name =
+            Self::ALL.iter().find(|(_, server)| *server as u8 == self as u8).map_or("", |(name, _)| name);
+        let mut child = Command::new(env::current_exe().expect("this program has a path"))
+            .args(["serve", name])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("this program starts");
+        let mut address = String::new();
+        let output = child.stdout.take().expect("its output");
+        BufReader::new(output).read_line(&mut address).expect("it tells its address");
+        Running { address: address.trim().parse().expect("an address"), child }
+    }
+}
+
+/// A server that runs; it ends with this.
+pub struct Running {
+    /// Where it listens.
+    pub address: SocketAddr,
+    child: Child,
+}
+
+impl Running {
+    /// The number of its process.
+    pub fn process(&self) -> u32 {
+        self.child.id()
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.child.kill().ok();
+        self.child.wait().ok();
+    }
+}
+
+/// Serves, if that is what this process was started for.
+pub fn asked() -> Option<ExitCode> {
+    let mut words = env::args().skip(1);
+    if words.next().as_deref() != Some("serve") {
+        return None;
+    }
+    let name = words.next().unwrap_or_default();
+    let (_, server) = Server::ALL.into_iter().find(|(known, _)| *known == name)?;
+    match server {
+        Server::Canned => serve(canned),
+        Server::Echo => serve(echo::serve),
+        Server::Controller => controller(),
+    }
+    Some(ExitCode::SUCCESS)
+}
+
+/// Tells the address, and waits until whoever started this is gone.
+fn told(address: SocketAddr) {
+    println!("{address}");
+    std::io::stdin().read_to_end(&mut Vec::new()).ok();
+}
+
+fn serve(each: fn(TcpStream)) {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let address = listener.local_addr().expect("it is bound");
+    thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            thread::spawn(move || each(stream));
+        }
+    });
+    told(address);
+}
+
+/// One reply for each query, each sent by itself, as a controller does.
+fn canned(mut stream: TcpStream) {
+    let query = echo::query_bytes().len();
+    let mut reply = Vec::new();
+    echo::answer(echo::query_bytes().as_bytes(), &mut reply);
+    stream.set_nodelay(true).expect("small frames leave at once");
+    let (mut input, mut waiting) = (vec![0; 1 << 16], 0);
+    while let Ok(count @ 1..) = stream.read(&mut input) {
+        waiting += count;
+        for _ in 0..waiting / query {
+            if stream.write_all(&reply).is_err() {
+                return;
+            }
+        }
+        waiting %= query;
+    }
+}
+
+fn controller() {
+    let mut profile = Profile::named("hc1").expect("a profile that comes with the crate").clone();
+    profile.max_connections = 64;
+    let controller = VirtualController::builder().profile(profile).start_blocking().expect("it starts");
+    told(controller.address());
+}

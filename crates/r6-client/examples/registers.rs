@@ -1,0 +1,75 @@
+//! Writes registers, reads them back, and lets a taught program move there: the other way in which PCs move these arms.
+//!
+//! `cargo run -p r6-client --example registers -- 127.0.0.1:9760`, with a program that moves to registers 800 to 805 in degrees × 1000
+//! at a pulse of M011, as `r6 sim --program register-move` runs it. **The arm moves**, as fast as that program says: read
+//! docs/SAFETY.md first.
+
+use std::error::Error;
+use std::process::ExitCode;
+
+use r6_client::{
+    Address, AxisIndex, Command, Keep, RegisterIndex, Robot, RobotSettings, WaitOptions, from_thousandths,
+    to_thousandths,
+};
+
+/// Board and point of M011 in `modifyOutput`.
+const M011: (u8, u8) = (4, 1);
+
+#[tokio::main(flavor = "current_thread")]
+async fn main() -> ExitCode {
+    match start().await {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+async fn start() -> Result<(), Box<dyn Error>> {
+    let address = std::env::args().nth(1).unwrap_or_else(|| "127.0.0.1:9760".to_owned());
+    let robot = Robot::connect(&address, RobotSettings::default()).await?;
+    tokio::select! {
+        result = run(&robot, [10.0, -5.5, 7.25, 0.0, 30.0, 0.0]) => { result?; }
+        _ = tokio::signal::ctrl_c() => println!("{}", robot.stop().await?),
+    }
+    robot.close().await;
+    Ok(())
+}
+
+/// Has the program move there; returns the registers as they were read back.
+pub async fn run(robot: &Robot, target: [f64; 6]) -> Result<Vec<i64>, Box<dyn Error>> {
+    let status = robot.status().await?;
+    if !status.is_ready() {
+        let unmet: Vec<String> = status.unmet().iter().map(ToString::to_string).collect();
+        return Err(format!("the robot is not READY:\n  {}", unmet.join("\n  ")).into());
+    }
+    let first = RegisterIndex::new(800).ok_or("registers are 800 to 900")?;
+    let values = target.iter().map(|degrees| to_thousandths(*degrees)).collect::<Result<Vec<_>, _>>()?;
+    // Ok is no proof: controllers took text with commas in it. Each value is read back and compared.
+    robot.write_registers(first, &values, Keep::UntilPowerCut).await?;
+    let read = robot.read_registers(first, values.len()).await?;
+    for (number, value) in (first.number()..).zip(&read) {
+        println!("register {number}: {value}, which is {} deg", from_thousandths(*value));
+    }
+
+    let (board, point) = M011;
+    for on in [true, false] {
+        robot.command(Command::ModifyOutput { board, point, on }).await?;
+    }
+    // The program moves on its own: what happened is read from the state, not from the ok.
+    let done = robot.wait_until_done(WaitOptions::default()).await?;
+    for (axis, wanted) in AxisIndex::ALL.into_iter().zip(target) {
+        let found = done.axes[axis.index()];
+        if found.is_none_or(|found| (found - wanted).abs() > 0.01) {
+            let running = robot.query(&[Address::CurMold]).await?;
+            let program = running.text(Address::CurMold).unwrap_or("another one");
+            return Err(format!(
+                "{axis} is at {found:?}, not at {wanted}: does the program ({program}) move to registers 800 to 805?"
+            )
+            .into());
+        }
+    }
+    println!("the arm stands at {:?}", &done.axes[..6]);
+    Ok(read)
+}

@@ -1,0 +1,359 @@
+//! Following a target that moves: one small step after the other, always towards where the target is now.
+
+mod step;
+
+use std::time::Duration;
+
+use r6_proto::OperationMode;
+use r6_proto::address::Address;
+use r6_proto::axis::AXES;
+use tokio::sync::watch;
+use tokio::time::{Instant, MissedTickBehavior, interval};
+
+use crate::error::{NotSent, OutcomeUnknown, RequestError};
+use crate::follow::step::Step;
+use crate::guard::Start;
+use crate::handle::Progress;
+use crate::job::Work;
+use crate::link::Lane;
+use crate::motion::Sample;
+use crate::path::place::Place;
+use crate::robot::Robot;
+use crate::stream::{Cause, MotionError, RunOptions};
+use crate::units::{AxisPosition, Degrees, Percent};
+
+/// Reads that may fail in a row: one lost reply says nothing about the arm, and what cannot be seen is not fed.
+const MAX_FAILED: u32 = 3;
+
+/// Steps in the controller's list at most, where the arm is fed while it moves: the one it makes and the one behind it. More
+/// would be run through although the target is elsewhere by then.
+const MOST_IN_LIST: i64 = 2;
+
+/// Less than this, degrees, is no progress: encoders tremble.
+const NO_PROGRESS: f64 = 1e-3;
+
+/// The speed at which an operator's arm followed small steps for good (reported).
+const SPEED: Percent = match Percent::new(20.0) {
+    Ok(speed) => speed,
+    Err(_) => Percent::MAX,
+};
+
+/// How a moving target is followed.
+///
+/// The protocol has no command for it: each step is an instruction of its own. **Small steps without a pause have overloaded the
+/// servos of a real arm** (reported); its operator cut the speed to 20 %, made the steps larger, and sent each only while the arm stood.
+/// The default does just that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FollowOptions {
+    /// The time between two looks at target and arm. Default 50 ms: 20 times a second.
+    pub interval: Duration,
+    /// The speed of each step. Default 20 %.
+    pub speed: Percent,
+    /// No step is smaller: nearer than this the arm stays where it is. Default 1°; mm where an axis slides.
+    pub smallest_step: Degrees,
+    /// No step takes an axis further: beyond, all axes go the same share of their way. Default 10°; mm where an axis slides.
+    ///
+    /// It bounds, too, how far the arm still goes when targets, program or link are gone: two such steps.
+    pub largest_step: Degrees,
+    /// Whether a step may be appended while the arm makes the one before. It then follows more closely and rounds the corners; two steps
+    /// are in its list at most. Default no. On a real arm try it at low speed, and look at the load of the servos (`curTorque-n`). On
+    /// firmware that does not tell the length of its list (`RemoteCmdLen`) it has no effect.
+    pub while_moving: bool,
+    /// How long a target counts when no other comes, not even the same again: a source that hangs must not keep the arm
+    /// going. Default 500 ms.
+    pub fresh_within: Duration,
+    /// How long after a step was accepted the arm may stand elsewhere than at its end. Default 1 s.
+    pub start_within: Duration,
+    /// How long a step may go on without any progress. Default 5 s.
+    pub stall_within: Duration,
+    /// As [`crate::WaitOptions::idle_mode`].
+    pub idle_mode: OperationMode,
+    /// Whether the arm is stopped and its list cleared when following fails after a step has left. Default yes.
+    pub stop_on_failure: bool,
+}
+
+impl Default for FollowOptions {
+    fn default() -> Self {
+        let run = RunOptions::default();
+        Self {
+            interval: run.interval,
+            speed: SPEED,
+            smallest_step: Degrees(1.0),
+            largest_step: Degrees(10.0),
+            while_moving: false,
+            fresh_within: Duration::from_millis(500),
+            start_within: run.start_within,
+            stall_within: run.stall_within,
+            idle_mode: run.idle_mode,
+            stop_on_failure: run.stop_on_failure,
+        }
+    }
+}
+
+/// A target was followed until its source ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Followed {
+    /// Steps that were made.
+    pub steps: usize,
+    /// Where the arm stands.
+    pub axes: [Option<f64>; AXES],
+    /// How far the farthest axis is from the last target.
+    pub behind: Degrees,
+}
+
+impl Robot {
+    /// Follows a target until its sender is dropped, then waits until the arm stands.
+    ///
+    /// Each time the arm is ready for another step, the newest target counts; those that came in between are skipped. A step is
+    /// never sent again, and nothing more is sent once the sender is gone, targets are no longer fresh, the state cannot be
+    /// read, or a handle of this connection sends a stop. The sender may be dropped before the arm has arrived; send
+    /// the last target for as long as it shall go there.
+    ///
+    /// Dropping the future ends it too: the arm finishes the step or two in its list. To stop it at once call [`Robot::stop`].
+    ///
+    /// ```
+    /// # #[tokio::main(flavor = "current_thread")]
+    /// # async fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// # let controller = r6_sim::VirtualController::start().await?;
+    /// # let address = controller.address().to_string();
+    /// use std::time::Duration;
+    /// use r6_client::units::AxisPosition;
+    /// use r6_client::{FollowOptions, Robot, RobotSettings};
+    ///
+    /// let robot = Robot::connect(&address, RobotSettings::default()).await?;
+    /// let (target, targets) = tokio::sync::watch::channel(AxisPosition::none());
+    /// let source = async move {
+    ///     for n in 0..10 {
+    ///         target.send_replace(AxisPosition::degrees([f64::from(n)]));
+    ///         tokio::time::sleep(Duration::from_millis(50)).await;
+    ///     }
+    /// };
+    /// let (followed, ()) = tokio::join!(robot.follow(targets, FollowOptions::default()), source);
+    /// let followed = followed?;
+    /// println!("{} steps, {:.1} from the last target", followed.steps, followed.behind);
+    /// # Ok(()) }
+    /// ```
+    ///
+    /// # Errors
+    /// [`MotionError`]: as for [`Robot::run`]; its steps are those that were sent.
+    pub async fn follow(
+        &self,
+        targets: watch::Receiver<AxisPosition>,
+        options: FollowOptions,
+    ) -> Result<Followed, MotionError> {
+        let failed = |cause| MotionError {
+            cause,
+            progress: Progress { ended: true, ..Progress::default() },
+            stop: None,
+        };
+        let turn = self.streaming().ok_or_else(|| failed(Cause::AnotherRuns))?;
+        let mut stops = self.stops();
+        let ready = RunOptions { idle_mode: options.idle_mode, ..RunOptions::default() };
+        let status = self.look_before(ready).await.map_err(failed)?;
+        let mut following = Following::new(self, targets, options, status.axes);
+        let (cause, stop) = tokio::select! {
+            biased;
+            // This handle keeps the sender alive.
+            _stopped = stops.changed() => (Cause::StoppedHere, false),
+            result = following.run() => match result {
+                Ok(followed) => return Ok(followed),
+                Err(cause) => (cause, options.stop_on_failure),
+            },
+        };
+        let progress = following.progress();
+        tracing::info!(%cause, ?progress, "following ended");
+        let stop = if stop && progress.left > 0 { Some(Box::new(self.stop().await)) } else { None };
+        drop(turn);
+        Err(MotionError { cause, progress, stop })
+    }
+}
+
+/// A target that is being followed.
+struct Following<'r> {
+    robot: &'r Robot,
+    targets: watch::Receiver<AxisPosition>,
+    options: FollowOptions,
+    target: AxisPosition,
+    /// When it last came.
+    came: Instant,
+    /// Where the arm stands once all that was sent is done.
+    commanded: [Option<f64>; AXES],
+    /// Where the last step ends, while it may be under way, and when it was accepted.
+    under_way: Option<(Place, Instant)>,
+    /// When an axis last moved, and where it was.
+    went_on: (Instant, [Option<f64>; AXES]),
+    sent: usize,
+    accepted: usize,
+    done: usize,
+    failed: u32,
+}
+
+impl<'r> Following<'r> {
+    fn new(
+        robot: &'r Robot,
+        mut targets: watch::Receiver<AxisPosition>,
+        options: FollowOptions,
+        axes: [Option<f64>; AXES],
+    ) -> Self {
+        let now = Instant::now();
+        let target = *targets.borrow_and_update();
+        Self {
+            robot,
+            targets,
+            options,
+            target,
+            came: now,
+            commanded: axes,
+            under_way: None,
+            went_on: (now, axes),
+            sent: 0,
+            accepted: 0,
+            done: 0,
+            failed: 0,
+        }
+    }
+
+    async fn run(&mut self) -> Result<Followed, Cause> {
+        let mut tick = interval(self.options.interval);
+        tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tick.tick().await;
+            let sample = match self.robot.sample(Lane::Ordinary).await {
+                Ok(sample) => sample,
+                Err(error) => {
+                    self.missed_a_read(error)?;
+                    continue;
+                }
+            };
+            if let Some(address) = unreadable(&sample) {
+                let request = Work::Query(Vec::new()).sent();
+                let answer = format!("no value for {address}");
+                self.missed_a_read(OutcomeUnknown::Unclear { request, answer }.into())?;
+                continue;
+            }
+            self.failed = 0;
+            self.judge(&sample, Instant::now())?;
+            let ended = self.look_at_target();
+            if ended && self.under_way.is_none() {
+                let behind = Degrees(step::farthest(&sample.axes, &self.target).unwrap_or(0.0));
+                return Ok(Followed { steps: self.done, axes: sample.axes, behind });
+            }
+            if !ended && self.came.elapsed() <= self.options.fresh_within && self.has_room(&sample) {
+                self.step(&sample).await?;
+            }
+        }
+    }
+
+    /// Takes in the newest target; `true` once there is nobody to send another.
+    fn look_at_target(&mut self) -> bool {
+        let news = self.targets.has_changed();
+        if matches!(news, Ok(true)) {
+            self.came = Instant::now();
+            self.target = *self.targets.borrow_and_update();
+        }
+        news.is_err()
+    }
+
+    fn missed_a_read(&mut self, error: RequestError) -> Result<(), Cause> {
+        self.failed += 1;
+        if self.failed >= MAX_FAILED || error == RequestError::NotSent(NotSent::Closed) {
+            return Err(Cause::Unreadable(error));
+        }
+        Ok(())
+    }
+
+    /// What the read tells of the machine and of the step that is under way.
+    fn judge(&mut self, sample: &Sample, now: Instant) -> Result<(), Cause> {
+        if let Some(code) = sample.alarm.filter(|code| *code != 0) {
+            return Err(Cause::AlarmRaised { code });
+        }
+        if let Some(mode) = sample.mode.filter(|mode| !mode.may_run() && *mode != self.options.idle_mode) {
+            return Err(Cause::Stopped { mode });
+        }
+        let (since, before) = self.went_on;
+        if step::differ(&sample.axes, &before, NO_PROGRESS) {
+            self.went_on = (now, sample.axes);
+        }
+        let rests = sample.moving == Some(false) && sample.list_length.unwrap_or(0) == 0;
+        match self.under_way {
+            Some((end, accepted)) if rests => match end.missed(sample) {
+                None => self.under_way = None,
+                // A controller may answer before it says that it moves.
+                Some(missed) if now - accepted >= self.options.start_within => {
+                    return Err(Cause::Elsewhere(missed));
+                }
+                Some(_) => {}
+            },
+            Some((_, accepted)) if now - since.max(accepted) >= self.options.stall_within => {
+                return Err(Cause::Stalled { after: now - since.max(accepted) });
+            }
+            Some(_) | None => {}
+        }
+        let left = match (self.under_way, sample.list_length) {
+            (None, _) => 0,
+            (Some(_), length) => usize::try_from(length.unwrap_or(1)).unwrap_or(1).max(1),
+        };
+        self.done = self.done.max(self.accepted.saturating_sub(left));
+        if self.under_way.is_none() {
+            self.commanded = sample.axes;
+        }
+        Ok(())
+    }
+
+    fn has_room(&self, sample: &Sample) -> bool {
+        let room = sample.list_length.is_some_and(|length| length < MOST_IN_LIST);
+        // Between the acknowledgement and the first move, a list may seem to be empty that is not.
+        let begun = self.under_way.is_none_or(|(_, accepted)| accepted <= self.went_on.0);
+        match self.under_way {
+            None => sample.moving == Some(false),
+            Some(_) => self.options.while_moving && room && begun,
+        }
+    }
+
+    /// Sends one step towards the target, if it is worth one.
+    async fn step(&mut self, sample: &Sample) -> Result<(), Cause> {
+        let Some(Step { to, end }) = step::towards(&self.commanded, &self.target, &self.options) else {
+            return Ok(());
+        };
+        let instruction = step::instruction(to, &self.options).map_err(Cause::Step)?;
+        if let Some(guard) = self.robot.guard() {
+            let from = Start { axes: self.commanded, pose: sample.pose };
+            guard.check(&[instruction], Some(from)).map_err(Cause::OutsideEnvelope)?;
+        }
+        let place = Place::of(&instruction.action);
+        self.sent += 1;
+        match self.robot.add_unguarded(false, vec![instruction]).await {
+            Ok(_) => {
+                self.accepted = self.sent;
+                self.commanded = end;
+                self.under_way = Some((place, Instant::now()));
+                Ok(())
+            }
+            Err(RequestError::NotSent(NotSent::Busy { .. })) => {
+                // Nothing left; by the next look the target is elsewhere.
+                self.sent -= 1;
+                Ok(())
+            }
+            Err(RequestError::NotSent(error)) => {
+                self.sent -= 1;
+                Err(error.into())
+            }
+            Err(RequestError::Refused(error)) => Err(Cause::Refused(error)),
+            Err(RequestError::OutcomeUnknown(error)) => Err(Cause::OutcomeUnknown(error)),
+        }
+    }
+
+    fn progress(&self) -> Progress {
+        Progress { total: self.sent, left: self.sent, accepted: self.accepted, done: self.done, ended: true }
+    }
+}
+
+/// A value without which nobody can judge the arm, and which is missing.
+fn unreadable(sample: &Sample) -> Option<Address> {
+    match (sample.alarm, sample.mode, sample.moving) {
+        (None, _, _) => Some(Address::CurAlarm),
+        (_, None, _) => Some(Address::CurMode),
+        (_, _, None) => Some(Address::IsMoving),
+        (Some(_), Some(_), Some(_)) => None,
+    }
+}

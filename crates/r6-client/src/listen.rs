@@ -1,0 +1,110 @@
+//! The other TCP role: the controller is set to client mode on its pendant, and dials this program.
+
+use std::fmt;
+use std::future::poll_fn;
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::task::Poll;
+
+use tokio::net::{TcpListener, TcpStream};
+
+use crate::connect::Connect;
+
+/// Waits for a controller that dials: for [`Robot::connect_with`](crate::Robot::connect_with).
+///
+/// A port of a controller is bound to one use (monitor, camera, instructions) on its pendant, in server or in client mode. In client
+/// mode the controller connects to the address that is set there, again and again while nobody listens. After a lost
+/// connection the next one is waited for, [`crate::RobotSettings::connect_timeout`] at a time; give it longer than the
+/// controller takes to dial again. Of several that wait the newest counts: the others are what a controller left behind
+/// when it lost its power.
+///
+/// There is no login: whoever reaches the port is taken for the controller, so name the one that may ([`Self::only_from`]).
+///
+/// ```
+/// # #[tokio::main(flavor = "current_thread")]
+/// # async fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// use r6_client::{Listen, Robot, RobotSettings};
+///
+/// let listen = Listen::on("127.0.0.1:0").await?.only_from("127.0.0.1".parse()?);
+/// # let camera = r6_sim::Camera { cam_id: None, address: listen.address()? };
+/// # let controller = r6_sim::VirtualController::builder().camera(camera).start().await?;
+/// let robot = Robot::connect_with(listen, RobotSettings::default()).await?;
+/// assert!(robot.status().await?.is_ready());
+/// # drop(controller); Ok(()) }
+/// ```
+#[derive(Debug)]
+pub struct Listen {
+    listener: TcpListener,
+    only_from: Option<IpAddr>,
+}
+
+impl Listen {
+    /// Listens on this address and port, such as `0.0.0.0:9760`.
+    ///
+    /// # Errors
+    /// What the system says: the port is in use, the address is none of this machine.
+    pub async fn on(address: &str) -> io::Result<Self> {
+        Ok(Self { listener: TcpListener::bind(address).await?, only_from: None })
+    }
+
+    /// Takes connections from this machine alone; others are closed at once.
+    #[must_use]
+    pub fn only_from(mut self, controller: IpAddr) -> Self {
+        self.only_from = Some(controller);
+        self
+    }
+
+    /// Where it listens: with port 0, the one that was free.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+
+    fn is_meant(&self, peer: SocketAddr) -> bool {
+        let meant = self.only_from.is_none_or(|only| only == peer.ip());
+        if !meant {
+            tracing::warn!(%peer, "a connection of somebody else was closed");
+        }
+        meant
+    }
+
+    /// A connection that waits already.
+    async fn waiting(&self) -> Option<(TcpStream, SocketAddr)> {
+        poll_fn(|context| match self.listener.poll_accept(context) {
+            Poll::Ready(Ok(accepted)) => Poll::Ready(Some(accepted)),
+            Poll::Ready(Err(_)) | Poll::Pending => Poll::Ready(None),
+        })
+        .await
+    }
+}
+
+impl Connect for Listen {
+    type Stream = TcpStream;
+
+    async fn connect(&mut self) -> io::Result<TcpStream> {
+        let mut stream = loop {
+            let (stream, peer) = self.listener.accept().await?;
+            if self.is_meant(peer) {
+                break stream;
+            }
+        };
+        while let Some((newer, peer)) = self.waiting().await {
+            if self.is_meant(peer) {
+                stream = newer;
+            }
+        }
+        stream.set_nodelay(true)?;
+        Ok(stream)
+    }
+}
+
+impl fmt::Display for Listen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.address() {
+            Ok(address) => write!(f, "the controller that dials {address}"),
+            Err(_) => f.write_str("the controller that dials"),
+        }
+    }
+}

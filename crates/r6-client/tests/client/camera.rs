@@ -1,0 +1,122 @@
+//! The camera's side, on the robot's own connection.
+
+use r6_client::{Address, LostReason, PhotosEnded, Point, Refused, RequestError, Shot};
+use serde_json::json;
+use tokio::sync::Notify;
+
+use crate::controller::{Controller, settings, soon, values, verdict};
+
+const CUR_MODE: Address = Address::CurMode;
+
+const PHOTO: &str = "{\"dsID\":\"www.hc-system.com.cam\",\"reqType\":\"photo\",\"camID\":3}";
+
+fn part() -> Point {
+    Point { model_id: 1, x: 360.0, y: -80.5, z: 440.0, ..Point::default() }
+}
+
+#[tokio::test]
+async fn a_photo_is_answered_and_its_points_follow_even_between_replies() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let serving = robot.serve_photos(|cam_id| async move {
+        assert_eq!(cam_id, 3);
+        Shot::Points(vec![part()])
+    });
+    let (ended, ()) = tokio::join!(biased; serving, async {
+        // The same connection reads values meanwhile.
+        let asking = robot.query(&[CUR_MODE]);
+        let (read, ()) = tokio::join!(asking, async {
+            let request = peer.frame().await;
+            peer.send(PHOTO).await;
+            peer.send(values(&request, json!(["7"]))).await;
+        });
+        assert_eq!(read.unwrap().integer(CUR_MODE), Some(7));
+        let answer = peer.frame().await;
+        assert_eq!((&answer["reqType"], &answer["camID"], &answer["ret"]), (&json!("photo"), &json!(3), &json!(1)));
+        let points = peer.frame().await;
+        assert_eq!(points["dsData"][0]["camID"], json!(3));
+        assert_eq!(points["dsData"][0]["data"][0]["Y"], json!(-80.5));
+        peer.send(verdict(&points, &["AddPoints", "1"])).await;
+        // Whoever has this reply has the one before it.
+        let (read, ()) = tokio::join!(robot.query(&[CUR_MODE]), async {
+            let request = peer.frame().await;
+            peer.send(values(&request, json!(["7"]))).await;
+        });
+        read.unwrap();
+        robot.clone().close().await;
+    });
+    assert_eq!(ended, PhotosEnded::Closed);
+}
+
+#[tokio::test]
+async fn no_picture_no_part_and_another_camera() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let mut shots = vec![Shot::NotMine, Shot::Points(Vec::new()), Shot::Failed];
+    let serving = robot.serve_photos(|_| {
+        let shot = shots.pop().unwrap();
+        async move { shot }
+    });
+    let (ended, ()) = tokio::join!(biased; serving, async {
+        peer.send(format!("{PHOTO}{PHOTO}{PHOTO}")).await;
+        // Nothing but these two: no points, and no word for somebody else's camera.
+        for ret in [0, 1] {
+            let answer = peer.frame().await;
+            assert_eq!((&answer["reqType"], &answer["ret"]), (&json!("photo"), &json!(ret)));
+        }
+        let asking = robot.query(&[CUR_MODE]);
+        let ((), read) = tokio::join!(async {
+            let next = peer.frame().await;
+            assert_eq!(next["reqType"], json!("query"));
+            peer.send(values(&next, json!(["7"]))).await;
+        }, asking);
+        read.unwrap();
+        robot.clone().close().await;
+    });
+    assert_eq!(ended, PhotosEnded::Closed);
+}
+
+#[tokio::test]
+async fn points_that_are_refused_end_it() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let serving = robot.serve_photos(|_| async { Shot::Points(vec![part()]) });
+    let (ended, ()) = tokio::join!(biased; serving, async {
+        peer.send(PHOTO).await;
+        peer.frame().await;
+        let points = peer.frame().await;
+        peer.send(verdict(&points, &["AddPoints", "err"])).await;
+    });
+    let error = RequestError::Refused(Refused::Points { reason: None });
+    assert_eq!(ended, PhotosEnded::Request { cam_id: 3, error });
+}
+
+#[tokio::test]
+async fn a_picture_of_a_lost_connection_is_not_answered_on_the_next() {
+    let (controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let (looking, developed) = (Notify::new(), Notify::new());
+    let serving = robot.serve_photos(|_| async {
+        looking.notify_one();
+        developed.notified().await;
+        Shot::Points(vec![part()])
+    });
+    let (ended, mut peer) = tokio::join!(biased; serving, async {
+        peer.send(PHOTO).await;
+        soon(looking.notified()).await;
+        drop(peer);
+        // Meanwhile somebody else's query makes the connection anew.
+        let (read, peer) = tokio::join!(robot.query(&[CUR_MODE]), async {
+            let mut peer = controller.accept().await;
+            let request = peer.frame().await;
+            peer.send(values(&request, json!(["7"]))).await;
+            peer
+        });
+        read.unwrap();
+        developed.notify_one();
+        peer
+    });
+    assert_eq!(ended, PhotosEnded::ConnectionLost(LostReason::ClosedByPeer));
+    let (read, ()) = tokio::join!(robot.query(&[CUR_MODE]), async {
+        let next = peer.frame().await;
+        assert_eq!(next["reqType"], json!("query"), "neither answer nor points");
+        peer.send(values(&next, json!(["7"]))).await;
+    });
+    read.unwrap();
+}

@@ -1,0 +1,93 @@
+//! A virtual controller, and what it did.
+
+use std::time::Duration;
+
+use r6_client::{Robot, RobotSettings};
+use r6_controller::{LogLine, Program, StartState};
+use r6_sim::{ControllerHandle, VirtualController};
+use tokio::sync::broadcast::Receiver;
+use tokio::sync::broadcast::error::TryRecvError;
+use tokio::time::{Instant, sleep};
+
+/// Whatever has not happened after this long never will. The clock of these tests jumps to what is next.
+pub const PATIENCE: Duration = Duration::from_secs(600);
+
+pub struct Cell {
+    pub controller: VirtualController,
+    pub robot: Robot,
+    log: Receiver<LogLine>,
+    texts: Vec<String>,
+}
+
+impl Cell {
+    pub async fn new() -> Self {
+        Self::of(VirtualController::builder()).await
+    }
+
+    pub async fn standing(start: StartState) -> Self {
+        Self::of(VirtualController::builder().stands(start)).await
+    }
+
+    /// One that runs a program of those that come with every controller.
+    pub async fn running(program: &str) -> Self {
+        let text = match program {
+            "register-move" => include_str!("../../../r6-controller/programs/register-move.toml"),
+            "pick-and-place" => include_str!("../../../r6-controller/programs/pick-and-place.toml"),
+            other => panic!("{other}?"),
+        };
+        let program = Program::read(program, text).unwrap();
+        Self::of(VirtualController::builder().program(program).unwrap()).await
+    }
+
+    async fn of(builder: r6_sim::Builder) -> Self {
+        let controller = builder.start().await.unwrap();
+        let log = controller.handle().log();
+        let address = controller.address().to_string();
+        let robot = Robot::connect(&address, RobotSettings::default()).await.unwrap();
+        Self { controller, robot, log, texts: Vec::new() }
+    }
+
+    pub fn handle(&self) -> &ControllerHandle {
+        self.controller.handle()
+    }
+
+    /// The lines of the controller's log so far.
+    pub fn log(&mut self) -> &[String] {
+        loop {
+            match self.log.try_recv() {
+                Ok(line) => self.texts.push(line.text),
+                Err(TryRecvError::Empty | TryRecvError::Closed) => return &self.texts,
+                Err(TryRecvError::Lagged(lines)) => panic!("{lines} lines were missed"),
+            }
+        }
+    }
+
+    /// The lists that it took, each as the log has it.
+    pub fn lists(&mut self) -> Vec<String> {
+        self.log().iter().filter(|line| line.starts_with("AddRCC: ")).cloned().collect()
+    }
+
+    /// How far the farthest axis is from there.
+    pub fn error(&self, target: &[f64]) -> f64 {
+        let axes = self.handle().snapshot().axes;
+        axes.iter().zip(target).map(|(at, wanted)| (at - wanted).abs()).fold(0.0, f64::max)
+    }
+}
+
+/// Looks at a machine every 10 ms for as long as something else is done.
+pub async fn look_on<T>(
+    handle: &ControllerHandle,
+    mut look: impl FnMut(&r6_controller::ControllerSnapshot),
+    what: impl Future<Output = T>,
+) -> T {
+    tokio::pin!(what);
+    let begun = Instant::now();
+    loop {
+        tokio::select! {
+            biased;
+            done = &mut what => return done,
+            () = sleep(Duration::from_millis(10)) => look(&handle.snapshot()),
+        }
+        assert!(begun.elapsed() < PATIENCE, "it never ends");
+    }
+}

@@ -1,0 +1,255 @@
+//! One client at work on one controller, on a clock that nobody waits for: it watches, asks, commands, moves and stops, while
+//! whatever the scenario says goes wrong; and what must hold all the same.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, Once};
+use std::time::Duration;
+
+use r6_client::{LinkQuality, Reconnect, Robot, RobotSettings};
+use r6_controller::{Button, Key, PanelAction, Profile, Scenario};
+use r6_proto::client::LearnedDialect;
+use r6_proto::time::Instant as ControllerTime;
+use r6_proto::{Command, RegisterIndex};
+use r6_sim::{ControllerHandle, VirtualController};
+use tokio::time::{Instant, sleep, sleep_until, timeout};
+
+use crate::floor::Floor;
+use crate::tap::{Dialler, Line, Rewrite, Tap};
+use crate::work::{Notes, Work};
+
+/// The first register that has a value of its own, how many have one, and the one that commands write.
+pub const FIRST: u16 = 800;
+pub const REGISTERS: u16 = 40;
+pub const WRITTEN: u16 = 890;
+
+/// No single call takes longer, whatever is broken: a few attempts to connect, introductions and time-outs.
+pub const LONGEST_CALL: Duration = Duration::from_secs(60);
+
+/// How long a client works on when all is over, to show that all is well.
+const AFTERWARDS: Duration = Duration::from_secs(5);
+
+static PANICS: AtomicUsize = AtomicUsize::new(0);
+
+/// What a register says: which one it is.
+pub fn value_of(register: u16) -> i64 {
+    i64::from(register) * 7 + 1
+}
+
+pub fn ms(millis: u64) -> Duration {
+    Duration::from_millis(millis)
+}
+
+/// How a client is set up.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    pub profile: &'static str,
+    pub settings: RobotSettings,
+    /// The period of its subscription.
+    pub every: Duration,
+    pub seed: u64,
+    /// Whether values are those of their addresses: nobody can see a list that is shifted.
+    pub trusts_values: bool,
+    /// Whether nobody else moves the arm.
+    pub alone: bool,
+    /// Whether the controller carries out what it says it has taken.
+    pub executes: bool,
+    /// Whether another client asks and commands, too.
+    pub another: bool,
+    pub rewrite: Option<Rewrite>,
+    /// When the last thing goes wrong, and how much later what it held up is through.
+    pub over: Duration,
+}
+
+impl Setup {
+    /// As it comes, but for the seed.
+    pub fn usual(seed: u64) -> Self {
+        let reconnect = Reconnect { jitter_seed: Some(seed), ..Reconnect::default() };
+        Self {
+            profile: "hc1",
+            settings: RobotSettings { reconnect, ..RobotSettings::default() },
+            every: ms(100),
+            seed,
+            trusts_values: true,
+            alone: true,
+            executes: true,
+            another: false,
+            rewrite: None,
+            over: Duration::ZERO,
+        }
+    }
+
+    /// One that waits no longer than a controller that is well takes, several times over, and looks once a second.
+    pub fn prompt(seed: u64) -> Self {
+        let usual = Self::usual(seed);
+        let settings = RobotSettings { reply_timeout: ms(100), connect_timeout: ms(100), ..usual.settings };
+        Self { settings, every: ms(1000), ..usual }
+    }
+}
+
+/// What became of it all.
+#[derive(Debug)]
+pub struct Outcome {
+    pub line: Line,
+    pub quality: LinkQuality,
+    pub notes: Notes,
+    pub log: Vec<String>,
+    /// How long after the end of the fault the first answer to the subscription came.
+    pub recovered: Duration,
+    pub profile: &'static str,
+    pub learned: LearnedDialect,
+    /// What the machine calls itself.
+    pub machine_name: Option<String>,
+}
+
+/// Runs a scenario to its end and beyond.
+pub fn run(scenario: &Scenario, setup: &Setup) -> Outcome {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let told = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            PANICS.fetch_add(1, Ordering::SeqCst);
+            told(panic);
+        }));
+    });
+    let before = PANICS.load(Ordering::SeqCst);
+    let outcome = runtime().block_on(work(scenario, setup));
+    assert_eq!(PANICS.load(Ordering::SeqCst), before, "a task has panicked");
+    outcome
+}
+
+pub fn runtime() -> tokio::runtime::Runtime {
+    tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap()
+}
+
+/// A controller in memory and who stands beside it.
+pub async fn controller(profile: &str, seed: u64, scenario: &Scenario) -> (VirtualController, Floor) {
+    let builder = VirtualController::builder().profile(Profile::named(profile).unwrap()).seed(seed);
+    let controller = builder.scenario(scenario.clone()).start_in_memory().await.unwrap();
+    let floor = Floor::at(controller.handle());
+    (controller, floor)
+}
+
+pub async fn connect(
+    controller: &ControllerHandle,
+    settings: &RobotSettings,
+    rewrite: Option<Rewrite>,
+) -> (Robot, Tap) {
+    let tap = Tap::default();
+    let begun = Instant::now();
+    let dialler = Dialler { controller: controller.clone(), tap: Arc::clone(&tap), rewrite, begun };
+    (Robot::connect_with(dialler, settings.clone()).await.unwrap(), tap)
+}
+
+/// Somebody else, with a connection of his own, who asks, commands and sends a move now and then; and counts from 1, too.
+async fn another(controller: &ControllerHandle, work: &Work) -> tokio::task::JoinHandle<()> {
+    let (robot, _) = connect(controller, &work.setup.settings, None).await;
+    let notes = Arc::new(Mutex::new(Notes::default()));
+    let work = Work { robot, notes, ..work.clone() };
+    tokio::spawn(async move {
+        tokio::join!(work.clone().ask(), work.interfere());
+    })
+}
+
+fn tasks() -> usize {
+    tokio::runtime::Handle::current().metrics().num_alive_tasks()
+}
+
+async fn work(scenario: &Scenario, setup: &Setup) -> Outcome {
+    let begun = Instant::now();
+    let (controller, floor) = controller(setup.profile, setup.seed, scenario).await;
+    let handle = controller.handle().clone();
+    tokio::task::yield_now().await;
+    let idle = tasks();
+    let (robot, tap) = connect(&handle, &setup.settings, setup.rewrite).await;
+    let first = RegisterIndex::new(FIRST).unwrap();
+    let values = (FIRST..FIRST + REGISTERS).map(value_of).collect();
+    robot.command(Command::RewriteDataList { first, savable: false, values }).await.unwrap();
+
+    let notes = Arc::new(Mutex::new(Notes::default()));
+    let over = Arc::new(AtomicBool::new(false));
+    let common = Work {
+        robot: robot.clone(),
+        floor: floor.clone(),
+        notes: Arc::clone(&notes),
+        over: Arc::clone(&over),
+        begun,
+        setup: setup.clone(),
+    };
+    let watching = tokio::spawn(common.clone().watch());
+    let asking = tokio::spawn(common.clone().ask());
+    let commanding = tokio::spawn(common.clone().command());
+    let moving = tokio::spawn(common.clone().move_and_stop());
+    let other = if setup.another { Some(another(&handle, &common).await) } else { None };
+    // Tasks of the handle, of the motion, and of each connection: none of them grows with what goes wrong.
+    let most = idle + 40;
+    let end = begun + setup.over;
+    while Instant::now() < end {
+        sleep_until(end.min(Instant::now() + ms(250))).await;
+        assert!(tasks() < most, "{} tasks, {idle} at rest", tasks());
+    }
+    let recovered = timeout(LONGEST_CALL, common.first_answer_since(end)).await;
+    let recovered = recovered.expect("the subscription does not come back");
+    make_ready(&handle);
+    floor.release();
+    sleep(AFTERWARDS).await;
+    over.store(true, Ordering::SeqCst);
+    let finished = timeout(LONGEST_CALL * 2, async {
+        watching.await.unwrap();
+        asking.await.unwrap();
+        commanding.await.unwrap();
+        moving.await.unwrap();
+        if let Some(other) = other {
+            other.await.unwrap();
+        }
+    });
+    finished.await.expect("a task hangs");
+    common.assert_all_is_well().await;
+    let quality = robot.link_quality();
+    let learned = robot.learned();
+    let machine_name = robot.identity().and_then(|identity| identity.machine_name);
+    drop(common);
+    timeout(LONGEST_CALL, robot.close()).await.expect("closing hangs");
+    // A connection that has gone deaf does not notice the end; all others are gone.
+    sleep(Duration::from_secs(3)).await;
+    let deaf = handle.snapshot().connections;
+    assert!(tasks() <= idle + deaf, "{} tasks are left, {idle} at rest", tasks());
+
+    let line = tap.lock().unwrap().clone();
+    let notes = std::mem::take(&mut *notes.lock().unwrap());
+    let seen = std::mem::take(&mut *floor.seen());
+    assert_eq!(seen.broken_promises, Vec::<String>::new());
+    seen.assert_nothing_twice(|target| notes.targets.contains(&target));
+    notes.assert_consistent(&line, &seen.done, setup.executes);
+    Outcome { line, quality, notes, log: seen.log, recovered, profile: setup.profile, learned, machine_name }
+}
+
+/// A person sees to the machine where it needs one.
+fn make_ready(controller: &ControllerHandle) {
+    let seen = controller.snapshot();
+    if seen.alarm == 0 && !seen.emergency_stop && seen.program == "remote" {
+        return;
+    }
+    let actions = [
+        PanelAction::ReleaseEmergencyStop,
+        PanelAction::TurnKey(Key::Auto),
+        PanelAction::ClearAlarm,
+        PanelAction::SwitchProgram("remote".to_owned()),
+        PanelAction::Press(Button::Start),
+    ];
+    // What is not needed is refused.
+    actions.iter().for_each(|action| drop(controller.operate(action)));
+}
+
+/// The controller's time, which begins with the test.
+pub fn controller_time(begun: Instant, at: Instant) -> ControllerTime {
+    ControllerTime::ORIGIN + at.saturating_duration_since(begun)
+}
+
+/// Waits for a call of the client, but not longer than any may take.
+pub async fn bounded<T>(what: &str, call: impl Future<Output = T>) -> T {
+    let begun = Instant::now();
+    match timeout(LONGEST_CALL, call).await {
+        Ok(done) => done,
+        Err(_) => panic!("{what} hangs since {begun:?}"),
+    }
+}

@@ -1,0 +1,213 @@
+//! Following a moving target: never more than is safe, never twice, and never towards what is old.
+
+use std::time::Duration;
+
+use r6_client::units::{AxisPosition, Degrees, Percent};
+use r6_client::{
+    Cause, Envelope, FollowOptions, Followed, MotionError, OutcomeUnknown, Robot, RobotSettings, RunOptions,
+};
+use r6_controller::{Profile, Scenario, StartState};
+use r6_sim::{Builder, VirtualController};
+use tokio::sync::watch;
+use tokio::time::{sleep, timeout};
+
+/// Whatever has not happened after this long never will. The clock of these tests jumps to what is next.
+const PATIENCE: Duration = Duration::from_secs(600);
+
+const TICK: Duration = Duration::from_millis(50);
+
+async fn cell(builder: Builder) -> (VirtualController, Robot) {
+    let controller = builder.start().await.unwrap();
+    let address = controller.address().to_string();
+    let robot = Robot::connect(&address, RobotSettings::default()).await.unwrap();
+    (controller, robot)
+}
+
+fn j1(degrees: f64) -> AxisPosition {
+    AxisPosition::degrees([degrees])
+}
+
+/// Follows what the source sends until it ends.
+async fn follow(
+    robot: &Robot,
+    options: FollowOptions,
+    source: impl AsyncFnOnce(watch::Sender<AxisPosition>),
+) -> Result<Followed, MotionError> {
+    let (target, targets) = watch::channel(AxisPosition::none());
+    let following = robot.follow(targets, options);
+    timeout(PATIENCE, async { tokio::join!(following, source(target)).0 }).await.expect("it never ends")
+}
+
+/// The same target, 20 times a second, for so long.
+async fn hold(target: &watch::Sender<AxisPosition>, at: AxisPosition, time: Duration) {
+    for _ in 0..time.as_millis() / TICK.as_millis() {
+        target.send_replace(at);
+        sleep(TICK).await;
+    }
+}
+
+fn lists(log: &mut tokio::sync::broadcast::Receiver<r6_controller::LogLine>) -> usize {
+    let mut count = 0;
+    while let Ok(line) = log.try_recv() {
+        count += usize::from(line.text.starts_with("AddRCC"));
+    }
+    count
+}
+
+#[tokio::test(start_paused = true)]
+async fn the_newest_target_wins_and_those_in_between_are_skipped() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    let mut log = controller.handle().log();
+    let followed = follow(&robot, FollowOptions::default(), async |target| {
+        for n in 0..40 {
+            // There and back: where it was in between is nowhere to go any more.
+            target.send_replace(j1(if n % 2 == 0 { 60.0 } else { -60.0 }));
+        }
+        hold(&target, j1(5.0), Duration::from_secs(3)).await;
+    })
+    .await
+    .unwrap();
+    assert_eq!((followed.steps, followed.axes[0]), (1, Some(5.0)));
+    assert_eq!(lists(&mut log), 1);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_target_that_is_no_longer_sent_is_not_gone_to() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    let followed = follow(&robot, FollowOptions::default(), async |target| {
+        target.send_replace(j1(100.0));
+        // The source hangs, and has not ended.
+        sleep(Duration::from_secs(60)).await;
+        drop(target);
+    })
+    .await
+    .unwrap();
+    let at = controller.handle().snapshot().axes[0];
+    assert!(at > 5.0 && at < 31.0, "half a second, and the step that was begun: {at}");
+    assert_eq!(followed.behind, Degrees(100.0 - at));
+}
+
+#[tokio::test(start_paused = true)]
+async fn nothing_more_is_sent_once_the_source_has_ended() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    let mut log = controller.handle().log();
+    let followed = follow(&robot, FollowOptions::default(), async |target| {
+        hold(&target, j1(90.0), Duration::from_millis(150)).await;
+    })
+    .await
+    .unwrap();
+    assert_eq!(followed.steps, 1);
+    assert_eq!(controller.handle().snapshot().axes[0], 10.0, "one step of 10 deg");
+    assert_eq!(lists(&mut log), 1);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_of_any_handle_ends_it() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    let other = robot.clone();
+    let error = follow(&robot, FollowOptions::default(), async |target| {
+        hold(&target, j1(150.0), Duration::from_secs(1)).await;
+        assert!(other.stop().await.unwrap().confirmed);
+        hold(&target, j1(150.0), Duration::from_secs(1)).await;
+    })
+    .await
+    .unwrap_err();
+    assert_eq!(error.cause, Cause::StoppedHere);
+    let now = controller.handle().snapshot();
+    assert!(!now.moving && now.list_length == 0 && now.axes[0] < 60.0, "{now:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_step_whose_outcome_is_unknown_is_not_sent_again_and_the_arm_is_stopped() {
+    let fault = "[[fault]]\nfault = \"not-acknowledged\"\nfrom = 0\nfor = 1";
+    let builder = VirtualController::builder().scenario(Scenario::read(fault).unwrap());
+    let (controller, robot) = cell(builder).await;
+    let mut log = controller.handle().log();
+    let error = follow(&robot, FollowOptions::default(), async |target| {
+        hold(&target, j1(150.0), Duration::from_secs(10)).await;
+    })
+    .await
+    .unwrap_err();
+    assert!(matches!(error.cause, Cause::OutcomeUnknown(OutcomeUnknown::TimedOut { .. })), "{error}");
+    assert_eq!((error.progress.left, error.progress.accepted), (1, 0));
+    assert!(error.stop.as_ref().unwrap().is_ok(), "{error}");
+    // The second list of the log clears what is left, if anything is.
+    assert!((1..=2).contains(&lists(&mut log)));
+    assert_eq!(controller.handle().snapshot().axes[0], 10.0);
+}
+
+#[tokio::test(start_paused = true)]
+async fn the_guard_holds_every_step() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    let guarded = robot.with_guard(
+        Envelope::new()
+            .axis_limits(r6_client::AxisIndex::ALL[0], Degrees(-25.0), Degrees(25.0))
+            .largest_axis_step(Degrees(10.0)),
+    );
+    let error = follow(&guarded, FollowOptions::default(), async |target| {
+        hold(&target, j1(90.0), Duration::from_secs(10)).await;
+    })
+    .await
+    .unwrap_err();
+    assert!(matches!(error.cause, Cause::OutsideEnvelope(_)), "{error}");
+    assert_eq!(controller.handle().snapshot().axes[0], 20.0, "two steps, and not the third");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_machine_that_is_not_ready_gets_no_step_and_two_do_not_follow() {
+    let (controller, robot) = cell(VirtualController::builder().stands(StartState::Stopped)).await;
+    let mut log = controller.handle().log();
+    let never = async |_: watch::Sender<AxisPosition>| {};
+    let error = follow(&robot, FollowOptions::default(), never).await.unwrap_err();
+    assert!(matches!(error.cause, Cause::NotReady(_)) && error.nothing_left(), "{error}");
+    assert_eq!(lists(&mut log), 0);
+
+    let (_controller, robot) = cell(VirtualController::builder()).await;
+    let (target, targets) = watch::channel(AxisPosition::none());
+    let first = tokio::spawn({
+        let robot = robot.clone();
+        async move { robot.follow(targets, FollowOptions::default()).await }
+    });
+    sleep(Duration::from_secs(1)).await;
+    let error = follow(&robot, FollowOptions::default(), never).await.unwrap_err();
+    assert_eq!(error.cause, Cause::AnotherRuns);
+    let motion = r6_client::Motion::new().axis_move(j1(1.0), Percent::MAX);
+    assert_eq!(robot.run(&motion, RunOptions::default()).await.unwrap_err().cause, Cause::AnotherRuns);
+    drop(target);
+    assert_eq!(first.await.unwrap().unwrap().steps, 0);
+}
+
+#[tokio::test(start_paused = true)]
+async fn firmware_without_the_length_of_its_list_is_fed_only_at_rest() {
+    let profile = Profile::named("legacy").unwrap();
+    let (controller, robot) = cell(VirtualController::builder().profile(profile)).await;
+    let options = FollowOptions { while_moving: true, ..FollowOptions::default() };
+    let handle = controller.handle().clone();
+    let mut longest = 0;
+    let followed = follow(&robot, options, async |target| {
+        for _ in 0..200 {
+            target.send_replace(j1(60.0));
+            sleep(TICK).await;
+            longest = longest.max(handle.snapshot().list_length);
+        }
+    })
+    .await
+    .unwrap();
+    assert_eq!((followed.axes[0], longest), (Some(60.0), 1));
+}
+
+#[tokio::test(start_paused = true)]
+async fn an_alarm_ends_it() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    // J6 of this arm ends at 340 degrees.
+    let to = AxisPosition::none().with(r6_client::AxisIndex::ALL[5], Degrees(400.0));
+    let options =
+        FollowOptions { speed: Percent::MAX, largest_step: Degrees(60.0), ..FollowOptions::default() };
+    let error = follow(&robot, options, async |target| {
+        hold(&target, to, Duration::from_secs(60)).await;
+    })
+    .await
+    .unwrap_err();
+    assert_eq!(error.cause, Cause::AlarmRaised { code: 135 });
+    assert!(!controller.handle().snapshot().moving);
+}

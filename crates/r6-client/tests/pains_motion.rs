@@ -1,0 +1,202 @@
+//! The pains of people who move these arms, each by its number in docs/PAINS.md, and what answers it: tried on a virtual controller.
+
+use std::time::Duration;
+
+use r6_client::units::{AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Percent, Pose};
+use r6_client::{
+    Address, AxisIndex, Cause, Command, Heartbeat, Motion, Robot, RobotSettings, RunOptions, Unmet,
+};
+use r6_controller::{PanelAction, Profile, Scenario, StartState};
+use r6_sim::{Builder, VirtualController};
+use tokio::time::{sleep, timeout};
+
+/// Whatever has not happened after this long never will. The clock of these tests jumps to what is next.
+const PATIENCE: Duration = Duration::from_secs(600);
+
+async fn cell(builder: Builder) -> (VirtualController, Robot) {
+    cell_with(builder, RobotSettings::default()).await
+}
+
+async fn cell_with(builder: Builder, settings: RobotSettings) -> (VirtualController, Robot) {
+    let controller = builder.start().await.unwrap();
+    let robot = Robot::connect(&controller.address().to_string(), settings).await.unwrap();
+    (controller, robot)
+}
+
+fn profile(text: &str) -> Builder {
+    VirtualController::builder().profile(Profile::from_toml(text).unwrap())
+}
+
+fn percent(percent: f64) -> Percent {
+    Percent::new(percent).unwrap()
+}
+
+fn to(axes: [f64; 6]) -> Motion {
+    Motion::new().axis_move(AxisPosition::degrees(axes), percent(20.0))
+}
+
+async fn cause(robot: &Robot, motion: &Motion) -> Cause {
+    match robot.run(motion, RunOptions::default()).await {
+        Err(error) => error.cause,
+        Ok(handle) => timeout(PATIENCE, handle.finished()).await.unwrap().unwrap_err().cause,
+    }
+}
+
+async fn moves(robot: &Robot, motion: &Motion) {
+    let handle = robot.run(motion, RunOptions::default()).await.unwrap();
+    timeout(PATIENCE, handle.finished()).await.unwrap().unwrap();
+}
+
+#[tokio::test(start_paused = true)]
+async fn pain_01_it_does_not_move_and_says_why() {
+    let there = to([10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    for start in [StartState::Manual, StartState::Auto, StartState::Stopped] {
+        let (controller, robot) = cell(VirtualController::builder().stands(start)).await;
+        let refused = cause(&robot, &there).await;
+        assert!(matches!(&refused, Cause::NotReady(unmet) if matches!(unmet[..], [Unmet::Mode { .. }])));
+        assert!(refused.to_string().contains("on the pendant switch to Auto, turn Cycle on and press Start"));
+        // The simulator refuses the same list, in its own words.
+        let mut log = controller.handle().log();
+        robot.add_rcc(true, there.instructions().unwrap().to_vec()).await.unwrap_err();
+        let line = log.try_recv().unwrap().text;
+        assert!(line.starts_with("AddRCC refused: "), "{line}");
+    }
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    controller.handle().operate(&PanelAction::RaiseAlarm(5001)).unwrap();
+    let Cause::NotReady(unmet) = cause(&robot, &there).await else { panic!() };
+    assert!(unmet.contains(&Unmet::Alarm { code: 5001 }), "{unmet:?}");
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    robot.add_rcc(true, there.instructions().unwrap().to_vec()).await.unwrap();
+    let Cause::NotReady(unmet) = cause(&robot, &there).await else { panic!() };
+    assert!(
+        unmet.contains(&Unmet::Moving) && unmet.contains(&Unmet::LeftoverList { length: 1 }),
+        "{unmet:?}"
+    );
+    drop(controller);
+}
+
+#[tokio::test(start_paused = true)]
+async fn pain_04_ok_is_no_proof_and_state_is() {
+    // Ok, and not executed.
+    let scenario = Scenario::read("[[fault]]\nfault = \"not-executed\"\nfrom = 0\nfor = 600").unwrap();
+    let (controller, robot) = cell(VirtualController::builder().scenario(scenario)).await;
+    let instructions = to([10.0; 6]).instructions().unwrap().to_vec();
+    robot.add_rcc(true, instructions).await.expect("the controller says ok");
+    let found = cause(&robot, &to([10.0; 6])).await;
+    assert!(matches!(found, Cause::Elsewhere(missed) if missed.found == Some(0.0)), "{found}");
+    assert_eq!(controller.handle().snapshot().axes[0], 0.0);
+    // Three dialects of yes and no mean the same to a caller: ["ok"], [word, "ok"], cmdEcho.
+    for name in ["hc1", "r6-pendant", "legacy"] {
+        let (_controller, robot) = cell(profile(&format!("base = \"{name}\""))).await;
+        robot.command(Command::ModifyGspd { percent: 50.0 }).await.unwrap();
+        let refused = robot.command(Command::SwitchMold { mold: "no such".into() }).await.unwrap_err();
+        assert!(refused.to_string().contains("refused switchMold"), "{name}: {refused}");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn pain_05_a_stop_is_seen_and_nothing_is_left_to_start_again() {
+    for firmware in ["base = \"hc1\"", "action_stop_mode = \"stop\"\naction_stop_alarm = 42"] {
+        let (controller, robot) = cell(profile(firmware)).await;
+        let list = to([150.0, 0.0, 0.0, 0.0, 0.0, 0.0]).axis_move(AxisPosition::degrees([0.0]), percent(5.0));
+        let handle = robot.run(&list, RunOptions::default()).await.unwrap();
+        sleep(Duration::from_secs(1)).await;
+        let report = handle.stop().await.unwrap();
+        assert!(report.confirmed && report.moving == Some(false), "{report}");
+        assert_eq!(report.list_length, Some(0));
+        // Armed again by hand, as after any stop: the rest of the list does not run.
+        let stopped_at = controller.handle().snapshot().axes;
+        assert!(stopped_at[0] > 1.0 && stopped_at[0] < 149.0);
+        let handle = controller.handle();
+        handle.operate(&PanelAction::ClearAlarm).ok();
+        handle.operate(&PanelAction::TurnKey(r6_controller::Key::Auto)).ok();
+        robot.command(Command::StartButton).await.unwrap();
+        assert!(robot.status().await.unwrap().is_ready(), "{firmware}: {:?}", robot.status().await);
+        sleep(Duration::from_secs(60)).await;
+        assert_eq!(handle.snapshot().axes, stopped_at, "{firmware}");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn pain_07_a_long_path_is_cut_into_lists_that_are_answered() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    let mut log = controller.handle().log();
+    let path = (1..=60).fold(Motion::new(), |path, n| {
+        path.axis_move(AxisPosition::degrees([f64::from(n) / 4.0; 6]), percent(30.0)).blend(5)
+    });
+    // In one list it would get no reply, or a reset; it does not leave.
+    let one = path.instructions().unwrap().to_vec();
+    assert!(robot.add_rcc(true, one).await.unwrap_err().to_string().contains("nothing was sent"));
+    moves(&robot, &path).await;
+    assert_eq!(controller.handle().snapshot().axes[..6], [15.0; 6]);
+    let mut taken = Vec::new();
+    while let Ok(line) = log.try_recv() {
+        if let Some(list) = line.text.strip_prefix("AddRCC: ") {
+            taken.push(list.split(' ').next().unwrap().parse::<usize>().unwrap());
+        }
+    }
+    assert_eq!(taken.iter().sum::<usize>(), 60, "each once");
+    assert!(taken.iter().all(|list| *list <= 8), "{taken:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn pain_08_a_speed_has_its_unit_and_its_scale() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    // 5 percent is "50" on the wire: the caller never sees that.
+    robot.command(Command::ModifyGspd { percent: 5.0 }).await.unwrap();
+    assert_eq!(controller.handle().snapshot().global_speed_percent, 5.0);
+    let place = [400.0, 0.0, 400.0].map(Millimetres);
+    let motion = Motion::new()
+        .path_speed(MillimetresPerSecond::new(250).unwrap())
+        .linear_move_at_path_speed(Pose::position(place))
+        .axis_move(AxisPosition::degrees([0.0]), percent(12.5));
+    let frames = robot.dry_run(&motion, RunOptions::default()).unwrap();
+    let frame = String::from_utf8(frames.concat()).unwrap();
+    assert!(frame.contains("\"action\":\"51\"") && frame.contains("\"speed\":\"250\""), "{frame}");
+    assert!(frame.contains("\"speed\":\"12.5"), "{frame}");
+    // A fraction of a mm/s raises alarm 219 on a real arm; here it cannot be written down, and 0 cannot either.
+    assert!(MillimetresPerSecond::new(0).is_err() && Percent::new(120.0).is_err());
+}
+
+#[tokio::test(start_paused = true)]
+async fn pain_10_an_angle_is_told_as_the_near_one() {
+    let (controller, robot) = cell(profile("turning = \"as-told\"")).await;
+    moves(&robot, &to([0.0, 10.0, -20.0, 0.0, -80.0, 0.0])).await;
+    let before = controller.handle().snapshot();
+    let [x, y, z, u, v, w] = before.world;
+    let place = [x, y, z + 5.0].map(Millimetres);
+    // The same orientation, told a full turn away.
+    let far = Pose::new(place, [Degrees(u), Degrees(v), Degrees(w + 360.0)]);
+    let present = [u, v, w].map(Degrees);
+    let near = far.nearest_to(present);
+    assert!((near.turn().unwrap()[2] - Degrees(w)).abs() < Degrees(1e-9));
+    moves(&robot, &Motion::new().linear_move(near, percent(5.0))).await;
+    let after = controller.handle().snapshot();
+    let most = before.axes.iter().zip(after.axes).map(|(from, to)| (from - to).abs()).fold(0.0, f64::max);
+    assert!(most < 5.0, "the wrist did not turn: {most}");
+    // As it was told at first, the wrist of this firmware wants to go all the way round, which J6 cannot.
+    let alarm = cause(&robot, &Motion::new().linear_move(far, percent(5.0))).await;
+    assert!(matches!(alarm, Cause::AlarmRaised { .. }), "{alarm}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn pain_14_no_watchdog_is_armed_unless_it_is_fed() {
+    let minute = Duration::from_secs(60);
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    robot.status().await.unwrap();
+    sleep(minute).await;
+    assert_eq!(controller.handle().snapshot().alarm, 0, "off: nothing was armed");
+
+    let every = Duration::from_secs(2);
+    let settings = RobotSettings { heartbeat: Heartbeat::Managed { every }, ..RobotSettings::default() };
+    let (controller, robot) = cell_with(VirtualController::builder(), settings).await;
+    sleep(minute).await;
+    assert_eq!(controller.handle().snapshot().alarm, 0, "managed: it is fed");
+    let read = robot.query(&[Address::Axis(AxisIndex::ALL[0])]).await.unwrap();
+    assert_eq!(read.rows().len(), 1);
+    robot.close().await;
+    sleep(Duration::from_secs(9)).await;
+    assert_eq!(controller.handle().snapshot().alarm, 0);
+    sleep(Duration::from_secs(4)).await;
+    assert_eq!(controller.handle().snapshot().alarm, 9, "whoever armed it and left is noticed");
+}

@@ -1,0 +1,35 @@
+"""Moves two robots at the same time, and goes on when both have arrived.
+
+python two_robots.py [HOST:PORT HOST:PORT]
+"""
+
+import asyncio
+
+from _address import addresses
+
+import r6
+
+
+async def swing(robot: r6.AsyncRobot, angle: float) -> r6.Done:
+    """There and back; the arm is stopped if the other robot fails."""
+    speed = r6.Percent(30)
+    motion = (
+        r6.Motion()
+        .axis_move(r6.AxisPosition.degrees([angle, 0, 0, 0, 30, 0]), speed)
+        .axis_move(r6.AxisPosition.degrees([0, 0, 0, 0, 30, 0]), speed)
+    )
+    async with await robot.run(motion) as moving:
+        return await moving.finished()
+
+
+async def main(left_address: str, right_address: str) -> None:
+    """Both at once."""
+    async with await r6.AsyncRobot.connect(left_address) as left:
+        async with await r6.AsyncRobot.connect(right_address) as right:
+            ends = await asyncio.gather(swing(left, 20), swing(right, -20))
+            for robot, end in zip((left, right), ends, strict=True):
+                print(f"{robot.address} stands at {end.axes.round(3)} after {end.took:.2f} s")
+
+
+with addresses(2) as (left, right):
+    asyncio.run(main(left, right))

@@ -1,0 +1,342 @@
+"""A robot, from asyncio: the same names as in ``Robot``, which documents them."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from ._asyncio import run
+from ._r6 import (
+    Command,
+    Envelope,
+    Motion,
+    MotionCore,
+    Percent,
+    Progress,
+    PushedCore,
+    RobotCore,
+    RobotSettings,
+    RunOptions,
+    SubscriptionCore,
+)
+from ._robot import counter, points, whole
+from ._types import (
+    Accepted,
+    Counter,
+    Done,
+    Event,
+    Identity,
+    Integers,
+    LinkQuality,
+    Photo,
+    Point,
+    QueryResult,
+    Snapshot,
+    Status,
+    StepState,
+    StopReport,
+)
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class AsyncRobot:
+    """A handle on one controller, over one connection: ``Robot`` for asyncio.
+
+    Many tasks, and many event loops, may use one handle. Cancelling a call takes its request back if it has not left
+    yet, except for a stop. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
+    ``identity``, ``accept_identity``, ``with_guard``.
+
+    >>> async with await AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
+    ...     print((await robot.status()).axes)
+    """
+
+    def __init__(self, core: RobotCore) -> None:
+        """Use ``AsyncRobot.connect``."""
+        self._core = core
+
+    @classmethod
+    async def connect(cls, address: str, settings: RobotSettings | None = None) -> Self:
+        """As ``Robot.connect``."""
+        return cls(await run(RobotCore.connect(address, settings)))
+
+    @property
+    def address(self) -> str:
+        """Host and port of the controller."""
+        return self._core.address
+
+    async def close(self) -> None:
+        """As ``Robot.close``."""
+        await run(self._core.close())
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    async def query(self, *addresses: str) -> QueryResult:
+        """As ``Robot.query``."""
+        return await run(self._core.query(*addresses))
+
+    async def status(self) -> Status:
+        """As ``Robot.status``."""
+        return await run(self._core.status())
+
+    async def firmware(self) -> str | None:
+        """As ``Robot.firmware``."""
+        return await run(self._core.firmware())
+
+    async def command(self, command: Command) -> Accepted:
+        """As ``Robot.command``."""
+        return await run(self._core.command(command))
+
+    async def pause(self) -> Accepted:
+        """As ``Robot.pause``."""
+        return await self.command(Command.action_pause())
+
+    async def clear_alarm(self) -> Accepted:
+        """As ``Robot.clear_alarm``."""
+        return await self.command(Command.clear_alarm())
+
+    async def set_global_speed(self, speed: Percent) -> Accepted:
+        """As ``Robot.set_global_speed``."""
+        return await self.command(Command.modify_gspd(speed))
+
+    async def set_output(self, board: int, point: int, on: bool) -> Accepted:
+        """As ``Robot.set_output``."""
+        return await self.command(Command.modify_output(board, point, on))
+
+    async def inputs(self, board: int = 0) -> npt.NDArray[np.bool_]:
+        """As ``Robot.inputs``: shape (32,)."""
+        return points((await self.query(f"input-{board}")).integer(f"input-{board}"))
+
+    async def outputs(self, board: int = 0) -> npt.NDArray[np.bool_]:
+        """As ``Robot.outputs``: shape (32,)."""
+        return points((await self.query(f"output-{board}")).integer(f"output-{board}"))
+
+    async def counter(self, id: int) -> Counter:
+        """As ``Robot.counter``."""
+        return counter(await self.query(f"counter-{id}"), id)
+
+    async def set_counter(
+        self, id: int, *, current: int | None = None, target: int | None = None
+    ) -> Accepted:
+        """As ``Robot.set_counter``."""
+        return await self.command(Command.modify_counter(id, current=current, target=target))
+
+    async def read_registers(self, first: int, count: int = 1) -> Integers:
+        """As ``Robot.read_registers``: int64, shape (count,)."""
+        return await run(self._core.read_registers(first, count))
+
+    async def write_registers(
+        self, first: int, values: Sequence[int] | Integers, *, savable: bool = False, verify: bool = True
+    ) -> Accepted:
+        """As ``Robot.write_registers``."""
+        return await run(self._core.write_registers(first, whole(values), savable=savable, verify=verify))
+
+    async def run(self, motion: Motion, options: RunOptions | None = None) -> AsyncMotionHandle:
+        """As ``Robot.run``."""
+        return AsyncMotionHandle(await run(self._core.run(motion, options)))
+
+    def dry_run(self, motion: Motion, options: RunOptions | None = None) -> list[bytes]:
+        """As ``Robot.dry_run``."""
+        return self._core.dry_run(motion, options)
+
+    async def add_rcc(self, motion: Motion, *, replace: bool) -> Accepted:
+        """As ``Robot.add_rcc``."""
+        return await run(self._core.add_rcc(motion, replace))
+
+    async def wait_until_done(self, *, timeout: float = 60.0) -> Done:
+        """As ``Robot.wait_until_done``."""
+        return await run(self._core.wait_until_done(timeout))
+
+    async def stop(self) -> StopReport:
+        """As ``Robot.stop``. Cancelling it ends the watching; the first stop is sent all the same."""
+        return await run(self._core.stop())
+
+    async def clear_list(self) -> Accepted:
+        """As ``Robot.clear_list``."""
+        return await run(self._core.clear_list())
+
+    def subscribe(self, *addresses: str, every: float) -> AsyncSubscription:
+        """As ``Robot.subscribe``."""
+        return AsyncSubscription(self._core.subscribe(addresses, every))
+
+    def pushed(self) -> AsyncPushedEvents:
+        """As ``Robot.pushed``."""
+        return AsyncPushedEvents(self._core.pushed())
+
+    async def answer_photo(self, photo: Photo, *, taken: bool = True) -> None:
+        """As ``Robot.answer_photo``."""
+        await run(self._core.answer_photo(photo.cam_id, taken))
+
+    async def add_points(self, cam_id: int, points: Sequence[Point]) -> Accepted:
+        """As ``Robot.add_points``."""
+        return await run(self._core.add_points(cam_id, points))
+
+    def link_quality(self) -> LinkQuality:
+        """As ``Robot.link_quality``."""
+        return self._core.link_quality()
+
+    def identity(self) -> Identity | None:
+        """As ``Robot.identity``."""
+        return self._core.identity()
+
+    def accept_identity(self, found: Identity) -> None:
+        """As ``Robot.accept_identity``."""
+        self._core.accept_identity(found)
+
+    def with_guard(self, envelope: Envelope) -> Self:
+        """As ``Robot.with_guard``."""
+        return type(self)(self._core.with_guard(envelope))
+
+    def __repr__(self) -> str:
+        return f"<AsyncRobot at {self.address}>"
+
+
+class AsyncMotionHandle:
+    """A motion that runs: ``MotionHandle`` for asyncio.
+
+    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, and waits
+    for the end of the motion otherwise.
+    """
+
+    def __init__(self, core: MotionCore) -> None:
+        """Use ``AsyncRobot.run``."""
+        self._core = core
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is now."""
+        return self._core.progress()
+
+    async def __aiter__(self) -> AsyncIterator[Progress]:
+        """As iterating over ``MotionHandle``."""
+        while (progress := await run(self._core.next_progress())) is not None:
+            yield progress
+
+    def step(self, number: int) -> AsyncStep:
+        """As ``MotionHandle.step``."""
+        self._core.step_state(number)
+        return AsyncStep(self._core, number)
+
+    async def finished(self) -> Done:
+        """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""
+        return await run(self._core.finished())
+
+    async def stop(self) -> StopReport:
+        """As ``MotionHandle.stop``."""
+        return await run(self._core.stop())
+
+    def release(self) -> None:
+        """As ``MotionHandle.release``."""
+        self._core.release()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            await self.finished()
+        elif not self.progress.ended:
+            await self.stop()
+
+    def __repr__(self) -> str:
+        return f"<AsyncMotionHandle {self.progress!r}>"
+
+
+class AsyncStep:
+    """One step of a motion that runs: ``Step`` for asyncio."""
+
+    def __init__(self, core: MotionCore, number: int) -> None:
+        """Use ``AsyncMotionHandle.step``."""
+        self._core = core
+        self.number = number
+
+    @property
+    def state(self) -> StepState:
+        """What has become of it."""
+        return self._core.step_state(self.number)
+
+    async def started(self) -> bool:
+        """As ``Step.started``."""
+        return await run(self._core.step_started(self.number))
+
+    async def done(self) -> bool:
+        """As ``Step.done``."""
+        return await run(self._core.step_done(self.number))
+
+    def __repr__(self) -> str:
+        return f"<AsyncStep {self.number}: {self.state}>"
+
+
+class AsyncSubscription:
+    """Values that are read again and again: ``Subscription`` for asyncio; use ``async for``."""
+
+    def __init__(self, core: SubscriptionCore) -> None:
+        """Use ``AsyncRobot.subscribe``."""
+        self._core = core
+
+    async def latest(self) -> Snapshot:
+        """As ``Subscription.latest``."""
+        snapshot = await run(self._core.latest())
+        if snapshot is None:
+            raise RuntimeError("the subscription is closed")
+        return snapshot
+
+    async def next(self, *, timeout: float | None = None) -> Snapshot | None:
+        """As ``Subscription.next``. Cancelling it loses nothing."""
+        return await run(self._core.next(timeout))
+
+    async def __aiter__(self) -> AsyncIterator[Snapshot]:
+        """As iterating over ``Subscription``."""
+        while (snapshot := await self.next()) is not None:
+            yield snapshot
+
+    def close(self) -> None:
+        """Ends it."""
+        self._core.close()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class AsyncPushedEvents:
+    """What happens on a connection without being asked for: ``PushedEvents`` for asyncio; use ``async for``."""
+
+    def __init__(self, core: PushedCore) -> None:
+        """Use ``AsyncRobot.pushed``."""
+        self._core = core
+
+    async def next(self, *, timeout: float | None = None) -> Event | None:
+        """As ``PushedEvents.next``."""
+        return await run(self._core.next(timeout))
+
+    async def __aiter__(self) -> AsyncIterator[Event]:
+        """As iterating over ``PushedEvents``."""
+        while (event := await self.next()) is not None:
+            yield event

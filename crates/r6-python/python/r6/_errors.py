@@ -1,0 +1,189 @@
+"""Exceptions, sorted by what the caller must do next.
+
+::
+
+    R6Error
+    ├── RequestError          a request failed
+    │   ├── NotSent           nothing reached the controller: sending again is safe
+    │   │   └── OutsideEnvelope   the guard refused it
+    │   ├── Refused           the controller understood and said no
+    │   └── OutcomeUnknown    it left and no usable reply came: the controller may have acted
+    ├── MotionError           a motion did not come to its end
+    │   └── NotReady          the machine is not ready; nothing was sent
+    ├── WaitError             waiting for the end of a motion ended without it
+    ├── StepError             a step of a motion is wrong (also a ValueError)
+    ├── NotTaken              a register that was written has another value
+    ├── NoReading             an address has no value (also a LookupError)
+    ├── UnknownAddress        there is no such address (also a ValueError)
+    ├── OutOfRange            a unit does not allow the number (also a ValueError)
+    ├── NotSubscribed         there is no subscription (also a ValueError)
+    ├── SimulatorError        a virtual controller could not be started
+    └── PanelRefused          a person at the virtual machine could not do that
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from ._r6 import Progress
+    from ._types import Identity, StopReport, Unmet
+
+
+class R6Error(Exception):
+    """The root of all errors of this package. The text says what was wrong, where, and what to do."""
+
+
+class RequestError(R6Error):
+    """A request failed. Its class says what may be done next."""
+
+    may_send_again: bool = False
+    """Whether the same request may be sent again without knowing more: nothing left, or it can do no harm twice (a
+    query, a stop). A motion whose outcome is unknown may not."""
+    reason: str | None = None
+    """A word for programs (``"unreachable"``, ``"timed_out"``, …); of ``Refused`` the controller's reason."""
+
+
+class NotSent(RequestError):
+    """Nothing reached the controller: sending again is safe.
+
+    ``reason`` is one of ``bad_address``, ``unreachable``, ``connect_timed_out``, ``disconnected``, ``state_not_read``,
+    ``another_robot``, ``unidentified``, ``busy``, ``wire``, ``closed``, ``no_engine``, ``outside_envelope``.
+    """
+
+    expected: Identity | None = None
+    """Which robot was meant, where the reason is ``another_robot``."""
+    found: Identity | None = None
+    """Which robot answers there now; hand it to ``accept_identity`` if it is the right one."""
+
+
+class OutsideEnvelope(NotSent):
+    """A step goes beyond the envelope of the guard. Nothing of its list was sent."""
+
+    step: int = 0
+    """The step, counted from 1."""
+    what: str = ""
+    """What goes beyond: ``"speed"``, ``"J3"``, ``"J3 step"``, ``"X"``, ``"distance"``, ``"frame"``, …"""
+    value: float | None = None
+    """Its value: %, mm/s, degrees or mm. ``None`` where it cannot be told, which counts as beyond."""
+    limit: tuple[float, float] = (0.0, 0.0)
+    """The least and the most that is allowed, in the same unit."""
+
+
+class Refused(RequestError):
+    """The controller understood and said no. ``reason`` is what it says, if it says anything."""
+
+
+class OutcomeUnknown(RequestError):
+    """The request left and no usable reply came back: the controller may have acted.
+
+    A motion is never sent again then. ``reason`` is one of ``timed_out``, ``connection_lost``, ``unreadable``,
+    ``unclear``.
+    """
+
+    request: str = ""
+    """The word of the request on the wire: ``"AddRCC"``, ``"query"``, the command's word."""
+    effect: Literal["reads", "changes", "moves", "stops"] = "reads"
+    """What it can do to the machine."""
+
+
+class MotionError(R6Error):
+    """A motion did not come to its end: why, what became of its steps, and what became of the arm.
+
+    Where a request, a step or the guard was the cause, that error is ``__cause__``.
+    """
+
+    cause: str = ""
+    """``step``, ``outside_envelope``, ``not_ready``, ``not_cleared``, ``another_runs``, ``not_sent``, ``refused``,
+    ``outcome_unknown``, ``alarm_raised``, ``stopped``, ``stopped_here``, ``dropped``, ``elsewhere``, ``stalled``,
+    ``unreadable`` or ``abandoned``."""
+    progress: Progress
+    """What became of its steps; ``progress.current`` is the one whose turn it was."""
+    stop: StopReport | RequestError | None = None
+    """What became of the arm, where it was stopped; the error if that failed: then use the emergency stop."""
+    nothing_left: bool = False
+    """Whether nothing of the motion has left."""
+    alarm: int | None = None
+    """The alarm, where that is the cause."""
+    mode: int | None = None
+    """The mode the controller is in, where the program does not run any more."""
+
+
+class NotReady(MotionError):
+    """The machine is not ready, and nothing was sent."""
+
+    unmet: tuple[Unmet, ...] = ()
+    """What is not met, in the order in which it is to be dealt with."""
+
+
+class WaitError(R6Error):
+    """Waiting ended without the motion having ended as it should."""
+
+    cause: Literal["alarm_raised", "stopped", "timed_out", "request"] = "request"
+    """Why; the failed request is ``__cause__``."""
+    alarm: int | None = None
+    """The alarm, where that is the cause."""
+    mode: int | None = None
+    """The mode the controller is in, where the program does not run."""
+    list_length: int | None = None
+    """Instructions left in the list when the time was up, where the controller tells."""
+
+
+class StepError(R6Error, ValueError):
+    """A step of a motion is wrong. Nothing of the motion was sent, and nothing of it ever will be."""
+
+    step: int = 0
+    """The step, counted from 1; 0 where the whole motion is meant."""
+    field: str = ""
+    """The field, by its name on the wire."""
+    wanted: str = ""
+    """What it has to be."""
+
+
+class NotTaken(R6Error):
+    """A register was written, the controller said ok, and the register has another value."""
+
+    register: int = 0
+    """The register."""
+    wrote: int = 0
+    """What was written."""
+    found: int | None = None
+    """What it has; ``None`` if it cannot be read."""
+
+
+class NoReading(R6Error, LookupError):
+    """An address has no value: the controller does not support it, or what it sent cannot be one."""
+
+
+class UnknownAddress(R6Error, ValueError):
+    """There is no address of this name; the text names the nearest."""
+
+
+class OutOfRange(R6Error, ValueError):
+    """A number that the unit does not allow."""
+
+    value: float = 0.0
+    """The number."""
+    wanted: str = ""
+    """What it has to be."""
+
+
+class NotSubscribed(R6Error, ValueError):
+    """No address, too many, or a period below 20 ms or above one hour."""
+
+
+class SimulatorError(R6Error):
+    """A virtual controller could not be started; nothing is left running."""
+
+
+class PanelRefused(R6Error):
+    """The virtual machine did not do what a person wanted of it; nothing has changed."""
+
+    code: str = ""
+    """A word that does not change: ``"emergency_stop"``, ``"alarm"``, ``"not_auto"``, …"""
+
+
+# Tracebacks name them as they are imported.
+for _error in [value for value in list(globals().values()) if isinstance(value, type)]:
+    _error.__module__ = "r6"
+del _error

@@ -1,0 +1,423 @@
+"""A robot, from code that is not async: every call waits in the thread that makes it, with the interpreter released."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from ._r6 import (
+    Command,
+    Envelope,
+    Motion,
+    MotionCore,
+    Percent,
+    Progress,
+    PushedCore,
+    RobotCore,
+    RobotSettings,
+    RunOptions,
+    SubscriptionCore,
+)
+from ._types import (
+    Accepted,
+    Counter,
+    Done,
+    Event,
+    Identity,
+    Integers,
+    LinkQuality,
+    Photo,
+    Point,
+    QueryResult,
+    Snapshot,
+    Status,
+    StepState,
+    StopReport,
+)
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class Robot:
+    """A handle on one controller, over one connection.
+
+    Requests of many threads share the connection; each reply goes to whom it belongs, and a stop overtakes what waits.
+    Errors are sorted by what to do next: see ``RequestError``. "ok" means accepted, not done.
+
+    Ctrl-C ends the waiting within 50 ms with ``KeyboardInterrupt`` and sends nothing by itself. When this process ends,
+    however it does, the arm finishes the instructions that are in its list (24 at most by default); with
+    ``RobotSettings(heartbeat=...)`` the controller raises an alarm 10 s after the last heartbeat.
+
+    A stop from here is an ordinary command on a network, and no emergency stop.
+
+    >>> with Robot.connect("192.168.1.10") as robot:        # doctest: +SKIP
+    ...     print(robot.status().axes)
+    """
+
+    def __init__(self, core: RobotCore) -> None:
+        """Use ``Robot.connect``."""
+        self._core = core
+
+    @classmethod
+    def connect(cls, address: str, settings: RobotSettings | None = None) -> Self:
+        """Connects to ``host`` or ``host:port``, port 9760 where none is given. Nothing is sent.
+
+        Errors: ``NotSent`` if the address is none or no connection can be made in time.
+        """
+        return cls(RobotCore.connect(address, settings).wait())
+
+    @property
+    def address(self) -> str:
+        """Host and port of the controller."""
+        return self._core.address
+
+    def close(self) -> None:
+        """Ends the connection, half a second at most. What is in the controller's list runs on. Closing again does
+        nothing."""
+        self._core.close().wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def query(self, *addresses: str) -> QueryResult:
+        """Reads the values of these addresses (``r6.addresses`` lists them): ``robot.query("axis-0", "curMode")``.
+
+        A long list is split. Where a reply has fewer values than were asked for, they are asked for in ever smaller parts,
+        so that no value is ever taken for another's.
+
+        Errors: ``UnknownAddress``; ``RequestError``.
+        """
+        return self._core.query(*addresses).wait()
+
+    def status(self) -> Status:
+        """The state of the machine at a glance, with what keeps it from taking instructions (``unmet``).
+
+        On a connection that was made anew this is also what lets commands through again. Errors: ``RequestError``.
+        """
+        return self._core.status().wait()
+
+    def firmware(self) -> str | None:
+        """The firmware's version, asked for once per connection; ``None`` if it tells none. Errors: ``RequestError``."""
+        return self._core.firmware().wait()
+
+    def command(self, command: Command) -> Accepted:
+        """Sends a command. It is never sent twice by itself. Errors: ``RequestError``."""
+        return self._core.command(command).wait()
+
+    def pause(self) -> Accepted:
+        """Pauses the motion, ahead of all that waits (``actionPause``). Errors: ``RequestError``."""
+        return self.command(Command.action_pause())
+
+    def clear_alarm(self) -> Accepted:
+        """Resets and clears the alarm (``clearAlarm``, firmware 207beta57 and later). Errors: ``RequestError``."""
+        return self.command(Command.clear_alarm())
+
+    def set_global_speed(self, speed: Percent) -> Accepted:
+        """Sets the global speed, which multiplies every move. Errors: ``RequestError``."""
+        return self.command(Command.modify_gspd(speed))
+
+    def set_output(self, board: int, point: int, on: bool) -> Accepted:
+        """Sets an output: board 0–3, 4–6 M, 7 EU; point 0–31. A cell may start a motion by it. Errors:
+        ``RequestError``."""
+        return self.command(Command.modify_output(board, point, on))
+
+    def inputs(self, board: int = 0) -> npt.NDArray[np.bool_]:
+        """The 32 inputs of a board: shape (32,). Errors: ``NoReading``; ``RequestError``."""
+        return points(self.query(f"input-{board}").integer(f"input-{board}"))
+
+    def outputs(self, board: int = 0) -> npt.NDArray[np.bool_]:
+        """The 32 outputs of a board: shape (32,). Errors: ``NoReading``; ``RequestError``."""
+        return points(self.query(f"output-{board}").integer(f"output-{board}"))
+
+    def counter(self, id: int) -> Counter:
+        """A counter. Errors: ``NoReading`` if there is no such counter; ``RequestError``."""
+        return counter(self.query(f"counter-{id}"), id)
+
+    def set_counter(self, id: int, *, current: int | None = None, target: int | None = None) -> Accepted:
+        """Changes a counter; ``None`` keeps what it has. Errors: ``RequestError``."""
+        return self.command(Command.modify_counter(id, current=current, target=target))
+
+    def read_registers(self, first: int, count: int = 1) -> Integers:
+        """The values of registers in a row, 800 to 900: int64, shape (count,). Errors: ``NoReading``;
+        ``RequestError``."""
+        return self._core.read_registers(first, count).wait()
+
+    def write_registers(
+        self, first: int, values: Sequence[int] | Integers, *, savable: bool = False, verify: bool = True
+    ) -> Accepted:
+        """Writes registers in a row, 800 to 900: whole numbers of 32 bits with sign. A cell may start a motion by them.
+
+        ``savable`` keeps them over a power cut; ``verify`` reads them back, because controllers say ok to values that they
+        do not take. Errors: ``NotTaken``; ``RequestError``.
+        """
+        return self._core.write_registers(first, whole(values), savable=savable, verify=verify).wait()
+
+    def run(self, motion: Motion, options: RunOptions | None = None) -> MotionHandle:
+        """Runs a motion: checks it, looks at the machine, then streams it in lists that the controller takes.
+
+        It returns once everything is checked; the handle tells what then happens. A list whose outcome is unknown is never
+        sent again: the motion ends there.
+
+        Errors: ``NotReady`` with what is not met; ``MotionError`` for a wrong step, a step beyond the guard's envelope,
+        another motion that is being streamed, or a state that cannot be read. Nothing was sent then.
+        """
+        return MotionHandle(self._core.run(motion, options).wait())
+
+    def dry_run(self, motion: Motion, options: RunOptions | None = None) -> list[bytes]:
+        """The frames that ``run`` would send, byte by byte but for ``packID``. Nothing is sent.
+
+        Errors: ``StepError``; ``OutsideEnvelope``.
+        """
+        return self._core.dry_run(motion, options)
+
+    def add_rcc(self, motion: Motion, *, replace: bool) -> Accepted:
+        """Sends a motion as one list, appended or in place of what is there: for those who do without ``run``.
+
+        Errors: ``RequestError``. A list longer than ``RobotSettings.max_frame_bytes`` is not sent.
+        """
+        return self._core.add_rcc(motion, replace).wait()
+
+    def wait_until_done(self, *, timeout: float = 60.0) -> Done:
+        """Watches the state until the arm stands and the list is done, ``timeout`` seconds at most.
+
+        Errors: ``WaitError``.
+        """
+        return self._core.wait_until_done(timeout).wait()
+
+    def stop(self) -> StopReport:
+        """Stops the motion, ahead of all that waits, until the arm is seen to stand, 5 s at most; then clears the list.
+
+        A motion that is being streamed over this connection ends. Once asked for, Ctrl-C does not take it back.
+
+        Errors: ``RequestError`` if no stop was answered at all. Look at ``StopReport.confirmed``.
+        """
+        return self._core.stop().wait()
+
+    def clear_list(self) -> Accepted:
+        """Empties the instruction list, so that nothing left in it runs at the next start. Errors: ``RequestError``."""
+        return self._core.clear_list().wait()
+
+    def subscribe(self, *addresses: str, every: float) -> Subscription:
+        """Has these addresses read every so many seconds, 0.02 to 3600, until the subscription is closed or dropped.
+
+        All subscriptions of a robot share one poller. A lost connection is made anew by the next poll.
+
+        Errors: ``UnknownAddress``; ``NotSubscribed``.
+        """
+        return Subscription(self._core.subscribe(addresses, every))
+
+    def pushed(self) -> PushedEvents:
+        """What happens on the connection without being asked for, from now on: photo requests, strays, losses.
+
+        Who lags more than 64 events behind misses the oldest, and is told how many.
+        """
+        return PushedEvents(self._core.pushed())
+
+    def answer_photo(self, photo: Photo, *, taken: bool = True) -> None:
+        """Answers a photo request. The controller does not reply. Errors: ``RequestError``."""
+        self._core.answer_photo(photo.cam_id, taken).wait()
+
+    def add_points(self, cam_id: int, points: Sequence[Point]) -> Accepted:
+        """Sends the points that a camera found; ``Accepted.points`` tells how many were taken. Errors:
+        ``RequestError``."""
+        return self._core.add_points(cam_id, points).wait()
+
+    def link_quality(self) -> LinkQuality:
+        """How good the connection is. Nothing is sent."""
+        return self._core.link_quality()
+
+    def identity(self) -> Identity | None:
+        """Who answers; ``None`` before anything was read. Nothing is sent."""
+        return self._core.identity()
+
+    def accept_identity(self, found: Identity) -> None:
+        """Takes this controller for the one that is meant, after ``NotSent`` with ``another_robot``: a cabinet was
+        exchanged, its firmware updated, or its machine renamed."""
+        self._core.accept_identity(found)
+
+    def with_guard(self, envelope: Envelope) -> Self:
+        """The same robot behind a guard: what this handle runs is held against the envelope first, and not sent if it
+        goes beyond. Commands are not checked. Close both handles to end the connection."""
+        return type(self)(self._core.with_guard(envelope))
+
+    def __repr__(self) -> str:
+        return f"<Robot at {self.address}>"
+
+
+class MotionHandle:
+    """A motion that runs.
+
+    Dropping it, ``release``, or the end of the process ends the streaming: the arm finishes what is in its list, unless
+    ``RunOptions.stop_on_drop`` says that it is to be stopped (which takes a process that lives on). As a ``with`` block,
+    it stops the arm when the block ends with an exception, Ctrl-C included, and waits for the end of the motion
+    otherwise.
+    """
+
+    def __init__(self, core: MotionCore) -> None:
+        """Use ``Robot.run``."""
+        self._core = core
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is now."""
+        return self._core.progress()
+
+    def __iter__(self) -> Iterator[Progress]:
+        """Each progress, up to the one that has ended. Who is slow gets the latest."""
+        while (progress := self._core.next_progress().wait()) is not None:
+            yield progress
+
+    def step(self, number: int) -> Step:
+        """One step, counted from 1; ``IndexError`` if there is none such."""
+        self._core.step_state(number)
+        return Step(self._core, number)
+
+    def finished(self) -> Done:
+        """Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state.
+
+        Ctrl-C ends the waiting, not the motion: stop it, or drop the handle. Can be called again.
+
+        Errors: ``MotionError``: why it ended before, what became of the steps, and what became of the arm.
+        """
+        return self._core.finished().wait()
+
+    def stop(self) -> StopReport:
+        """Ends the streaming and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
+        return self._core.stop().wait()
+
+    def release(self) -> None:
+        """Ends the streaming, as dropping the handle does."""
+        self._core.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.finished()
+        elif not self.progress.ended:
+            self.stop()
+
+    def __repr__(self) -> str:
+        return f"<MotionHandle {self.progress!r}>"
+
+
+class Step:
+    """One step of a motion that runs."""
+
+    def __init__(self, core: MotionCore, number: int) -> None:
+        """Use ``MotionHandle.step``."""
+        self._core = core
+        self.number = number
+
+    @property
+    def state(self) -> StepState:
+        """What has become of it."""
+        return self._core.step_state(self.number)
+
+    def started(self) -> bool:
+        """Waits until its turn has come; ``False`` if it never will, as far as is known."""
+        return self._core.step_started(self.number).wait()
+
+    def done(self) -> bool:
+        """Waits until it is over; ``False`` if that was not seen."""
+        return self._core.step_done(self.number).wait()
+
+    def __repr__(self) -> str:
+        return f"<Step {self.number}: {self.state}>"
+
+
+class Subscription:
+    """Values that are read again and again: iterate over it. Closing or dropping it ends that."""
+
+    def __init__(self, core: SubscriptionCore) -> None:
+        """Use ``Robot.subscribe``."""
+        self._core = core
+
+    def latest(self) -> Snapshot:
+        """The values as they are known now; if another thread waits for the next ones, then. Sends nothing."""
+        snapshot = self._core.latest().wait()
+        if snapshot is None:
+            raise RuntimeError("the subscription is closed")
+        return snapshot
+
+    def next(self, *, timeout: float | None = None) -> Snapshot | None:
+        """Waits until any of the values was read again, a poll failed, or the connection was lost; ``None`` once the robot
+        is closed. Who comes late gets the latest values. Errors: ``TimeoutError``."""
+        return self._core.next(timeout).wait()
+
+    def __iter__(self) -> Iterator[Snapshot]:
+        """The values whenever there are new ones, until the robot is closed."""
+        while (snapshot := self.next()) is not None:
+            yield snapshot
+
+    def close(self) -> None:
+        """Ends it."""
+        self._core.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class PushedEvents:
+    """What happens on a connection without being asked for: iterate over it."""
+
+    def __init__(self, core: PushedCore) -> None:
+        """Use ``Robot.pushed``."""
+        self._core = core
+
+    def next(self, *, timeout: float | None = None) -> Event | None:
+        """Waits for the next event; ``None`` once the robot is closed. Errors: ``TimeoutError``."""
+        return self._core.next(timeout).wait()
+
+    def __iter__(self) -> Iterator[Event]:
+        """Each event, until the robot is closed."""
+        while (event := self.next()) is not None:
+            yield event
+
+
+def points(word: int) -> npt.NDArray[np.bool_]:
+    """The 32 points of a word, the first one first: shape (32,)."""
+    return (word >> np.arange(32, dtype=np.int64) & 1).astype(np.bool_)
+
+
+def counter(result: QueryResult, id: int) -> Counter:
+    """The counter that was asked for."""
+    found = result[f"counter-{id}"]
+    assert isinstance(found, Counter), "the value of a counter's address is a counter"
+    return found
+
+
+def whole(values: Sequence[int] | Integers) -> list[int]:
+    """Whole numbers as Python has them; ``TypeError`` for others."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "iu":
+        raise TypeError(f"registers hold whole numbers, not {array.dtype}")
+    numbers: list[int] = array.ravel().tolist()
+    return numbers

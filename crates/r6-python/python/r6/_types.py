@@ -1,0 +1,465 @@
+"""What is read from a robot. Times are seconds, lengths mm, angles degrees; positions are float64 arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Literal, TypeAlias, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from ._errors import NoReading, RequestError
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+"""An array of float64."""
+
+Integers: TypeAlias = npt.NDArray[np.int64]
+"""An array of int64."""
+
+StepState: TypeAlias = Literal["queued", "sent", "running", "done", "lost"]
+"""What has become of a step: not sent yet (or never, once the motion has ended); in the controller's list; its turn has
+come; over; left and not seen to be over when the streaming ended."""
+
+Quality: TypeAlias = Literal["fresh", "stale", "dead", "not_read", "unsupported", "unreadable"]
+"""What a value is worth: act on ``fresh`` ones alone."""
+
+Wait: TypeAlias = Literal["on", "off", "rising", "falling"]
+"""For what a step of a motion waits."""
+
+
+class OperationMode(IntEnum):
+    """``curMode``. A controller may send a number that is none of these: modes are plain ``int`` everywhere."""
+
+    NONE = 0
+    MANUAL = 1
+    """The pendant has the arm."""
+    AUTO = 2
+    """Automatic, not running."""
+    STOP = 3
+    RUNNING = 7
+    """The program runs; instructions are taken while it sits in its wait step."""
+    SINGLE_STEP = 8
+    SINGLE_CYCLE = 9
+
+
+@dataclass(frozen=True)
+class Counter:
+    """A counter of the controller."""
+
+    id: int
+    target: int
+    """The count it goes to."""
+    current: int
+    """The count it has."""
+    name: str | None
+    """Only older firmware tells it."""
+
+
+Reading: TypeAlias = Union[str, int, float, bool, "list[str]", Counter]
+"""The value of an address: text, whole number, decimal number in the unit of its address, 32 points as an ``int`` (bit 0
+is the first), flag, list of texts, or counter."""
+
+
+class QueryResult(Mapping[str, Reading]):
+    """The values of some addresses under the names they were asked for by: only those that have one.
+
+    Values that took several frames to read are not of one instant.
+    """
+
+    __slots__ = ("_values", "missing", "took")
+
+    missing: dict[str, str]
+    """The addresses without a value, and why."""
+    took: float
+    """How long the slowest reply took, seconds."""
+
+    def __init__(self, values: dict[str, Reading], missing: dict[str, str], took: float) -> None:
+        self._values = values
+        self.missing = missing
+        self.took = took
+
+    def __getitem__(self, address: str) -> Reading:
+        """The value; ``NoReading`` if it has none or was not asked for."""
+        try:
+            return self._values[address]
+        except KeyError:
+            why = self.missing.get(address, "it was not asked for")
+            raise NoReading(f"{address}: {why}") from None
+
+    def __contains__(self, address: object) -> bool:
+        return address in self._values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def get(self, address: str, default: Any = None) -> Any:
+        """The value, or the default if it has none."""
+        return self._values.get(address, default)
+
+    def number(self, address: str) -> float:
+        """A number, in the unit of its address; ``NoReading`` if there is none."""
+        value = self[address]
+        if isinstance(value, (int, float)):
+            return float(value)
+        raise NoReading(f"{address}: {value!r} is no number")
+
+    def integer(self, address: str) -> int:
+        """A whole number, 32 points, or a flag as 0 and 1; ``NoReading`` if there is none."""
+        value = self[address]
+        if isinstance(value, int):
+            return int(value)
+        raise NoReading(f"{address}: {value!r} is no whole number")
+
+    def text(self, address: str) -> str:
+        """A text; ``NoReading`` if there is none."""
+        value = self[address]
+        if isinstance(value, str):
+            return value
+        raise NoReading(f"{address}: {value!r} is no text")
+
+    def array(self, *addresses: str) -> Floats:
+        """The numbers of these addresses, in their order: shape (n,), NaN where there is none."""
+        return np.array([_number(self._values.get(address)) for address in addresses], np.float64)
+
+    def __repr__(self) -> str:
+        return f"QueryResult({self._values!r}, missing={self.missing!r})"
+
+
+def _number(reading: Reading | None) -> float:
+    return float(reading) if isinstance(reading, (int, float)) else float("nan")
+
+
+@dataclass(frozen=True)
+class Unmet:
+    """A condition that has to hold before instructions are sent, and does not. As text it says what to do."""
+
+    kind: Literal["mode", "alarm", "not_homed", "moving", "leftover_list", "unknown"]
+    value: int | None
+    """The mode, the alarm, or how many instructions are left."""
+    address: str | None
+    """The address that cannot be read."""
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, eq=False)
+class Status:
+    """The state of a machine. ``None`` where the controller has no such value or sent one that cannot be read."""
+
+    firmware: str | None
+    machine_name: str | None
+    program: str | None
+    """Only the pendant's port tells."""
+    mode: int | None
+    """See ``OperationMode``."""
+    alarm: int | None
+    """0 for none; ``r6.alarm`` says what it means."""
+    homed: bool | None
+    moving: bool | None
+    axis_count: int | None
+    axes: Floats
+    """J1 to J6: shape (6,), degrees, NaN where not known."""
+    pose: Floats
+    """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN where not known."""
+    list_length: int | None
+    """Instructions left in the instruction list; older firmware cannot tell."""
+    cycle: float | None
+    """Time of the present cycle, seconds."""
+    last_cycle: float | None
+    """Time of the last cycle, seconds."""
+    unmet: tuple[Unmet, ...]
+    """What keeps the machine from taking instructions, in the order in which it is to be dealt with."""
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether nothing keeps the machine from taking instructions, as far as the wire tells."""
+        return not self.unmet
+
+
+@dataclass(frozen=True, eq=False)
+class Done:
+    """The arm stands, without alarm, and as far as the controller tells its list is done."""
+
+    axes: Floats
+    """J1 to J6: shape (6,), degrees, NaN where not known."""
+    pose: Floats
+    """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN where not known."""
+    mode: int | None
+    moved: bool
+    """Whether a motion was seen at all."""
+    took: float
+    """Seconds from the first read on."""
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """A controller's yes: the request was taken, not that anything moves."""
+
+    after: float
+    """How long the reply took, seconds."""
+    points: int | None
+    """How many points were taken; only ``add_points`` tells."""
+
+
+@dataclass(frozen=True)
+class StopReport:
+    """What became of a stop. As text it says so."""
+
+    confirmed: bool
+    """Whether the arm was seen to stand. If not, use the emergency stop."""
+    attempts: int
+    """How many stops were sent."""
+    took: float
+    """Seconds until the arm was seen to stand, or was given up."""
+    moving: bool | None
+    mode: int | None
+    alarm: int | None
+    """42 after a stop is usual on some firmware."""
+    list_length: int | None
+    list: Literal["was_empty", "cleared", "refused", "unknown", "not_tried"]
+    """What became of the instructions that were left: what is not cleared may run at the next start."""
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
+class Latency:
+    """How long the last replies took, seconds: at most 1024 of the last minute."""
+
+    count: int
+    p50: float
+    p90: float
+    p99: float
+    max: float
+
+
+@dataclass(frozen=True)
+class LinkQuality:
+    """How good the connection is; counts since ``connect``, over all connections."""
+
+    state: Literal["alive", "unknown", "suspect", "dead"]
+    """Only a reply says that a controller lives; an open socket proves nothing."""
+    latency: Latency | None
+    """``None`` if there was no reply in the last minute."""
+    requests: int
+    replies: int
+    timeouts: int
+    lost: int
+    """Requests whose connection ended before their reply."""
+    strays: int
+    """Frames that answered nothing."""
+    garbled: int
+    """Bytes that were no frame, and frames that were no JSON."""
+    reconnects: int
+    last_reply: float | None
+    """How long ago the last reply came, seconds."""
+    silent_for: float | None
+    """How long something was asked without any reply, or the connection is gone, seconds."""
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a controller says of itself. There is no serial number on the wire."""
+
+    firmware: str | None
+    machine_name: str | None
+    axis_count: int | None
+
+
+@dataclass(frozen=True)
+class Photo:
+    """The controller asks for a photo: answer it with ``answer_photo``."""
+
+    cam_id: int
+
+
+@dataclass(frozen=True)
+class Stray:
+    """A frame that answers nothing that waits."""
+
+    text: str
+    frame: bytes
+    """Cut at 4096."""
+
+
+@dataclass(frozen=True)
+class Garbled:
+    """Bytes that are no frame, or a frame that is no JSON."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class ConnectionLost:
+    """The connection ended. A query or a stop makes a new one."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Reconnected:
+    """The connection was made anew, and the controller has said who it is and in what state."""
+
+    identity: Identity
+    another: bool
+    """Whether that is another robot than before: no command leaves until ``accept_identity``."""
+    mode: int | None
+    alarm: int | None
+    list_length: int | None
+
+
+@dataclass(frozen=True)
+class Missed:
+    """Nobody read these events in time; they are gone."""
+
+    count: int
+
+
+Event: TypeAlias = Union[Photo, Stray, Garbled, ConnectionLost, Reconnected, Missed]
+"""What happens on a connection without being asked for."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """The last value of an address, and what it is worth."""
+
+    address: str
+    reading: Reading | None
+    age: float | None
+    """How long ago it was asked for, seconds: it is no older. ``None`` if no answer ever came."""
+    quality: Quality
+    problem: str | None
+    """What is wrong with an ``unreadable`` value."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The values of a subscription at one moment, in the order of its addresses; each has its own age."""
+
+    values: tuple[Value, ...]
+    failure: RequestError | None
+    """Why the last poll failed; ``None`` if it did not."""
+
+    def __getitem__(self, address: str) -> Value:
+        """The value of an address; ``KeyError`` if it was not subscribed to."""
+        for value in self.values:
+            if value.address == address:
+                return value
+        raise KeyError(address)
+
+    def fresh(self, address: str) -> Reading | None:
+        """What was read, if it is fresh: the only values to act on."""
+        value = self[address]
+        return value.reading if value.quality == "fresh" else None
+
+    def array(self) -> Floats:
+        """The numbers that are fresh, in the order of the addresses: shape (n,), NaN for all others."""
+        return np.array([_number(self.fresh(value.address)) for value in self.values], np.float64)
+
+    def ages(self) -> Floats:
+        """How old the values are, seconds, in the order of the addresses: shape (n,), NaN where there is none."""
+        ages = [float("nan") if value.age is None else value.age for value in self.values]
+        return np.array(ages, np.float64)
+
+
+@dataclass(frozen=True)
+class Point:
+    """What a camera found, for ``add_points``: mm and degrees."""
+
+    x: float
+    y: float
+    z: float = 0.0
+    angle: float = 0.0
+    """W; U on a four-axis robot, degrees."""
+    u: float | None = None
+    v: float | None = None
+    model_id: int = 0
+    """The template that recognised it."""
+    similarity: float | None = None
+    color: int | None = None
+    relative: bool = False
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """What an alarm means."""
+
+    code: int
+    text: str
+    axis: int | None
+    """The axis that it names, 0 for J1."""
+    remedy: str
+    """What to do about it."""
+    seen_live: bool
+    """Whether a real controller was seen to raise it."""
+    known: bool
+    """Whether it is in the table at all."""
+
+    def __str__(self) -> str:
+        return f"alarm {self.code}: {self.text}: {self.remedy}"
+
+
+@dataclass(frozen=True)
+class AddressInfo:
+    """One row of the table of query addresses."""
+
+    name: str
+    """As the manual writes it; ``-n`` stands for the index."""
+    indices: tuple[int, int] | None
+    """The lowest and the highest index."""
+    value: str
+    """What the value is, in words."""
+    unit: str
+    meaning: str
+    ports: Literal["both", "mainboard", "pendant"]
+    since: str
+    """The first manual or firmware that knows it."""
+    source: str
+
+
+@dataclass(frozen=True)
+class LogLine:
+    """What happened on a virtual controller."""
+
+    at: float | None
+    """Seconds since it was switched on."""
+    connection: int | None
+    """On which connection; ``None`` for the machine itself."""
+    warning: bool
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class MachineState:
+    """What a person would see at a virtual machine."""
+
+    firmware: str
+    machine_name: str
+    profile: str
+    model: str
+    mode: int
+    alarm: int
+    emergency_stop: bool
+    homed: bool
+    moving: bool
+    program: str
+    programs: list[str]
+    list_length: int
+    axes: Floats
+    """Shape (number of axes,), degrees, or mm where an axis slides."""
+    pose: Floats
+    """X, Y, Z, U, V, W: shape (6,), mm and degrees."""
+    axis_limits: list[tuple[float, float]]
+    """The lowest and the highest of each axis, in its unit."""
+    global_speed: float
+    """Percent."""
+    connections: int

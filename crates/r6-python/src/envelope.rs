@@ -1,0 +1,68 @@
+//! `Envelope`: what a list may ask for.
+
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use r6_client::units::AxisCoordinate;
+
+use crate::errors::raise;
+use crate::motion::Motion;
+use crate::units::{Degrees, Millimetres, MillimetresPerSecond, Percent, axis, coordinate};
+
+/// What a list may ask for. What is not set is not checked. Each method returns a new envelope.
+#[pyclass(frozen, module = "r6._r6", eq)]
+#[derive(Clone, Default, PartialEq)]
+pub struct Envelope(pub r6_client::Envelope);
+
+type Corner<'a> = (PyRef<'a, Millimetres>, PyRef<'a, Millimetres>, PyRef<'a, Millimetres>);
+
+#[pymethods]
+impl Envelope {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn speed_cap(&self, cap: &Percent) -> Self {
+        Self(self.0.clone().speed_cap(cap.0))
+    }
+
+    fn path_speed_cap(&self, cap: &MillimetresPerSecond) -> Self {
+        Self(self.0.clone().path_speed_cap(cap.0))
+    }
+
+    fn axis_limits(&self, axis: u8, lowest: &Bound<'_, PyAny>, highest: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (lowest, highest) = (coordinate(lowest)?, coordinate(highest)?);
+        let turns = |to: AxisCoordinate| matches!(to, AxisCoordinate::Degrees(_));
+        if turns(lowest) != turns(highest) {
+            return Err(PyTypeError::new_err("both limits of an axis have one unit"));
+        }
+        Ok(Self(self.0.clone().axis_limits(self::axis(axis)?, lowest, highest)))
+    }
+
+    fn workspace(&self, lowest: Corner<'_>, highest: Corner<'_>) -> Self {
+        let corner = |corner: Corner<'_>| [corner.0.0, corner.1.0, corner.2.0];
+        Self(self.0.clone().workspace(corner(lowest), corner(highest)))
+    }
+
+    fn largest_axis_step(&self, largest: &Degrees) -> Self {
+        Self(self.0.clone().largest_axis_step(largest.0))
+    }
+
+    fn largest_distance(&self, largest: &Millimetres) -> Self {
+        Self(self.0.clone().largest_distance(largest.0))
+    }
+
+    #[pyo3(signature = (*actions))]
+    fn only(&self, actions: Vec<i64>) -> Self {
+        Self(self.0.clone().only(actions))
+    }
+
+    fn check_motion(&self, py: Python<'_>, motion: PyRef<'_, Motion>) -> PyResult<()> {
+        raise(py, motion.0.instructions().map(drop))?;
+        raise(py, self.0.check_motion(&motion.0))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<{:?}>", self.0)
+    }
+}

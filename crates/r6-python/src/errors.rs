@@ -1,0 +1,314 @@
+//! Errors of the client as exceptions of `r6._errors`: the same tree, sorted by what the caller must do.
+
+use std::fmt::Display;
+use std::time::Duration;
+
+use pyo3::exceptions::PyTimeoutError;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyModule;
+use r6_client::units::OutOfRange;
+use r6_client::{
+    Cause, Checked, Effect, MotionError, NoReading, NotSent, NotSubscribed, OutcomeUnknown, Refused,
+    RequestError, StepError, Violation, WaitError,
+};
+use r6_proto::address::UnknownAddress;
+use r6_sim::SimError;
+
+use crate::convert;
+use crate::handle::Progress;
+
+/// What becomes an exception.
+pub trait Raise {
+    /// The exception; if it cannot be made, why not.
+    fn exception(&self, py: Python<'_>) -> PyErr;
+}
+
+static ERRORS: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
+
+/// An exception with its text and its attributes.
+pub struct Exception<'py>(PyResult<Bound<'py, PyAny>>);
+
+impl<'py> Exception<'py> {
+    /// One of this class of `r6._errors`.
+    pub fn new(py: Python<'py>, class: &str, text: &dyn Display) -> Self {
+        let errors = ERRORS.get_or_try_init(py, || PyModule::import(py, "r6._errors").map(Bound::unbind));
+        Self(errors.and_then(|errors| errors.bind(py).getattr(class)?.call1((text.to_string(),))))
+    }
+
+    /// With this attribute.
+    pub fn with(self, name: &str, value: impl IntoPyObject<'py>) -> Self {
+        Self(self.0.and_then(|error| error.setattr(name, value).map(|()| error)))
+    }
+
+    /// With an attribute that had to be made.
+    pub fn with_made(self, name: &str, value: PyResult<impl IntoPyObject<'py>>) -> Self {
+        match value {
+            Ok(value) => self.with(name, value),
+            Err(why) => Self(Err(why)),
+        }
+    }
+
+    /// With another exception as what led to it.
+    pub fn from(self, cause: PyErr) -> Self {
+        Self(self.0.and_then(|error| error.setattr("__cause__", cause).map(|()| error)))
+    }
+
+    /// The exception.
+    pub fn build(self) -> PyErr {
+        self.0.map_or_else(|why| why, PyErr::from_value)
+    }
+}
+
+/// A result with its error as an exception.
+pub fn raise<T, E: Raise>(py: Python<'_>, result: Result<T, E>) -> PyResult<T> {
+    result.map_err(|error| error.exception(py))
+}
+
+/// Nothing came in time.
+pub fn timed_out(after: Duration) -> PyErr {
+    PyTimeoutError::new_err(format!("nothing came within {after:?}"))
+}
+
+impl Raise for RequestError {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        let class = match self {
+            Self::NotSent(NotSent::OutsideEnvelope(violation)) => return violation.exception(py),
+            Self::NotSent(_) => "NotSent",
+            Self::Refused(_) => "Refused",
+            Self::OutcomeUnknown(_) => "OutcomeUnknown",
+        };
+        let error = Exception::new(py, class, self).with("may_send_again", self.may_send_again());
+        match self {
+            Self::NotSent(not_sent) => {
+                let error = error.with("reason", not_sent_word(not_sent));
+                match not_sent {
+                    NotSent::AnotherRobot { expected, found } => error
+                        .with_made("expected", convert::identity(py, expected))
+                        .with_made("found", convert::identity(py, found)),
+                    NotSent::BadAddress { .. }
+                    | NotSent::Unreachable { .. }
+                    | NotSent::ConnectTimedOut { .. }
+                    | NotSent::Disconnected
+                    | NotSent::StateNotRead
+                    | NotSent::Unidentified { .. }
+                    | NotSent::NoEngine { .. }
+                    | NotSent::Busy { .. }
+                    | NotSent::Wire(_)
+                    | NotSent::Closed
+                    | NotSent::OutsideEnvelope(_) => error,
+                }
+            }
+            Self::Refused(
+                Refused::Command { reason, .. }
+                | Refused::InstructionList { reason }
+                | Refused::Points { reason },
+            ) => error.with("reason", reason.as_deref()),
+            Self::OutcomeUnknown(unknown) => {
+                let sent = unknown.request();
+                error
+                    .with("reason", unknown_word(unknown))
+                    .with("request", sent.word)
+                    .with("effect", effect_word(sent.effect))
+            }
+        }
+        .build()
+    }
+}
+
+fn not_sent_word(error: &NotSent) -> &'static str {
+    match error {
+        NotSent::BadAddress { .. } => "bad_address",
+        NotSent::Unreachable { .. } => "unreachable",
+        NotSent::ConnectTimedOut { .. } => "connect_timed_out",
+        NotSent::Disconnected => "disconnected",
+        NotSent::StateNotRead => "state_not_read",
+        NotSent::AnotherRobot { .. } => "another_robot",
+        NotSent::Unidentified { .. } => "unidentified",
+        NotSent::NoEngine { .. } => "no_engine",
+        NotSent::Busy { .. } => "busy",
+        NotSent::Wire(_) => "wire",
+        NotSent::Closed => "closed",
+        NotSent::OutsideEnvelope(_) => "outside_envelope",
+    }
+}
+
+fn unknown_word(error: &OutcomeUnknown) -> &'static str {
+    match error {
+        OutcomeUnknown::TimedOut { .. } => "timed_out",
+        OutcomeUnknown::ConnectionLost { .. } => "connection_lost",
+        OutcomeUnknown::Unreadable { .. } => "unreadable",
+        OutcomeUnknown::Unclear { .. } => "unclear",
+    }
+}
+
+fn effect_word(effect: Effect) -> &'static str {
+    match effect {
+        Effect::Reads => "reads",
+        Effect::Changes => "changes",
+        Effect::Moves => "moves",
+        Effect::Stops => "stops",
+    }
+}
+
+impl Raise for Violation {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        let what = match self.what {
+            Checked::Speed => "speed".to_owned(),
+            Checked::PathSpeed => "path_speed".to_owned(),
+            Checked::Axis(axis, _) => axis.to_string(),
+            Checked::AxisStep(axis, _) => format!("{axis} step"),
+            Checked::Place(axis) => axis.world_name().to_owned(),
+            Checked::Distance => "distance".to_owned(),
+            Checked::Arc => "arc".to_owned(),
+            Checked::Frame => "frame".to_owned(),
+            Checked::Action(number) => format!("action {number}"),
+        };
+        Exception::new(py, "OutsideEnvelope", self)
+            .with("may_send_again", true)
+            .with("reason", "outside_envelope")
+            .with("step", self.step)
+            .with("what", what)
+            .with("value", self.value)
+            .with("limit", self.limit)
+            .build()
+    }
+}
+
+impl Raise for StepError {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        Exception::new(py, "StepError", self)
+            .with("step", self.step)
+            .with("field", self.field)
+            .with("wanted", self.wanted)
+            .build()
+    }
+}
+
+impl Raise for OutOfRange {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        Exception::new(py, "OutOfRange", self).with("value", self.value).with("wanted", self.wanted).build()
+    }
+}
+
+impl Raise for Cause {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        match self {
+            Self::Step(error) => error.exception(py),
+            Self::OutsideEnvelope(violation) => violation.exception(py),
+            Self::NotReady(_)
+            | Self::NotCleared(_)
+            | Self::AnotherRuns
+            | Self::NotSent(_)
+            | Self::Refused(_)
+            | Self::OutcomeUnknown(_)
+            | Self::AlarmRaised { .. }
+            | Self::Stopped { .. }
+            | Self::StoppedHere
+            | Self::Dropped
+            | Self::Elsewhere(_)
+            | Self::Stalled { .. }
+            | Self::Unreadable(_)
+            | Self::Abandoned => Exception::new(py, "MotionError", self).build(),
+        }
+    }
+}
+
+impl Raise for MotionError {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        let class = if matches!(self.cause, Cause::NotReady(_)) { "NotReady" } else { "MotionError" };
+        let error = Exception::new(py, class, self)
+            .with("cause", cause_word(&self.cause))
+            .with("progress", Progress(self.progress))
+            .with("nothing_left", self.nothing_left());
+        let error = match self.stop.as_deref() {
+            Some(Ok(report)) => error.with_made("stop", convert::stop_report(py, report)),
+            Some(Err(failed)) => error.with("stop", failed.exception(py)),
+            None => error,
+        };
+        match &self.cause {
+            Cause::NotReady(unmet) => error.with_made("unmet", convert::unmet(py, unmet)),
+            Cause::Step(step) => error.from(step.exception(py)),
+            Cause::OutsideEnvelope(violation) => error.from(violation.exception(py)),
+            Cause::NotCleared(request) | Cause::Unreadable(request) => error.from(request.exception(py)),
+            Cause::NotSent(request) => error.from(RequestError::from(request.clone()).exception(py)),
+            Cause::Refused(request) => error.from(RequestError::from(request.clone()).exception(py)),
+            Cause::OutcomeUnknown(request) => error.from(RequestError::from(request.clone()).exception(py)),
+            Cause::AlarmRaised { code } => error.with("alarm", *code),
+            Cause::Stopped { mode } => error.with("mode", mode.number()),
+            Cause::AnotherRuns
+            | Cause::StoppedHere
+            | Cause::Dropped
+            | Cause::Elsewhere(_)
+            | Cause::Stalled { .. }
+            | Cause::Abandoned => error,
+        }
+        .build()
+    }
+}
+
+fn cause_word(cause: &Cause) -> &'static str {
+    match cause {
+        Cause::Step(_) => "step",
+        Cause::OutsideEnvelope(_) => "outside_envelope",
+        Cause::NotReady(_) => "not_ready",
+        Cause::NotCleared(_) => "not_cleared",
+        Cause::AnotherRuns => "another_runs",
+        Cause::NotSent(_) => "not_sent",
+        Cause::Refused(_) => "refused",
+        Cause::OutcomeUnknown(_) => "outcome_unknown",
+        Cause::AlarmRaised { .. } => "alarm_raised",
+        Cause::Stopped { .. } => "stopped",
+        Cause::StoppedHere => "stopped_here",
+        Cause::Dropped => "dropped",
+        Cause::Elsewhere(_) => "elsewhere",
+        Cause::Stalled { .. } => "stalled",
+        Cause::Unreadable(_) => "unreadable",
+        Cause::Abandoned => "abandoned",
+    }
+}
+
+impl Raise for WaitError {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        let error = Exception::new(py, "WaitError", self);
+        match self {
+            Self::AlarmRaised { code } => error.with("cause", "alarm_raised").with("alarm", *code),
+            Self::Stopped { mode } => error.with("cause", "stopped").with("mode", mode.number()),
+            Self::TimedOut { list_length, .. } => {
+                error.with("cause", "timed_out").with("list_length", *list_length)
+            }
+            Self::Request(request) => error.with("cause", "request").from(request.exception(py)),
+        }
+        .build()
+    }
+}
+
+impl Raise for NotSubscribed {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        Exception::new(py, "NotSubscribed", self).build()
+    }
+}
+
+impl Raise for NoReading {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        Exception::new(py, "NoReading", self).build()
+    }
+}
+
+impl Raise for UnknownAddress {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        Exception::new(py, "UnknownAddress", self).build()
+    }
+}
+
+impl Raise for SimError {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        Exception::new(py, "SimulatorError", self).build()
+    }
+}
+
+impl Raise for r6_controller::Refused {
+    fn exception(&self, py: Python<'_>) -> PyErr {
+        Exception::new(py, "PanelRefused", self).with("code", self.code()).build()
+    }
+}

@@ -1,0 +1,213 @@
+//! A motion that runs.
+
+use std::sync::{Mutex, PoisonError};
+
+use pyo3::IntoPyObjectExt;
+use pyo3::exceptions::PyIndexError;
+use pyo3::prelude::*;
+use r6_client::{Cause, Done, MotionError, MotionHandle, Robot, StepState};
+use tokio::sync::watch;
+use tokio::task::AbortHandle;
+
+use crate::convert;
+use crate::errors::raise;
+use crate::operation::Operation;
+use crate::process::Kept;
+
+/// How far a motion is.
+#[pyclass(frozen, module = "r6._r6", eq)]
+#[derive(Clone, Copy, PartialEq)]
+pub struct Progress(pub r6_client::Progress);
+
+#[pymethods]
+impl Progress {
+    #[getter]
+    fn total(&self) -> usize {
+        self.0.total
+    }
+
+    #[getter]
+    fn left(&self) -> usize {
+        self.0.left
+    }
+
+    #[getter]
+    fn accepted(&self) -> usize {
+        self.0.accepted
+    }
+
+    #[getter]
+    fn done(&self) -> usize {
+        self.0.done
+    }
+
+    #[getter]
+    fn ended(&self) -> bool {
+        self.0.ended
+    }
+
+    #[getter]
+    fn current(&self) -> usize {
+        self.0.current()
+    }
+
+    #[getter]
+    fn under_way(&self) -> usize {
+        self.0.under_way()
+    }
+
+    fn step(&self, step: usize) -> PyResult<&'static str> {
+        self.0.step(step).map(state_word).ok_or_else(|| no_such_step(step, self.0.total))
+    }
+
+    fn __repr__(&self) -> String {
+        let progress = &self.0;
+        format!(
+            "<Progress {} of {} done, {} under way{}>",
+            progress.done,
+            progress.total,
+            progress.under_way(),
+            if progress.ended { ", ended" } else { "" }
+        )
+    }
+}
+
+fn state_word(state: StepState) -> &'static str {
+    match state {
+        StepState::Queued => "queued",
+        StepState::Sent => "sent",
+        StepState::Running => "running",
+        StepState::Done => "done",
+        StepState::Lost => "lost",
+    }
+}
+
+fn no_such_step(step: usize, total: usize) -> PyErr {
+    PyIndexError::new_err(format!("there is no step {step}: they are counted from 1 to {total}"))
+}
+
+type Outcome = Result<Done, MotionError>;
+
+/// What a handle is made of.
+pub struct Parts {
+    robot: Robot,
+    progress: watch::Receiver<r6_client::Progress>,
+    outcome: watch::Receiver<Option<Outcome>>,
+    streaming: Streaming,
+}
+
+/// The task that holds the client's handle. Dropping this ends the streaming, as dropping that handle does.
+struct Streaming(AbortHandle);
+
+impl Drop for Streaming {
+    fn drop(&mut self) {
+        self.0.abort();
+    }
+}
+
+/// A motion that runs. Its end can be asked for again and again, and by many.
+#[pyclass(frozen, module = "r6._r6")]
+pub struct MotionCore {
+    parts: Kept<Parts>,
+    /// What `next_progress` has told.
+    told: Mutex<Option<r6_client::Progress>>,
+}
+
+impl MotionCore {
+    /// Keeps the client's handle in a task of the engine: to wait for its end takes it away there.
+    pub fn parts(robot: Robot, handle: MotionHandle) -> Parts {
+        let progress = handle.watch();
+        let (tell, outcome) = watch::channel(None);
+        let task = tokio::spawn(async move {
+            let result = handle.finished().await;
+            tell.send_replace(Some(result));
+        });
+        Parts { robot, progress, outcome, streaming: Streaming(task.abort_handle()) }
+    }
+
+    /// The handle.
+    pub fn new(parts: Parts) -> PyResult<Self> {
+        Ok(Self { parts: Kept::new(parts)?, told: Mutex::new(None) })
+    }
+
+    /// Waits until a step is as wanted; `false` if it never will be, as far as is known.
+    fn step_is(&self, step: usize, wanted: fn(StepState) -> bool) -> PyResult<Operation> {
+        self.step_state(step)?;
+        let mut progress = self.parts.here()?.progress.clone();
+        let is_there = move |progress: &r6_client::Progress| progress.step(step).is_some_and(wanted);
+        let waiting = async move {
+            let seen = progress.wait_for(|progress| progress.ended || is_there(progress)).await;
+            seen.is_ok_and(|progress| is_there(&progress))
+        };
+        Ok(Operation::new(waiting, |py, seen| seen.into_bound_py_any(py)))
+    }
+}
+
+#[pymethods]
+impl MotionCore {
+    fn progress(&self) -> PyResult<Progress> {
+        Ok(Progress(*self.parts.here()?.progress.borrow()))
+    }
+
+    /// Waits for progress that was not told yet; `None` once the motion has ended and all is told.
+    fn next_progress(slf: &Bound<'_, Self>) -> PyResult<Operation> {
+        let core = slf.clone().unbind();
+        let parts = slf.get().parts.here()?;
+        let mut progress = parts.progress.clone();
+        let told = *slf.get().told.lock().unwrap_or_else(PoisonError::into_inner);
+        let waiting = async move {
+            if told.is_some_and(|told| told.ended) {
+                return None;
+            }
+            // The sender goes with the task; the last value stays.
+            let changed = progress.wait_for(|progress| Some(*progress) != told).await.map(|now| *now);
+            changed.ok()
+        };
+        Ok(Operation::new(waiting, move |py, progress| {
+            if let Some(progress) = progress {
+                *core.get().told.lock().unwrap_or_else(PoisonError::into_inner) = Some(progress);
+            }
+            progress.map(Progress).into_bound_py_any(py)
+        }))
+    }
+
+    fn step_state(&self, step: usize) -> PyResult<&'static str> {
+        self.progress()?.step(step)
+    }
+
+    fn step_started(&self, step: usize) -> PyResult<Operation> {
+        self.step_is(step, |state| matches!(state, StepState::Running | StepState::Done))
+    }
+
+    fn step_done(&self, step: usize) -> PyResult<Operation> {
+        self.step_is(step, |state| state == StepState::Done)
+    }
+
+    fn finished(&self) -> PyResult<Operation> {
+        let parts = self.parts.here()?;
+        let (mut outcome, progress) = (parts.outcome.clone(), parts.progress.clone());
+        let waiting = async move {
+            match outcome.wait_for(Option::is_some).await.map(|outcome| outcome.clone()) {
+                Ok(Some(outcome)) => outcome,
+                // The handle was dropped while somebody waited here.
+                Ok(None) | Err(_) => {
+                    Err(MotionError { cause: Cause::Dropped, progress: *progress.borrow(), stop: None })
+                }
+            }
+        };
+        Ok(Operation::new(waiting, |py, done| convert::done(py, &raise(py, done)?)))
+    }
+
+    /// Ends the streaming and stops the arm.
+    fn stop(&self) -> PyResult<Operation> {
+        let robot = self.parts.here()?.robot.clone();
+        let stopping = async move { robot.stop().await };
+        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)))
+    }
+
+    /// Ends the streaming; the arm goes on, or is stopped, as `stop_on_drop` says.
+    fn release(&self) -> PyResult<()> {
+        self.parts.here()?.streaming.0.abort();
+        Ok(())
+    }
+}

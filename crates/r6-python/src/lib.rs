@@ -1,0 +1,59 @@
+//! The native half of the Python package `r6`: an adapter between Python and the crates of this workspace, without logic
+//! of its own.
+//!
+//! Whatever takes time is an `Operation` (`operation.rs`), made by `robot.rs`, `handle.rs` and `subscription.rs`. The Python
+//! half (`python/r6`) waits for it: `Robot` in the calling thread, `AsyncRobot` through asyncio.
+
+mod command;
+mod convert;
+mod envelope;
+mod errors;
+mod handle;
+mod interpreter;
+mod motion;
+mod operation;
+mod process;
+mod record;
+mod registers;
+mod robot;
+mod settings;
+mod simulator;
+mod subscription;
+mod tables;
+mod units;
+
+use pyo3::prelude::*;
+
+/// Native half of r6; import `r6`.
+#[pymodule]
+mod _r6 {
+    use super::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::interpreter::watch(module.py())
+    }
+
+    #[pymodule_export]
+    use crate::command::Command;
+    #[pymodule_export]
+    use crate::envelope::Envelope;
+    #[pymodule_export]
+    use crate::handle::{MotionCore, Progress};
+    #[pymodule_export]
+    use crate::motion::Motion;
+    #[pymodule_export]
+    use crate::operation::{Operation, Started};
+    #[pymodule_export]
+    use crate::robot::RobotCore;
+    #[pymodule_export]
+    use crate::settings::{RobotSettings, RunOptions};
+    #[pymodule_export]
+    use crate::simulator::Simulator;
+    #[pymodule_export]
+    use crate::subscription::{PushedCore, SubscriptionCore};
+    #[pymodule_export]
+    use crate::tables::{addresses, alarm, models, profiles};
+    #[pymodule_export]
+    use crate::units::{AxisMask, AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Percent, Pose};
+}

@@ -1,0 +1,210 @@
+//! `Motion`: moves, outputs and waits in their order.
+
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use r6_client::{OutputKind, StepError, WaitCondition, WaitSource};
+use r6_proto::io_point::{IoPoint, PointKind};
+
+use crate::convert::{seconds, word};
+use crate::errors::{Raise, raise};
+use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg, rows};
+
+/// Moves, outputs and waits in their order. Each method adds a step, or changes the last one, and returns the motion.
+#[pyclass(module = "r6._r6")]
+#[derive(Clone, Default)]
+pub struct Motion(pub r6_client::Motion);
+
+type Chain<'py> = PyResult<PyRefMut<'py, Motion>>;
+
+impl Motion {
+    /// Adds to the motion. A step that is wrong raises at once, and spoils the motion: nothing of it is ever sent.
+    fn add<'py>(
+        mut slf: PyRefMut<'py, Self>,
+        add: impl FnOnce(r6_client::Motion) -> r6_client::Motion,
+    ) -> Chain<'py> {
+        let motion = std::mem::take(&mut slf.0);
+        slf.0 = add(motion);
+        let wrong: Option<StepError> = slf.0.instructions().err();
+        match wrong {
+            Some(error) => Err(error.exception(slf.py())),
+            None => Ok(slf),
+        }
+    }
+}
+
+#[pymethods]
+impl Motion {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn axis_move<'py>(slf: PyRefMut<'py, Self>, to: &AxisPosition, speed: &Percent) -> Chain<'py> {
+        Self::add(slf, |motion| motion.axis_move(to.0, speed.0))
+    }
+
+    fn linear_move<'py>(slf: PyRefMut<'py, Self>, to: &Pose, speed: &Percent) -> Chain<'py> {
+        Self::add(slf, |motion| motion.linear_move(to.0, speed.0))
+    }
+
+    fn linear_move_at_path_speed<'py>(slf: PyRefMut<'py, Self>, to: &Pose) -> Chain<'py> {
+        Self::add(slf, |motion| motion.linear_move_at_path_speed(to.0))
+    }
+
+    fn curve_move<'py>(slf: PyRefMut<'py, Self>, through: &Pose, to: &Pose, speed: &Percent) -> Chain<'py> {
+        Self::add(slf, |motion| motion.curve_move(through.0, to.0, speed.0))
+    }
+
+    #[pyo3(signature = (positions, speed, blend=None))]
+    fn axis_path<'py>(
+        slf: PyRefMut<'py, Self>,
+        positions: &Bound<'py, PyAny>,
+        speed: &Percent,
+        blend: Option<u8>,
+    ) -> Chain<'py> {
+        let targets = rows(positions)?.iter().map(|row| of_degrees(row)).collect::<PyResult<Vec<_>>>()?;
+        Self::add(slf, |motion| {
+            targets.into_iter().fold(motion, |motion, to| blended(motion.axis_move(to, speed.0), blend))
+        })
+    }
+
+    #[pyo3(signature = (poses, speed, blend=None))]
+    fn linear_path<'py>(
+        slf: PyRefMut<'py, Self>,
+        poses: &Bound<'py, PyAny>,
+        speed: &Percent,
+        blend: Option<u8>,
+    ) -> Chain<'py> {
+        let targets = rows(poses)?.iter().map(|row| of_mm_deg(row)).collect::<PyResult<Vec<_>>>()?;
+        Self::add(slf, |motion| {
+            targets.into_iter().fold(motion, |motion, to| blended(motion.linear_move(to, speed.0), blend))
+        })
+    }
+
+    fn blend(slf: PyRefMut<'_, Self>, level: u8) -> Chain<'_> {
+        Self::add(slf, |motion| motion.blend(level))
+    }
+
+    fn delay(slf: PyRefMut<'_, Self>, time: f64) -> Chain<'_> {
+        let time = seconds("time", time)?;
+        Self::add(slf, |motion| motion.delay(time))
+    }
+
+    fn tool(slf: PyRefMut<'_, Self>, number: u32) -> Chain<'_> {
+        Self::add(slf, |motion| motion.tool(number))
+    }
+
+    fn work_frame(slf: PyRefMut<'_, Self>, number: u32) -> Chain<'_> {
+        Self::add(slf, |motion| motion.work_frame(number))
+    }
+
+    fn path_speed<'py>(slf: PyRefMut<'py, Self>, speed: &MillimetresPerSecond) -> Chain<'py> {
+        Self::add(slf, |motion| motion.path_speed(speed.0))
+    }
+
+    fn set_output<'py>(slf: PyRefMut<'py, Self>, point: &str, on: bool) -> Chain<'py> {
+        let (kind, number) = output(point)?;
+        Self::add(slf, |motion| motion.set_output(kind, number, on))
+    }
+
+    fn pulse_output<'py>(slf: PyRefMut<'py, Self>, point: &str, on: bool, time: f64) -> Chain<'py> {
+        let (OutputKind::Y, number) = output(point)? else {
+            return Err(PyValueError::new_err(format!("only outputs Y have pulses, not {point}")));
+        };
+        let time = seconds("time", time)?;
+        Self::add(slf, |motion| motion.pulse_output(number, on, time))
+    }
+
+    fn wait(slf: PyRefMut<'_, Self>, time: f64) -> Chain<'_> {
+        let time = seconds("time", time)?;
+        Self::add(slf, |motion| motion.wait(time))
+    }
+
+    #[pyo3(signature = (point, condition="on", *, limit=None))]
+    fn wait_for<'py>(
+        slf: PyRefMut<'py, Self>,
+        point: &str,
+        condition: &str,
+        limit: Option<f64>,
+    ) -> Chain<'py> {
+        const CONDITIONS: [(&str, WaitCondition); 4] = [
+            ("on", WaitCondition::On),
+            ("off", WaitCondition::Off),
+            ("rising", WaitCondition::RisingEdge),
+            ("falling", WaitCondition::FallingEdge),
+        ];
+        let source = source(point)?;
+        let condition = word("condition", condition, &CONDITIONS)?;
+        let limit = limit.map(|limit| seconds("limit", limit)).transpose()?;
+        Self::add(slf, |motion| motion.wait_for(source, condition, limit))
+    }
+
+    fn stop_on_input<'py>(slf: PyRefMut<'py, Self>, input: u8, on: bool) -> Chain<'py> {
+        Self::add(slf, |motion| motion.stop_on_input(input, on))
+    }
+
+    fn workbench(slf: PyRefMut<'_, Self>, number: u32) -> Chain<'_> {
+        Self::add(slf, |motion| motion.workbench(number))
+    }
+
+    fn extend<'py>(slf: PyRefMut<'py, Self>, other: &Bound<'py, PyAny>) -> Chain<'py> {
+        let steps = if other.as_ptr() == slf.as_ptr() {
+            slf.0.instructions().map(<[_]>::to_vec)
+        } else {
+            let other =
+                other.cast::<Self>().map_err(|_| PyTypeError::new_err("only a Motion can be appended"))?;
+            other.borrow().0.instructions().map(<[_]>::to_vec)
+        };
+        let steps = raise(slf.py(), steps)?;
+        Self::add(slf, |motion| steps.into_iter().fold(motion, r6_client::Motion::instruction))
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Motion of {} steps>", self.0.len())
+    }
+}
+
+fn blended(motion: r6_client::Motion, blend: Option<u8>) -> r6_client::Motion {
+    match blend {
+        Some(level) => motion.blend(level),
+        None => motion,
+    }
+}
+
+fn point_named(name: &str) -> PyResult<IoPoint> {
+    name.parse::<IoPoint>().map_err(|error| PyValueError::new_err(error.to_string()))
+}
+
+/// An output of action 200, by its name on the pendant: it has the first board alone.
+fn output(name: &str) -> PyResult<(OutputKind, u8)> {
+    let IoPoint { kind, board, point } = point_named(name)?;
+    let kind = match kind {
+        PointKind::Y => OutputKind::Y,
+        PointKind::M => OutputKind::M,
+        PointKind::Euy => OutputKind::Euy,
+        PointKind::X | PointKind::Eux => {
+            return Err(PyValueError::new_err(format!("{name} is an input: outputs are Y, M and EUY")));
+        }
+    };
+    if board != 0 {
+        return Err(PyValueError::new_err(format!("a motion sets points of the first board, not {name}")));
+    }
+    Ok((kind, point))
+}
+
+/// What a wait can wait for, by its name on the pendant.
+fn source(name: &str) -> PyResult<WaitSource> {
+    let IoPoint { kind, board, point } = point_named(name)?;
+    match kind {
+        PointKind::X => Ok(WaitSource::Input { board, point }),
+        PointKind::M => Ok(WaitSource::M { board, point }),
+        PointKind::Eux => Ok(WaitSource::Eu { point }),
+        PointKind::Y | PointKind::Euy => {
+            Err(PyValueError::new_err(format!("{name} is an output: a wait is for X, M or EUX")))
+        }
+    }
+}

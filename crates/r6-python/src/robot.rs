@@ -1,0 +1,254 @@
+//! A robot: what `Robot` and `AsyncRobot` have in common. Each method makes an operation; who waits for it, and how, is theirs.
+
+use std::sync::{Mutex, PoisonError};
+
+use pyo3::IntoPyObjectExt;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyString};
+use r6_client::{CameraSet, RequestError, Robot, WaitOptions};
+use r6_proto::Address;
+use r6_proto::message::{Instruction, PhotoAnswer, Point};
+
+use crate::command::Command;
+use crate::convert::{self, seconds};
+use crate::envelope::Envelope;
+use crate::errors::{Raise, raise};
+use crate::handle::MotionCore;
+use crate::motion::Motion;
+use crate::operation::Operation;
+use crate::process::Kept;
+use crate::record::class;
+use crate::registers;
+use crate::settings::{RobotSettings, RunOptions};
+use crate::subscription::{PushedCore, SubscriptionCore};
+
+/// A handle on one controller.
+#[pyclass(frozen, module = "r6._r6")]
+pub struct RobotCore {
+    /// `None` once it was closed.
+    robot: Kept<Mutex<Option<Robot>>>,
+    #[pyo3(get)]
+    address: String,
+}
+
+impl RobotCore {
+    fn new(robot: Robot) -> PyResult<Self> {
+        let address = robot.address().to_owned();
+        Ok(Self { robot: Kept::new(Mutex::new(Some(robot)))?, address })
+    }
+
+    fn robot(&self, py: Python<'_>) -> PyResult<Robot> {
+        let robot = self.robot.here()?.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        robot.ok_or_else(|| RequestError::from(r6_client::NotSent::Closed).exception(py))
+    }
+
+    /// A request that the controller accepts or not.
+    fn accepted(
+        &self,
+        future: impl Future<Output = Result<r6_client::Accepted, RequestError>> + Send + 'static,
+    ) -> Operation {
+        Operation::new(future, |py, accepted| convert::accepted(py, raise(py, accepted)?))
+    }
+}
+
+#[pymethods]
+impl RobotCore {
+    /// Connects; gives a `RobotCore`.
+    #[staticmethod]
+    #[pyo3(signature = (address, settings=None))]
+    fn connect(address: String, settings: Option<&RobotSettings>) -> Operation {
+        let settings = settings.map(|settings| settings.0.clone()).unwrap_or_default();
+        Operation::new(async move { Robot::connect(&address, settings).await }, |py, robot| {
+            Self::new(raise(py, robot)?)?.into_bound_py_any(py)
+        })
+    }
+
+    /// Ends the connection for all handles of it. Closing again does nothing.
+    fn close(&self) -> PyResult<Operation> {
+        let robot = self.robot.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let closing = async move {
+            if let Some(robot) = robot {
+                robot.close().await;
+            }
+        };
+        Ok(Operation::new(closing, |py, ()| py.None().into_bound_py_any(py)))
+    }
+
+    #[pyo3(signature = (*addresses))]
+    fn query(&self, py: Python<'_>, addresses: Vec<Bound<'_, PyString>>) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let (names, addresses) = named(py, addresses)?;
+        let reading = async move { robot.query(&addresses).await };
+        Ok(Operation::new(reading, |py, result| convert::query_result(py, names, &raise(py, result)?)))
+    }
+
+    fn status(&self, py: Python<'_>) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let reading = async move { robot.status().await };
+        Ok(Operation::new(reading, |py, status| convert::status(py, &raise(py, status)?)))
+    }
+
+    fn firmware(&self, py: Python<'_>) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let reading = async move { robot.firmware().await };
+        Ok(Operation::new(reading, |py, firmware| raise(py, firmware)?.into_bound_py_any(py)))
+    }
+
+    fn command(&self, py: Python<'_>, command: &Command) -> PyResult<Operation> {
+        let (robot, command) = (self.robot(py)?, command.0.clone());
+        Ok(self.accepted(async move { robot.command(command).await }))
+    }
+
+    fn clear_list(&self, py: Python<'_>) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        Ok(self.accepted(async move { robot.clear_list().await }))
+    }
+
+    fn add_rcc(&self, py: Python<'_>, motion: PyRef<'_, Motion>, replace: bool) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let steps: Vec<Instruction> = raise(py, motion.0.instructions())?.to_vec();
+        Ok(self.accepted(async move { robot.add_rcc(replace, steps).await }))
+    }
+
+    fn wait_until_done(&self, py: Python<'_>, timeout: f64) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let options = WaitOptions { timeout: seconds("timeout", timeout)?, ..WaitOptions::default() };
+        let waiting = async move { robot.wait_until_done(options).await };
+        Ok(Operation::new(waiting, |py, done| convert::done(py, &raise(py, done)?)))
+    }
+
+    fn stop(&self, py: Python<'_>) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let stopping = async move { robot.stop().await };
+        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)))
+    }
+
+    #[pyo3(signature = (motion, options=None))]
+    fn run(
+        &self,
+        py: Python<'_>,
+        motion: PyRef<'_, Motion>,
+        options: Option<&RunOptions>,
+    ) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let motion = motion.0.clone();
+        let options = options.map(|options| options.0).unwrap_or_default();
+        let starting = async move {
+            let handle = robot.run(&motion, options).await?;
+            Ok(MotionCore::parts(robot, handle))
+        };
+        Ok(Operation::new(starting, |py, parts| {
+            MotionCore::new(raise::<_, r6_client::MotionError>(py, parts)?)?.into_bound_py_any(py)
+        }))
+    }
+
+    /// The frames that `run` would send.
+    #[pyo3(signature = (motion, options=None))]
+    fn dry_run<'py>(
+        &self,
+        py: Python<'py>,
+        motion: PyRef<'_, Motion>,
+        options: Option<&RunOptions>,
+    ) -> PyResult<Vec<Bound<'py, PyBytes>>> {
+        let options = options.map(|options| options.0).unwrap_or_default();
+        let frames = raise(py, self.robot(py)?.dry_run(&motion.0, options))?;
+        Ok(frames.iter().map(|frame| PyBytes::new(py, frame)).collect())
+    }
+
+    fn read_registers(&self, py: Python<'_>, first: u16, count: u16) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let addresses = registers::addresses(first, count)?;
+        let reading = async move { registers::read(&robot, &addresses).await };
+        Ok(Operation::new(reading, |py, values| registers::to_array(py, raise(py, values)?)))
+    }
+
+    #[pyo3(signature = (first, values, *, savable, verify))]
+    fn write_registers(
+        &self,
+        py: Python<'_>,
+        first: u16,
+        values: Vec<i64>,
+        savable: bool,
+        verify: bool,
+    ) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let write = registers::Write::new(first, values, savable, verify)?;
+        let writing = async move { write.send(&robot).await };
+        Ok(Operation::new(writing, |py, written| convert::accepted(py, raise(py, written)?)))
+    }
+
+    /// Watches; gives nothing to wait for.
+    fn subscribe(
+        &self,
+        py: Python<'_>,
+        addresses: Vec<Bound<'_, PyString>>,
+        every: f64,
+    ) -> PyResult<SubscriptionCore> {
+        let (names, addresses) = named(py, addresses)?;
+        let subscription = self.robot(py)?.subscribe(&addresses, seconds("every", every)?);
+        SubscriptionCore::new(names, raise(py, subscription)?)
+    }
+
+    fn pushed(&self, py: Python<'_>) -> PyResult<PushedCore> {
+        PushedCore::new(self.robot(py)?.pushed())
+    }
+
+    fn answer_photo(&self, py: Python<'_>, cam_id: i64, taken: bool) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let answer = PhotoAnswer { cam_id, ret: i64::from(taken) };
+        let sending = async move { robot.answer_photo(answer).await };
+        Ok(Operation::new(sending, |py, left| raise(py, left)?.into_bound_py_any(py)))
+    }
+
+    fn add_points(&self, py: Python<'_>, cam_id: i64, points: Vec<Bound<'_, PyAny>>) -> PyResult<Operation> {
+        let robot = self.robot(py)?;
+        let points = points.iter().map(point).collect::<PyResult<Vec<_>>>()?;
+        Ok(self.accepted(async move { robot.add_points(vec![CameraSet { cam_id, points }]).await }))
+    }
+
+    fn link_quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        convert::link_quality(py, &self.robot(py)?.link_quality())
+    }
+
+    fn identity<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        self.robot(py)?.identity().map(|identity| convert::identity(py, &identity)).transpose()
+    }
+
+    fn accept_identity(&self, py: Python<'_>, found: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.robot(py)?.accept_identity(convert::identity_from(found)?);
+        Ok(())
+    }
+
+    fn with_guard(&self, py: Python<'_>, envelope: &Envelope) -> PyResult<Self> {
+        Self::new(self.robot(py)?.with_guard(envelope.0.clone()))
+    }
+}
+
+/// Addresses, with the names that they were given by.
+fn named(py: Python<'_>, names: Vec<Bound<'_, PyString>>) -> PyResult<(Vec<Py<PyString>>, Vec<Address>)> {
+    let mut addresses = Vec::with_capacity(names.len());
+    for name in &names {
+        addresses.push(raise(py, Address::parse(&name.to_cow()?))?);
+    }
+    Ok((names.into_iter().map(Bound::unbind).collect(), addresses))
+}
+
+/// An object of `r6._types.Point`.
+fn point(object: &Bound<'_, PyAny>) -> PyResult<Point> {
+    if !object.is_instance(&class(object.py(), "Point")?)? {
+        return Err(PyTypeError::new_err("points have to be r6.Point"));
+    }
+    Ok(Point {
+        model_id: object.getattr("model_id")?.extract()?,
+        x: object.getattr("x")?.extract()?,
+        y: object.getattr("y")?.extract()?,
+        z: object.getattr("z")?.extract()?,
+        u: object.getattr("u")?.extract()?,
+        v: object.getattr("v")?.extract()?,
+        angle: object.getattr("angle")?.extract()?,
+        similarity: object.getattr("similarity")?.extract()?,
+        color: object.getattr("color")?.extract()?,
+        relative: object.getattr("relative")?.extract()?,
+    })
+}

@@ -1,0 +1,129 @@
+//! How a robot is talked to, and how a motion is run.
+
+use std::time::Duration;
+
+use pyo3::prelude::*;
+use r6_client::{Heartbeat, OperationMode};
+
+use crate::convert::{repr, seconds};
+
+/// How a robot is talked to. What is not given is as in Rust.
+#[pyclass(frozen, module = "r6._r6")]
+#[derive(Clone, Default)]
+pub struct RobotSettings(pub r6_client::RobotSettings);
+
+#[pymethods]
+impl RobotSettings {
+    #[new]
+    #[pyo3(signature = (
+        *, reply_timeout=None, connect_timeout=None, max_frame_bytes=None, heartbeat=None, suspect_after=None,
+        dead_after=None, reconnect_first_wait=None, reconnect_cap=None, reconnect_seed=None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
+    fn new(
+        reply_timeout: Option<f64>,
+        connect_timeout: Option<f64>,
+        max_frame_bytes: Option<usize>,
+        heartbeat: Option<f64>,
+        suspect_after: Option<f64>,
+        dead_after: Option<f64>,
+        reconnect_first_wait: Option<f64>,
+        reconnect_cap: Option<f64>,
+        reconnect_seed: Option<u64>,
+    ) -> PyResult<Self> {
+        let mut settings = r6_client::RobotSettings::default();
+        time("reply_timeout", reply_timeout, &mut settings.reply_timeout)?;
+        time("connect_timeout", connect_timeout, &mut settings.connect_timeout)?;
+        time("suspect_after", suspect_after, &mut settings.liveness.suspect_after)?;
+        time("dead_after", dead_after, &mut settings.liveness.dead_after)?;
+        time("reconnect_first_wait", reconnect_first_wait, &mut settings.reconnect.first_wait)?;
+        time("reconnect_cap", reconnect_cap, &mut settings.reconnect.cap)?;
+        settings.reconnect.jitter_seed = reconnect_seed;
+        settings.max_frame_bytes = max_frame_bytes.unwrap_or(settings.max_frame_bytes);
+        if let Some(every) = heartbeat {
+            settings.heartbeat = Heartbeat::Managed { every: seconds("heartbeat", every)? };
+        }
+        Ok(Self(settings))
+    }
+
+    fn __repr__(&self) -> String {
+        let settings = &self.0;
+        let heartbeat = match settings.heartbeat {
+            Heartbeat::Off => "None".to_owned(),
+            Heartbeat::Managed { every } => every.as_secs_f64().to_string(),
+        };
+        repr(
+            "RobotSettings",
+            &[
+                ("reply_timeout", settings.reply_timeout.as_secs_f64().to_string()),
+                ("connect_timeout", settings.connect_timeout.as_secs_f64().to_string()),
+                ("max_frame_bytes", settings.max_frame_bytes.to_string()),
+                ("heartbeat", heartbeat),
+            ],
+        )
+    }
+}
+
+/// How a motion is run. What is not given is as in Rust.
+#[pyclass(frozen, module = "r6._r6")]
+#[derive(Clone, Copy, Default)]
+pub struct RunOptions(pub r6_client::RunOptions);
+
+#[pymethods]
+impl RunOptions {
+    #[new]
+    #[pyo3(signature = (
+        *, interval=None, frame_instructions=None, room=None, settle=None, start_within=None, stall_within=None,
+        idle_mode=None, clear_leftover=None, stop_on_failure=None, stop_on_drop=None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
+    fn new(
+        interval: Option<f64>,
+        frame_instructions: Option<usize>,
+        room: Option<usize>,
+        settle: Option<f64>,
+        start_within: Option<f64>,
+        stall_within: Option<f64>,
+        idle_mode: Option<i64>,
+        clear_leftover: Option<bool>,
+        stop_on_failure: Option<bool>,
+        stop_on_drop: Option<bool>,
+    ) -> PyResult<Self> {
+        let mut options = r6_client::RunOptions::default();
+        time("interval", interval, &mut options.interval)?;
+        time("settle", settle, &mut options.settle)?;
+        time("start_within", start_within, &mut options.start_within)?;
+        time("stall_within", stall_within, &mut options.stall_within)?;
+        options.frame_instructions = frame_instructions.unwrap_or(options.frame_instructions);
+        options.room = room.unwrap_or(options.room);
+        options.idle_mode = idle_mode.map_or(options.idle_mode, OperationMode::of_number);
+        options.clear_leftover = clear_leftover.unwrap_or(options.clear_leftover);
+        options.stop_on_failure = stop_on_failure.unwrap_or(options.stop_on_failure);
+        options.stop_on_drop = stop_on_drop.unwrap_or(options.stop_on_drop);
+        Ok(Self(options))
+    }
+
+    fn __repr__(&self) -> String {
+        let options = &self.0;
+        let flag = |flag| if flag { "True" } else { "False" }.to_owned();
+        repr(
+            "RunOptions",
+            &[
+                ("interval", options.interval.as_secs_f64().to_string()),
+                ("frame_instructions", options.frame_instructions.to_string()),
+                ("room", options.room.to_string()),
+                ("clear_leftover", flag(options.clear_leftover)),
+                ("stop_on_failure", flag(options.stop_on_failure)),
+                ("stop_on_drop", flag(options.stop_on_drop)),
+            ],
+        )
+    }
+}
+
+/// Sets a time if one is given.
+fn time(what: &str, given: Option<f64>, slot: &mut Duration) -> PyResult<()> {
+    if let Some(given) = given {
+        *slot = seconds(what, given)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,337 @@
+//! `Simulator`: a virtual controller inside this process, on a thread of its own.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyString;
+use r6_controller::{
+    Button, ControllerSnapshot, Key, Level, LogLine, PanelAction, Profile, Program, RobotModel, Scenario,
+    StartState,
+};
+use r6_proto::io_point::{IoPoint, PointKind};
+use r6_sim::{Camera, Clock, ControllerHandle, VirtualController};
+use tokio::sync::broadcast::Receiver;
+use tokio::sync::broadcast::error::TryRecvError;
+
+use crate::convert::word;
+use crate::errors::{Exception, raise};
+use crate::interpreter;
+use crate::process::Kept;
+use crate::record::{Record, array};
+use crate::units::axis;
+
+/// A virtual controller. It listens once it is there, and is gone once it was closed.
+#[pyclass(frozen, module = "r6._r6")]
+pub struct Simulator {
+    /// `None` once it was closed. It alone holds the handle, which holds the folder of the state.
+    controller: Kept<Mutex<Option<VirtualController>>>,
+    address: SocketAddr,
+    log: Mutex<Receiver<LogLine>>,
+}
+
+const BUTTONS: [(&str, Button); 5] = [
+    ("start", Button::Start),
+    ("stop", Button::Stop),
+    ("pause", Button::Pause),
+    ("single_cycle", Button::SingleCycle),
+    ("single_step", Button::SingleStep),
+];
+
+const KEYS: [(&str, Key); 3] = [("manual", Key::Manual), ("stop", Key::Stop), ("auto", Key::Auto)];
+
+const STARTS: [(&str, StartState); 4] = [
+    ("waiting", StartState::Waiting),
+    ("auto", StartState::Auto),
+    ("manual", StartState::Manual),
+    ("stopped", StartState::Stopped),
+];
+
+/// A name or a text, or the text of the file at a path.
+enum Source {
+    Name(String),
+    File(String),
+}
+
+impl Source {
+    fn of(given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if let Ok(name) = given.cast::<PyString>() {
+            return Ok(Self::Name(name.to_cow()?.into_owned()));
+        }
+        let path: PathBuf = given.extract().map_err(|_| PyTypeError::new_err("wanted: a str or a path"))?;
+        Ok(Self::File(std::fs::read_to_string(path)?))
+    }
+
+    fn text(self) -> String {
+        match self {
+            Self::Name(text) | Self::File(text) => text,
+        }
+    }
+}
+
+fn wrong(py: Python<'_>, problem: impl std::fmt::Display) -> PyErr {
+    Exception::new(py, "SimulatorError", &problem).build()
+}
+
+fn profile(py: Python<'_>, source: Source) -> PyResult<Profile> {
+    match source {
+        Source::File(text) => Profile::from_toml(&text).map_err(|error| wrong(py, error)),
+        Source::Name(name) => Profile::named(&name).ok_or_else(|| {
+            wrong(py, format!("there is no profile `{name}`; there are: {}", Profile::names().join(", ")))
+        }),
+    }
+}
+
+fn model(py: Python<'_>, source: Source) -> PyResult<RobotModel> {
+    match source {
+        Source::File(text) => RobotModel::from_toml(&text).map_err(|error| wrong(py, error)),
+        Source::Name(name) => RobotModel::named(&name).cloned().ok_or_else(|| {
+            let names: Vec<_> = RobotModel::names().collect();
+            wrong(py, format!("there is no model `{name}`; there are: {}", names.join(", ")))
+        }),
+    }
+}
+
+/// "real", "max", "10x", or how many times as fast.
+fn clock(py: Python<'_>, given: &Bound<'_, PyAny>) -> PyResult<Clock> {
+    let text = match given.extract::<f64>() {
+        Ok(factor) => format!("{factor}x"),
+        Err(_) => given.extract::<String>()?,
+    };
+    text.parse().map_err(|error| wrong(py, error))
+}
+
+#[pymethods]
+impl Simulator {
+    #[new]
+    #[pyo3(signature = (
+        *, profile=None, model=None, clock=None, seed=0, start="waiting", program=None, scenario=None,
+        cameras=Vec::new(), state=None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
+    fn new(
+        py: Python<'_>,
+        profile: Option<&Bound<'_, PyAny>>,
+        model: Option<&Bound<'_, PyAny>>,
+        clock: Option<&Bound<'_, PyAny>>,
+        seed: u64,
+        start: &str,
+        program: Option<&Bound<'_, PyAny>>,
+        scenario: Option<&Bound<'_, PyAny>>,
+        cameras: Vec<String>,
+        state: Option<PathBuf>,
+    ) -> PyResult<Self> {
+        let mut builder = VirtualController::builder().seed(seed).stands(word("start", start, &STARTS)?);
+        if let Some(given) = profile {
+            builder = builder.profile(self::profile(py, Source::of(given)?)?);
+        }
+        if let Some(given) = model {
+            builder = builder.model(self::model(py, Source::of(given)?)?);
+        }
+        if let Some(given) = clock {
+            builder = builder.clock(self::clock(py, given)?);
+        }
+        if let Some(given) = program {
+            let text = Source::of(given)?.text();
+            let program = Program::read("program", &text).map_err(|error| wrong(py, error))?;
+            builder = builder.program(program).map_err(|error| wrong(py, error))?;
+        }
+        if let Some(given) = scenario {
+            let text = Source::of(given)?.text();
+            builder = builder.scenario(Scenario::read(&text).map_err(|error| wrong(py, error))?);
+        }
+        for camera in cameras {
+            builder = builder.camera(camera.parse::<Camera>().map_err(|error| wrong(py, error))?);
+        }
+        if let Some(folder) = state {
+            builder = builder.state(folder);
+        }
+        let controller = raise(py, interpreter::released(py, || builder.start_blocking()).0)?;
+        let address = controller.address();
+        let log = Mutex::new(controller.handle().log_from_start());
+        Ok(Self { controller: Kept::new(Mutex::new(Some(controller)))?, address, log })
+    }
+
+    #[getter]
+    fn address(&self) -> String {
+        self.address.to_string()
+    }
+
+    #[getter]
+    fn port(&self) -> u16 {
+        self.address.port()
+    }
+
+    /// Ends it and its connections. Closing again does nothing.
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let taken = self.controller.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
+        interpreter::released(py, || drop(taken));
+        Ok(())
+    }
+
+    fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
+        slf
+    }
+
+    #[pyo3(signature = (*_exception))]
+    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.close(py)
+    }
+
+    /// Presses the emergency stop.
+    fn emergency_stop(&self, py: Python<'_>) -> PyResult<()> {
+        self.operate(py, &PanelAction::EmergencyStop)
+    }
+
+    fn release_emergency_stop(&self, py: Python<'_>) -> PyResult<()> {
+        self.operate(py, &PanelAction::ReleaseEmergencyStop)
+    }
+
+    fn clear_alarm(&self, py: Python<'_>) -> PyResult<()> {
+        self.operate(py, &PanelAction::ClearAlarm)
+    }
+
+    fn raise_alarm(&self, py: Python<'_>, alarm: u32) -> PyResult<()> {
+        self.operate(py, &PanelAction::RaiseAlarm(alarm))
+    }
+
+    fn press(&self, py: Python<'_>, button: &str) -> PyResult<()> {
+        self.operate(py, &PanelAction::Press(word("button", button, &BUTTONS)?))
+    }
+
+    fn turn_key(&self, py: Python<'_>, key: &str) -> PyResult<()> {
+        self.operate(py, &PanelAction::TurnKey(word("key", key, &KEYS)?))
+    }
+
+    fn home(&self, py: Python<'_>) -> PyResult<()> {
+        self.operate(py, &PanelAction::Home)
+    }
+
+    #[pyo3(signature = (axis, by, *, percent=10.0))]
+    fn jog(&self, py: Python<'_>, axis: u8, by: f64, percent: f64) -> PyResult<()> {
+        self.operate(py, &PanelAction::Jog { axis: self::axis(axis)?, by, percent })
+    }
+
+    fn switch_program(&self, py: Python<'_>, name: String) -> PyResult<()> {
+        self.operate(py, &PanelAction::SwitchProgram(name))
+    }
+
+    fn load_program(&self, py: Python<'_>, name: String, text: String) -> PyResult<()> {
+        self.operate(py, &PanelAction::LoadProgram { name, text })
+    }
+
+    fn set_input(&self, py: Python<'_>, point: &str, on: bool) -> PyResult<()> {
+        let IoPoint { kind, board, point: number } = named(point)?;
+        let action = match kind {
+            PointKind::X => PanelAction::SetInput { board, point: number, on },
+            PointKind::Eux => PanelAction::SetEuInput { point: number, on },
+            PointKind::Y | PointKind::M | PointKind::Euy => {
+                return Err(PyValueError::new_err(format!("{point} is no input: inputs are X and EUX")));
+            }
+        };
+        self.operate(py, &action)
+    }
+
+    /// Whether an input, output or M point is on.
+    fn is_on(&self, py: Python<'_>, point: &str) -> PyResult<bool> {
+        let IoPoint { kind, board, point: number } = named(point)?;
+        let io = self.look(py)?.io;
+        let word = |words: &[u32]| words.get(usize::from(board)).copied().unwrap_or(0);
+        let word = match kind {
+            PointKind::X => word(&io.inputs),
+            PointKind::Y => word(&io.outputs),
+            PointKind::M => word(&io.m),
+            PointKind::Eux => io.eu_inputs,
+            PointKind::Euy => io.eu_outputs,
+        };
+        Ok(word >> number & 1 == 1)
+    }
+
+    /// Asks a camera for a photo, as a program does.
+    fn request_photo(&self, py: Python<'_>, cam_id: i64) -> PyResult<()> {
+        let handle = self.handle()?;
+        interpreter::released(py, || handle.request_photo(cam_id));
+        Ok(())
+    }
+
+    /// What a person would see at the machine, now.
+    fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let state = self.look(py)?;
+        let axes = state.axis_limits.len();
+        Record::new(py, "MachineState")?
+            .with("firmware", state.version)?
+            .with("machine_name", state.machine_name)?
+            .with("profile", state.profile)?
+            .with("model", state.model)?
+            .with("mode", state.mode.number())?
+            .with("alarm", state.alarm)?
+            .with("emergency_stop", state.emergency_stop)?
+            .with("homed", state.homed)?
+            .with("moving", state.moving)?
+            .with("program", state.program)?
+            .with("programs", state.programs)?
+            .with("list_length", state.list_length)?
+            .with("axes", array(py, state.axes.into_iter().take(axes).map(Some))?)?
+            .with("pose", array(py, state.world.map(Some))?)?
+            .with("axis_limits", state.axis_limits)?
+            .with("global_speed", state.global_speed_percent)?
+            .with("connections", state.connections)?
+            .build()
+    }
+
+    /// What has happened since the last call.
+    fn log<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        self.controller.here()?;
+        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut lines = Vec::new();
+        loop {
+            let (at, connection, warning, text) = match log.try_recv() {
+                Ok(line) => (
+                    Some(line.at.as_secs_f64()),
+                    line.connection.map(|connection| connection.number()),
+                    line.level == Level::Warning,
+                    line.text,
+                ),
+                Err(TryRecvError::Lagged(count)) => {
+                    (None, None, true, format!("{count} lines were lost: read the log more often"))
+                }
+                Err(TryRecvError::Empty | TryRecvError::Closed) => return Ok(lines),
+            };
+            let line = Record::new(py, "LogLine")?
+                .with("at", at)?
+                .with("connection", connection)?
+                .with("warning", warning)?
+                .with("text", text)?
+                .build()?;
+            lines.push(line);
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Simulator at {}>", self.address)
+    }
+}
+
+impl Simulator {
+    fn operate(&self, py: Python<'_>, action: &PanelAction) -> PyResult<()> {
+        let handle = self.handle()?;
+        raise(py, interpreter::released(py, || handle.operate(action)).0)
+    }
+
+    fn look(&self, py: Python<'_>) -> PyResult<ControllerSnapshot> {
+        let handle = self.handle()?;
+        Ok(interpreter::released(py, || handle.snapshot()).0)
+    }
+
+    fn handle(&self) -> PyResult<ControllerHandle> {
+        let controller = self.controller.here()?.lock().unwrap_or_else(PoisonError::into_inner);
+        let handle = controller.as_ref().map(|controller| controller.handle().clone());
+        handle.ok_or_else(|| PyRuntimeError::new_err("this simulator was closed"))
+    }
+}
+
+fn named(point: &str) -> PyResult<IoPoint> {
+    point.parse::<IoPoint>().map_err(|error| PyValueError::new_err(error.to_string()))
+}

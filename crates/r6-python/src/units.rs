@@ -1,0 +1,402 @@
+//! Values with units: a mistake in the unit is a `TypeError`.
+
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::pyclass::CompareOp;
+use r6_client::AxisIndex;
+use r6_client::units;
+
+use crate::errors::raise;
+use crate::record::numpy;
+
+/// An angle, degrees.
+#[pyclass(frozen, module = "r6._r6")]
+#[derive(Clone, Copy)]
+pub struct Degrees(pub units::Degrees);
+
+/// A length, millimetres.
+#[pyclass(frozen, module = "r6._r6")]
+#[derive(Clone, Copy)]
+pub struct Millimetres(pub units::Millimetres);
+
+/// A share of the most that is possible, 0.001 to 100.
+#[pyclass(frozen, module = "r6._r6")]
+#[derive(Clone, Copy)]
+pub struct Percent(pub units::Percent);
+
+/// The speed of the tool along its path: a whole number of mm/s, 1 to 100 000.
+#[pyclass(frozen, module = "r6._r6")]
+#[derive(Clone, Copy)]
+pub struct MillimetresPerSecond(pub units::MillimetresPerSecond);
+
+#[pymethods]
+impl Degrees {
+    #[new]
+    fn new(value: f64) -> Self {
+        Self(units::Degrees(value))
+    }
+
+    #[getter]
+    fn value(&self) -> f64 {
+        self.0.value()
+    }
+
+    fn __add__(&self, other: &Self) -> Self {
+        Self(self.0 + other.0)
+    }
+
+    fn __sub__(&self, other: &Self) -> Self {
+        Self(self.0 - other.0)
+    }
+
+    fn __mul__(&self, times: f64) -> Self {
+        Self(self.0 * times)
+    }
+
+    fn __rmul__(&self, times: f64) -> Self {
+        Self(self.0 * times)
+    }
+
+    fn __neg__(&self) -> Self {
+        Self(-self.0)
+    }
+
+    fn __abs__(&self) -> Self {
+        Self(self.0.abs())
+    }
+
+    fn __richcmp__(&self, other: &Self, op: CompareOp) -> bool {
+        compare(self.value(), other.value(), op)
+    }
+
+    fn __hash__(&self) -> u64 {
+        hash(self.value())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Degrees({:?})", self.value())
+    }
+
+    fn __str__(&self) -> String {
+        self.0.to_string()
+    }
+}
+
+#[pymethods]
+impl Millimetres {
+    #[new]
+    fn new(value: f64) -> Self {
+        Self(units::Millimetres(value))
+    }
+
+    #[getter]
+    fn value(&self) -> f64 {
+        self.0.value()
+    }
+
+    fn __add__(&self, other: &Self) -> Self {
+        Self(self.0 + other.0)
+    }
+
+    fn __sub__(&self, other: &Self) -> Self {
+        Self(self.0 - other.0)
+    }
+
+    fn __mul__(&self, times: f64) -> Self {
+        Self(self.0 * times)
+    }
+
+    fn __rmul__(&self, times: f64) -> Self {
+        Self(self.0 * times)
+    }
+
+    fn __neg__(&self) -> Self {
+        Self(-self.0)
+    }
+
+    fn __abs__(&self) -> Self {
+        Self(self.0.abs())
+    }
+
+    fn __richcmp__(&self, other: &Self, op: CompareOp) -> bool {
+        compare(self.value(), other.value(), op)
+    }
+
+    fn __hash__(&self) -> u64 {
+        hash(self.value())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Millimetres({:?})", self.value())
+    }
+
+    fn __str__(&self) -> String {
+        self.0.to_string()
+    }
+}
+
+#[pymethods]
+impl Percent {
+    #[new]
+    fn new(py: Python<'_>, value: f64) -> PyResult<Self> {
+        raise(py, units::Percent::new(value)).map(Self)
+    }
+
+    #[getter]
+    fn value(&self) -> f64 {
+        self.0.value()
+    }
+
+    fn __richcmp__(&self, other: &Self, op: CompareOp) -> bool {
+        compare(self.value(), other.value(), op)
+    }
+
+    fn __hash__(&self) -> u64 {
+        hash(self.value())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Percent({:?})", self.value())
+    }
+
+    fn __str__(&self) -> String {
+        self.0.to_string()
+    }
+}
+
+#[pymethods]
+impl MillimetresPerSecond {
+    #[new]
+    fn new(py: Python<'_>, value: u32) -> PyResult<Self> {
+        raise(py, units::MillimetresPerSecond::new(value)).map(Self)
+    }
+
+    #[getter]
+    fn value(&self) -> f64 {
+        self.0.value()
+    }
+
+    fn __richcmp__(&self, other: &Self, op: CompareOp) -> bool {
+        compare(self.value(), other.value(), op)
+    }
+
+    fn __hash__(&self) -> u64 {
+        hash(self.value())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("MillimetresPerSecond({})", self.value())
+    }
+
+    fn __str__(&self) -> String {
+        self.0.to_string()
+    }
+}
+
+/// What is no number equals nothing, as everywhere in Python.
+fn compare(a: f64, b: f64, op: CompareOp) -> bool {
+    match (a.partial_cmp(&b), op) {
+        (Some(ordering), op) => op.matches(ordering),
+        (None, op) => matches!(op, CompareOp::Ne),
+    }
+}
+
+fn hash(value: f64) -> u64 {
+    // 0.0 and -0.0 are equal, and have to have one hash.
+    (value + 0.0).to_bits()
+}
+
+/// Which axes.
+#[pyclass(frozen, module = "r6._r6", eq, hash)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct AxisMask(u8);
+
+#[pymethods]
+impl AxisMask {
+    #[new]
+    #[pyo3(signature = (*axes))]
+    fn new(axes: Vec<u8>) -> PyResult<Self> {
+        let mut mask = r6_client::AxisMask::NONE;
+        for number in axes {
+            mask = mask.with(axis(number)?);
+        }
+        Ok(Self(mask.bits()))
+    }
+
+    #[getter]
+    fn bits(&self) -> u8 {
+        self.0
+    }
+
+    #[getter]
+    fn axes(&self) -> Vec<usize> {
+        // Not u8: a list of those is `bytes` in Python.
+        r6_client::AxisMask::from_bits(self.0).axes().map(AxisIndex::index).collect()
+    }
+
+    fn __contains__(&self, number: u8) -> bool {
+        AxisIndex::new(number).is_some_and(|axis| r6_client::AxisMask::from_bits(self.0).contains(axis))
+    }
+
+    fn __repr__(&self) -> String {
+        let axes: Vec<_> = self.axes().iter().map(usize::to_string).collect();
+        format!("AxisMask({})", axes.join(", "))
+    }
+}
+
+/// An axis by its number, 0 for J1.
+pub fn axis(number: u8) -> PyResult<AxisIndex> {
+    AxisIndex::new(number).ok_or_else(|| {
+        PyValueError::new_err(format!("an axis is a number from 0 (J1) to 7 (J8), not {number}"))
+    })
+}
+
+/// Where one to eight axes are; an axis that is not named stays where it is.
+#[pyclass(frozen, module = "r6._r6", eq)]
+#[derive(Clone, Copy, PartialEq)]
+pub struct AxisPosition(pub units::AxisPosition);
+
+#[pymethods]
+impl AxisPosition {
+    #[new]
+    fn new() -> Self {
+        Self(units::AxisPosition::none())
+    }
+
+    /// J1 and the axes that follow it.
+    #[staticmethod]
+    fn degrees(angles: &Bound<'_, PyAny>) -> PyResult<Self> {
+        of_degrees(&row(angles)?).map(Self)
+    }
+
+    fn with_axis(&self, axis: u8, to: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self(self.0.with(self::axis(axis)?, coordinate(to)?)))
+    }
+
+    fn at<'py>(&self, py: Python<'py>, axis: u8) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let coordinate = |to| match to {
+            units::AxisCoordinate::Degrees(angle) => Ok(Bound::new(py, Degrees(angle))?.into_any()),
+            units::AxisCoordinate::Millimetres(length) => Ok(Bound::new(py, Millimetres(length))?.into_any()),
+        };
+        self.0.at(self::axis(axis)?).map(coordinate).transpose()
+    }
+
+    #[getter]
+    fn mask(&self) -> AxisMask {
+        AxisMask(self.0.mask().bits())
+    }
+
+    fn __repr__(&self) -> String {
+        let named =
+            AxisIndex::ALL.into_iter().filter_map(|axis| Some(format!("{axis}: {}", self.0.at(axis)?)));
+        format!("AxisPosition({})", named.collect::<Vec<_>>().join(", "))
+    }
+}
+
+/// `Degrees` or `Millimetres`.
+pub fn coordinate(to: &Bound<'_, PyAny>) -> PyResult<units::AxisCoordinate> {
+    if let Ok(angle) = to.cast::<Degrees>() {
+        Ok(angle.get().0.into())
+    } else if let Ok(length) = to.cast::<Millimetres>() {
+        Ok(length.get().0.into())
+    } else {
+        Err(PyTypeError::new_err(format!("an axis goes to Degrees or Millimetres, not to {}", to.get_type())))
+    }
+}
+
+/// J1 and the axes that follow it, degrees.
+pub fn of_degrees(angles: &[f64]) -> PyResult<units::AxisPosition> {
+    if angles.is_empty() || angles.len() > AxisIndex::ALL.len() {
+        let many = angles.len();
+        return Err(PyValueError::new_err(format!("an arm has one to eight axes, not {many}")));
+    }
+    let axes = AxisIndex::ALL.into_iter().zip(angles);
+    Ok(axes.fold(units::AxisPosition::none(), |position, (axis, angle)| {
+        position.with(axis, units::Degrees(*angle))
+    }))
+}
+
+/// Where the tool is, and how it is turned; or only where.
+#[pyclass(frozen, module = "r6._r6", eq)]
+#[derive(Clone, Copy, PartialEq)]
+pub struct Pose(pub units::Pose);
+
+#[pymethods]
+impl Pose {
+    #[new]
+    fn new(x: &Millimetres, y: &Millimetres, z: &Millimetres, u: &Degrees, v: &Degrees, w: &Degrees) -> Self {
+        Self(units::Pose::new([x.0, y.0, z.0], [u.0, v.0, w.0]))
+    }
+
+    #[staticmethod]
+    fn position(x: &Millimetres, y: &Millimetres, z: &Millimetres) -> Self {
+        Self(units::Pose::position([x.0, y.0, z.0]))
+    }
+
+    /// X, Y, Z in mm, or X, Y, Z, U, V, W in mm and degrees.
+    #[staticmethod]
+    fn mm_deg(values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        of_mm_deg(&row(values)?).map(Self)
+    }
+
+    #[getter]
+    fn place(&self) -> (Millimetres, Millimetres, Millimetres) {
+        self.0.place().map(Millimetres).into()
+    }
+
+    #[getter]
+    fn turn(&self) -> Option<(Degrees, Degrees, Degrees)> {
+        self.0.turn().map(|turn| turn.map(Degrees).into())
+    }
+
+    #[getter]
+    fn mask(&self) -> AxisMask {
+        AxisMask(self.0.mask().bits())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Pose({})", self.0)
+    }
+}
+
+/// A pose of three or six numbers.
+pub fn of_mm_deg(values: &[f64]) -> PyResult<units::Pose> {
+    match *values {
+        [x, y, z] => Ok(units::Pose::position([x, y, z].map(units::Millimetres))),
+        [x, y, z, u, v, w] => {
+            Ok(units::Pose::new([x, y, z].map(units::Millimetres), [u, v, w].map(units::Degrees)))
+        }
+        _ => {
+            let many = values.len();
+            Err(PyValueError::new_err(format!("a pose has 3 or 6 components, not {many}")))
+        }
+    }
+}
+
+/// A row of bare numbers, whatever numpy makes an array of shape (n,) from.
+fn row(values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    let (numbers, shape) = numbers(values)?;
+    match shape.as_slice() {
+        [_] => Ok(numbers),
+        _ => Err(PyValueError::new_err(format!("the shape has to be (n,), not {shape:?}"))),
+    }
+}
+
+/// Rows of bare numbers: whatever numpy makes an array of shape (n, k) from.
+pub fn rows(values: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<f64>>> {
+    let (numbers, shape) = numbers(values)?;
+    match shape.as_slice() {
+        [_, columns] if *columns > 0 => Ok(numbers.chunks(*columns).map(<[f64]>::to_vec).collect()),
+        _ => Err(PyValueError::new_err(format!("the shape has to be (n, k), not {shape:?}"))),
+    }
+}
+
+/// The numbers of an array in their order, and its shape. Values with units are no bare numbers.
+fn numbers(values: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, Vec<usize>)> {
+    let py = values.py();
+    let array = numpy(py)?.getattr("ascontiguousarray")?.call1((values, "float64"))?;
+    let shape = array.getattr("shape")?.extract()?;
+    let bytes: Vec<u8> = array.call_method0("tobytes")?.extract()?;
+    let (numbers, _rest) = bytes.as_chunks();
+    Ok((numbers.iter().map(|bytes| f64::from_ne_bytes(*bytes)).collect(), shape))
+}

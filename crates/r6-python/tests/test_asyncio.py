@@ -1,0 +1,196 @@
+"""The same robot through asyncio."""
+
+import asyncio
+import inspect
+from collections.abc import Awaitable, Callable
+
+import numpy as np
+import pytest
+
+import r6
+
+FAST = r6.Percent(50)
+Test = Callable[[r6.AsyncRobot], Awaitable[None]]
+
+
+def with_robot(controller: r6.Simulator, test: Test, settings: r6.RobotSettings | None = None) -> None:
+    async def main() -> None:
+        async with await r6.AsyncRobot.connect(controller.address, settings) as robot:
+            await test(robot)
+
+    asyncio.run(main())
+
+
+def test_the_names_are_those_of_the_other() -> None:
+    for one, other in (
+        (r6.Robot, r6.AsyncRobot),
+        (r6.MotionHandle, r6.AsyncMotionHandle),
+        (r6.Step, r6.AsyncStep),
+        (r6.Subscription, r6.AsyncSubscription),
+        (r6.PushedEvents, r6.AsyncPushedEvents),
+    ):
+        def public(kind: type) -> set[str]:
+            return {name for name in vars(kind) if not name.startswith("_")}
+
+        assert public(one) == public(other)
+        for name in public(one):
+            here, there = inspect.getattr_static(one, name), inspect.getattr_static(other, name)
+            if inspect.isfunction(here):
+                assert list(inspect.signature(here).parameters) == list(inspect.signature(there).parameters), name
+
+
+def test_reading_and_writing(virtual_controller: r6.Simulator) -> None:
+    async def test(robot: r6.AsyncRobot) -> None:
+        assert (await robot.query("axis-0"))["axis-0"] == 0.0
+        assert (await robot.status()).is_ready and robot.address in repr(robot)
+        assert await robot.firmware() == (await robot.status()).firmware
+        await robot.write_registers(800, [5, 6])
+        assert (await robot.read_registers(800, 2)).tolist() == [5, 6]
+        await robot.set_counter(2, current=9)
+        assert (await robot.counter(2)).current == 9
+        await robot.set_output(0, 1, True)
+        assert (await robot.outputs())[1] and not (await robot.inputs()).any()
+        await robot.set_global_speed(r6.Percent(60))
+        assert (await robot.clear_list()).after > 0
+        assert robot.link_quality().state == "alive"
+        identity = robot.identity()
+        assert identity is not None
+        robot.accept_identity(identity)
+
+    with_robot(virtual_controller, test)
+
+
+@pytest.mark.virtual_controller(clock=10)
+def test_a_motion_runs_and_tells_its_progress(virtual_controller: r6.Simulator) -> None:
+    async def test(robot: r6.AsyncRobot) -> None:
+        path = np.linspace([0, 0, 0, 0, 30, 0], [20, 5, 0, 0, 30, 0], 60)
+        motion = r6.Motion().axis_path(path, FAST, blend=4)
+        assert len(robot.dry_run(motion)) > 1
+        async with await robot.run(motion) as handle:
+            seen = [progress.done async for progress in handle]
+            assert seen == sorted(seen) and seen[-1] == 60
+            step = handle.step(60)
+            assert await step.started() and await step.done() and step.state == "done"
+        done = await handle.finished()
+        assert np.abs(done.axes - path[-1]).max() < 0.01
+
+    with_robot(virtual_controller, test)
+
+
+def endless() -> r6.Motion:
+    return r6.Motion().axis_path(np.tile([[40.0], [-40.0]], (1000, 1)), r6.Percent(5))
+
+
+def test_a_cancelled_block_stops_the_arm(virtual_controller: r6.Simulator) -> None:
+    async def test(robot: r6.AsyncRobot) -> None:
+        moving = asyncio.Event()
+
+        async def go() -> None:
+            async with await robot.run(endless()) as handle:
+                await handle.step(1).started()
+                moving.set()
+                await handle.finished()
+
+        task = asyncio.create_task(go())
+        await moving.wait()
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        state = virtual_controller.snapshot()
+        assert not state.moving and state.list_length == 0
+
+    with_robot(virtual_controller, test)
+
+
+def test_errors_come_as_in_the_other(virtual_controller: r6.Simulator) -> None:
+    async def test(robot: r6.AsyncRobot) -> None:
+        guarded = robot.with_guard(r6.Envelope().speed_cap(r6.Percent(1)))
+        with pytest.raises(r6.MotionError) as failed:
+            await guarded.run(endless())
+        assert failed.value.cause == "outside_envelope"
+        with pytest.raises(r6.UnknownAddress):
+            await robot.query("nothing")
+        handle = await robot.run(endless())
+        assert (await handle.stop()).confirmed
+        with pytest.raises(r6.MotionError):
+            await handle.finished()
+        virtual_controller.press("start")
+        await robot.add_rcc(r6.Motion().axis_path([[20], [-20]], r6.Percent(1)), replace=True)
+        with pytest.raises(r6.WaitError):
+            await robot.wait_until_done(timeout=0.2)
+        assert (await robot.stop()).confirmed
+        virtual_controller.press("start")
+        handle = await robot.run(endless())
+        handle.release()
+        with pytest.raises(r6.MotionError) as dropped:
+            await handle.finished()
+        assert dropped.value.cause == "dropped"
+        await robot.pause()
+        await robot.clear_alarm()
+
+    with_robot(virtual_controller, test)
+
+
+SILENT = '[[fault]]\nfault = "silence"\n'
+
+
+@pytest.mark.virtual_controller(scenario=SILENT)
+def test_a_cancelled_request_is_dropped(virtual_controller: r6.Simulator) -> None:
+    """Nobody answers, so a request that was not dropped would be waited for."""
+
+    async def test(robot: r6.AsyncRobot) -> None:
+        first = asyncio.create_task(robot.query("curMode"))
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(robot.query("curAlarm"), 0.05)
+        first.cancel()
+        results = await asyncio.gather(first, return_exceptions=True)
+        assert isinstance(results[0], asyncio.CancelledError)
+
+    with_robot(virtual_controller, test, r6.RobotSettings(reply_timeout=60))
+
+
+def test_many_tasks_share_a_robot(virtual_controller: r6.Simulator) -> None:
+    async def test(robot: r6.AsyncRobot) -> None:
+        await robot.write_registers(800, list(range(40)))
+        asked = [robot.read_registers(800 + number) for number in range(40)]
+        assert [value.item() for value in await asyncio.gather(*asked)] == list(range(40))
+
+    with_robot(virtual_controller, test)
+
+
+def test_subscriptions_and_events(virtual_controller: r6.Simulator) -> None:
+    async def test(robot: r6.AsyncRobot) -> None:
+        async with robot.subscribe("axis-0", "curMode", every=0.02) as state:
+            count = 0
+            async for snapshot in state:
+                count += 1
+                if snapshot.fresh("curMode") == 7 and count > 3:
+                    break
+            assert (await state.latest())["axis-0"].quality == "fresh"
+            assert await state.next(timeout=5) is not None
+        with pytest.raises(RuntimeError, match="closed"):
+            await state.latest()
+        events = robot.pushed()
+        virtual_controller.request_photo(3)
+        async for event in events:
+            assert event == r6.Photo(cam_id=3)
+            await robot.answer_photo(event)
+            break
+        accepted = await robot.add_points(3, [r6.Point(x=1, y=2)])
+        assert accepted.points == 1
+        with pytest.raises(TimeoutError):
+            await events.next(timeout=0.05)
+
+    with_robot(virtual_controller, test)
+
+
+def test_two_loops_one_after_the_other(virtual_controller: r6.Simulator) -> None:
+    async def connect() -> r6.AsyncRobot:
+        return await r6.AsyncRobot.connect(virtual_controller.address)
+
+    async def use(robot: r6.AsyncRobot) -> int:
+        value = (await robot.query("curMode")).integer("curMode")
+        await robot.close()
+        return value
+
+    assert asyncio.run(use(asyncio.run(connect()))) == 7

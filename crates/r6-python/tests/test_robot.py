@@ -1,0 +1,181 @@
+"""What is read and written besides motions."""
+
+import threading
+
+import numpy as np
+import pytest
+
+import r6
+
+
+def test_a_query_gives_each_value_its_type(virtual_robot: r6.Robot) -> None:
+    result = virtual_robot.query("version", "curMode", "axis-0", "input-0", "isMoving", "counterList", "counter-0")
+    assert isinstance(result["version"], str) and result.text("version") == result["version"]
+    assert result["curMode"] == r6.OperationMode.RUNNING and result.integer("curMode") == 7
+    assert result["axis-0"] == 0.0 and isinstance(result["axis-0"], float)
+    assert result["isMoving"] is False and result["input-0"] == 0
+    assert isinstance(result["counterList"], list)
+    assert isinstance(result["counter-0"], r6.Counter)
+    assert list(result) == list(dict(result)) and len(result) == 7 and result.took > 0
+    assert result.array("axis-0", "curMode", "version").tolist()[:2] == [0.0, 7.0]
+    assert np.isnan(result.array("version"))
+
+
+def test_a_value_that_is_missing_is_never_anothers(virtual_robot: r6.Robot) -> None:
+    result = virtual_robot.query("version", "curMold", "axis-0")
+    assert "no such value" in result.missing["curMold"] and "curMold" not in result
+    assert result["axis-0"] == 0.0 and result.get("curMold") is None
+    with pytest.raises(r6.NoReading, match="curMold"):
+        result["curMold"]
+    with pytest.raises(LookupError, match="not asked"):
+        result["axis-1"]
+    with pytest.raises(r6.NoReading, match="no number"):
+        result.number("version")
+
+
+def test_an_unknown_address_names_the_nearest(virtual_robot: r6.Robot) -> None:
+    with pytest.raises(r6.UnknownAddress, match="curAlarm"):
+        virtual_robot.query("curAlarn")
+    with pytest.raises(TypeError):
+        virtual_robot.query(3)  # type: ignore[arg-type]
+    assert len(r6.addresses()) == 26 and r6.addresses()[0].name == "version"
+
+
+def test_a_status_has_positions_as_arrays(virtual_robot: r6.Robot) -> None:
+    status = virtual_robot.status()
+    assert status.is_ready and status.unmet == () and status.homed and status.alarm == 0
+    assert status.axes.shape == status.pose.shape == (6,) and status.axes.dtype == np.float64
+    assert virtual_robot.firmware() == status.firmware
+    identity = virtual_robot.identity()
+    assert identity is not None and identity.machine_name == status.machine_name
+    virtual_robot.accept_identity(identity)
+    with pytest.raises(TypeError):
+        virtual_robot.accept_identity("this one")  # type: ignore[arg-type]
+
+
+@pytest.mark.virtual_controller(model="GENERIC-SCARA")
+def test_a_scara_has_four_axes(virtual_robot: r6.Robot) -> None:
+    status = virtual_robot.status()
+    assert status.axis_count == 4
+    axes = status.axes
+    assert np.isfinite(axes[:4]).all()
+
+
+def test_registers_are_written_and_read_back(virtual_robot: r6.Robot) -> None:
+    values = np.array([1, -2, 2**31 - 1], np.int64)
+    virtual_robot.write_registers(810, values)
+    read = virtual_robot.read_registers(810, 3)
+    assert read.dtype == np.int64 and (read == values).all()
+    virtual_robot.write_registers(813, [7], savable=True, verify=False)
+    assert virtual_robot.read_registers(813) == [7]
+    with pytest.raises(ValueError, match="800 to 900"):
+        virtual_robot.read_registers(799)
+    with pytest.raises(ValueError, match="800 to 900"):
+        virtual_robot.write_registers(900, [1, 2])
+    with pytest.raises(TypeError, match="whole numbers"):
+        virtual_robot.write_registers(810, [1.5])  # type: ignore[list-item]
+    with pytest.raises(r6.NotSent, match="32 bits"):
+        virtual_robot.write_registers(810, [2**31])
+
+
+@pytest.mark.virtual_controller(scenario='[[fault]]\nfault = "frozen-values"\n')
+def test_a_register_that_does_not_take_its_value_is_told(virtual_robot: r6.Robot) -> None:
+    with pytest.raises(r6.NotTaken, match="said ok") as error:
+        virtual_robot.write_registers(820, [9])
+    assert (error.value.register, error.value.wrote, error.value.found) == (820, 9, 0)
+
+
+def test_counters_outputs_inputs_and_speed(virtual_robot: r6.Robot, virtual_controller: r6.Simulator) -> None:
+    virtual_robot.set_counter(2, current=4)
+    assert virtual_robot.counter(2).current == 4
+    with pytest.raises(r6.NoReading):
+        virtual_robot.counter(77)
+    virtual_robot.set_output(0, 3, True)
+    assert np.flatnonzero(virtual_robot.outputs()).tolist() == [3] and virtual_controller.is_on("Y013")
+    virtual_controller.set_input("X047", True)
+    assert virtual_robot.inputs()[31] and virtual_robot.inputs().shape == (32,)
+    virtual_robot.set_global_speed(r6.Percent(35))
+    assert virtual_controller.snapshot().global_speed == 35
+
+
+def test_commands_say_what_they_are(virtual_robot: r6.Robot) -> None:
+    command = r6.Command.modify_output(0, 5, True)
+    assert command.word == "modifyOutput" and "output" in command.meaning
+    assert command == r6.Command.modify_output(0, 5, True) != r6.Command.modify_output(0, 6, True)
+    assert virtual_robot.command(command).after > 0
+    assert virtual_robot.pause().after > 0
+    for made in (
+        r6.Command.action_stop(),
+        r6.Command.action_single_cycle(),
+        r6.Command.start_button(),
+        r6.Command.stop_button(),
+        r6.Command.switch_mold("a"),
+        r6.Command.modify_counter(0, target=3),
+        r6.Command.clear_alarm_run_next(),
+        r6.Command.clear_alarm_continue(),
+        r6.Command.modify_stack(0, [1, 2, 3], [1, 1, 1]),
+        r6.Command.modify_gspd(r6.Percent(5)),
+        r6.Command.rewrite_data(800, 1),
+        r6.Command.rewrite_data_list(800, [1, 2], savable=True),
+        r6.Command.modify_acc_dec(0.2, 0.2),
+        r6.Command.switch_tool(1),
+        r6.Command.modify_tool(1, [0, 0, 100, 0, 0, 0]),
+        r6.Command.switch_coordinate(0),
+        r6.Command.clear_alarm(),
+    ):
+        assert made.word in repr(made) or made.meaning
+
+
+def test_many_threads_share_a_robot(virtual_robot: r6.Robot) -> None:
+    wrong: list[object] = []
+
+    def ask(number: int) -> None:
+        for _ in range(50):
+            value = virtual_robot.read_registers(800 + number)
+            if value != [number]:
+                wrong.append(value)
+
+    virtual_robot.write_registers(800, range(8))
+    threads = [threading.Thread(target=ask, args=(number,)) for number in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert wrong == []
+
+
+def test_two_robots_are_two(virtual_controller: r6.Simulator) -> None:
+    with r6.Simulator(seed=2) as other, r6.Robot.connect(other.address) as second:
+        with r6.Robot.connect(virtual_controller.address) as first:
+            first.write_registers(800, [1])
+            second.write_registers(800, [2])
+            assert first.read_registers(800).tolist() == [1]
+            assert second.read_registers(800).tolist() == [2]
+            assert first.address != second.address and first.address in repr(first)
+
+
+def test_link_quality_counts(virtual_robot: r6.Robot) -> None:
+    assert virtual_robot.link_quality().state == "unknown"
+    for _ in range(5):
+        virtual_robot.query("curMode")
+    quality = virtual_robot.link_quality()
+    assert quality.state == "alive" and quality.replies == quality.requests == 5
+    assert quality.latency is not None and 0 < quality.latency.p50 <= quality.latency.max
+
+
+def test_alarms_have_texts() -> None:
+    alarm = r6.alarm(135)
+    assert (alarm.code, alarm.axis, alarm.known) == (135, 5, True) and "soft limit" in str(alarm)
+    assert not r6.alarm(4999).known
+
+
+def test_settings_are_checked() -> None:
+    settings = r6.RobotSettings(reply_timeout=0.5, heartbeat=1)
+    assert "reply_timeout=0.5" in repr(settings) and "heartbeat=1" in repr(settings)
+    assert "room=24" in repr(r6.RunOptions())
+    with pytest.raises(ValueError, match="reply_timeout"):
+        r6.RobotSettings(reply_timeout=-1)
+    with pytest.raises(ValueError, match="interval"):
+        r6.RunOptions(interval=float("nan"))
+    with pytest.raises(TypeError):
+        r6.RobotSettings(0.5)  # type: ignore[call-arg]

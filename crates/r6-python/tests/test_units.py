@@ -1,0 +1,79 @@
+"""Values with units."""
+
+import numpy as np
+import pytest
+
+import r6
+
+SPEED = r6.Percent(50)
+
+
+def test_lengths_add_up_and_angles_do() -> None:
+    assert r6.Millimetres(400) + r6.Millimetres(2.5) == r6.Millimetres(402.5)
+    assert -(r6.Degrees(90) - r6.Degrees(100)) * 2 == r6.Degrees(20)
+    assert abs(r6.Degrees(-3)) == r6.Degrees(3) < r6.Degrees(4)
+    assert str(r6.Millimetres(2.5)) == "2.5 mm" and repr(r6.Degrees(2)) == "Degrees(2.0)"
+    assert hash(r6.Degrees(0.0)) == hash(r6.Degrees(-0.0))
+    assert 2 * r6.Millimetres(2) == r6.Millimetres(4)
+
+
+def test_a_unit_mistake_is_a_type_error() -> None:
+    motion = r6.Motion()
+    here = r6.AxisPosition.degrees([0, 0])
+    with pytest.raises(TypeError):
+        r6.Degrees(1) + r6.Millimetres(1)  # type: ignore[operator]
+    with pytest.raises(TypeError):
+        r6.Degrees(1) + 1  # type: ignore[operator]
+    with pytest.raises(TypeError):
+        motion.axis_move(here, 20)  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        motion.axis_move(here, r6.MillimetresPerSecond(20))  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        motion.linear_move(here, SPEED)  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        r6.Pose.position(1, 2, 3)  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        r6.AxisPosition().with_axis(0, 5.0)  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        r6.Envelope().axis_limits(0, r6.Degrees(0), r6.Millimetres(5))
+    assert len(motion) == 0
+    assert r6.Degrees(1) != r6.Millimetres(1)
+
+
+@pytest.mark.parametrize("bad", [0, -1, 100.1, float("nan"), float("inf")])
+def test_a_percentage_is_above_zero_and_at_most_all(bad: float) -> None:
+    with pytest.raises(r6.OutOfRange, match="from 0.001 to 100") as error:
+        r6.Percent(bad)
+    assert error.value.wanted and isinstance(error.value, ValueError)
+
+
+def test_a_path_speed_is_a_whole_number() -> None:
+    assert r6.MillimetresPerSecond(250).value == 250
+    with pytest.raises(TypeError):
+        r6.MillimetresPerSecond(20.5)  # type: ignore[arg-type]
+    with pytest.raises(r6.OutOfRange):
+        r6.MillimetresPerSecond(0)
+
+
+def test_positions_take_arrays_and_name_their_axes() -> None:
+    position = r6.AxisPosition.degrees(np.array([1, 2, 3], np.float32))
+    assert position.at(1) == r6.Degrees(2) and position.at(3) is None
+    rail = position.with_axis(6, r6.Millimetres(1200))
+    assert rail.at(6) == r6.Millimetres(1200) and rail.mask == r6.AxisMask(0, 1, 2, 6)
+    assert 6 in rail.mask and rail.mask.axes == [0, 1, 2, 6] and rail.mask.bits == 0b100_0111
+    for wrong in ([], [0.0] * 9, [[0.0]]):
+        with pytest.raises(ValueError):
+            r6.AxisPosition.degrees(wrong)
+    with pytest.raises(ValueError, match="J8"):
+        position.at(8)
+
+
+def test_a_pose_has_three_or_six_components() -> None:
+    pose = r6.Pose.mm_deg([500, 0, 400, 180, 0, 0])
+    x, y, z = (r6.Millimetres(value) for value in (500, 0, 400))
+    u, v, w = (r6.Degrees(value) for value in (180, 0, 0))
+    assert pose == r6.Pose(x, y, z, u, v, w) and pose.turn == (u, v, w)
+    assert r6.Pose.mm_deg([500, 0, 400]) == r6.Pose.position(x, y, z)
+    assert r6.Pose.position(x, y, z).turn is None
+    with pytest.raises(ValueError, match="3 or 6"):
+        r6.Pose.mm_deg([1, 2])

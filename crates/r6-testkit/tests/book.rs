@@ -1,0 +1,13 @@
+//! The book and the pages at the root hang together.
+
+use r6_testkit::book;
+
+#[test]
+fn every_page_is_a_chapter_once() {
+    assert_eq!(book::pages_out_of_the_book(), Vec::<String>::new(), "docs/SUMMARY.md");
+}
+
+#[test]
+fn every_link_leads_somewhere() {
+    assert_eq!(book::dead_links(), Vec::<String>::new());
+}
