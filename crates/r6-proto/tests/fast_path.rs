@@ -63,7 +63,8 @@ fn told(message: &Message<'_>) -> String {
         _ => Vec::new(),
     };
     let addresses: Vec<_> = match message.body {
-        Body::Query(query) => query.resolved().map(|(_, address)| format!("{address:?}")).collect(),
+        // The name of one that is unknown is cut at a length, blanks included.
+        Body::Query(query) => query.resolved().map(|(_, address)| address.ok()).collect(),
         _ => Vec::new(),
     };
     let extras: Vec<_> = message

@@ -29,6 +29,8 @@ enum Stride {
     Closed,
     /// At a block that is not regular.
     Irregular,
+    /// Where it began: this processor has nothing that is faster than the walk.
+    Never,
 }
 
 impl Inside {
@@ -56,6 +58,7 @@ impl Inside {
                     Stride::Out => return (at, Walk::Out),
                     Stride::Closed => return (at, Walk::Closed),
                     Stride::Irregular => {}
+                    Stride::Never => return self.walk(known, at, max_depth),
                 }
             }
             let block = known.get(..at.saturating_add(BLOCK)).unwrap_or(known);
@@ -247,20 +250,13 @@ fn best(
         // SAFETY: the processor has AVX2 and PCLMULQDQ. Nothing else is asked of the caller.
         unsafe { with_avx2(inside, bytes, from, end, max_depth, looked) }
     } else {
-        inside.stride_by(blocks::portable, bytes, from, end, max_depth, looked)
+        (from, Stride::Never)
     }
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-fn best(
-    inside: &mut Inside,
-    bytes: &[u8],
-    from: usize,
-    end: usize,
-    max_depth: usize,
-    looked: &mut Looked,
-) -> (usize, Stride) {
-    inside.stride_by(blocks::portable, bytes, from, end, max_depth, looked)
+fn best(_: &mut Inside, _: &[u8], from: usize, _: usize, _: usize, _: &mut Looked) -> (usize, Stride) {
+    (from, Stride::Never)
 }
 
 #[cfg(target_arch = "x86_64")]
