@@ -148,6 +148,25 @@ proptest! {
     }
 
     #[test]
+    fn members_of_lists_are_read_alike_whatever_their_values(
+        value in "-?[0-9]{0,3}(\\.[0-9]{0,14})?([eE][0-9])?[,}]?|\"[0-9a-zA-Z.x/-]{0,20}\"|true|null|\\[\\]|\"\\\\u0034\"",
+        key in select(&["X", "Y", "Z", "Angel", "Angle", "m0", "m1", "speed", "type", "unknown", "\\u0058"]),
+    ) {
+        let mut decoder = Decoder::new();
+        for rest in [r#""X":1.5,"Y":-20,"Angel":0"#, r#""oneshot":"1","action":"4","m0":"0.000""#] {
+            let points =
+                |point: &str| format!(r#"{{"reqType":"AddPoints","dsData":[{{"camID":0,"data":[{point}]}}]}}"#);
+            let list = |step: &str| format!(r#"{{"reqType":"AddRCC","emptyList":"1","instructions":[{step}]}}"#);
+            let members = format!(r#"{{{rest},"{key}":{value}}},{{{rest}}}"#);
+            let other_order = format!(r#"{{"{key}":{value},{rest}}}"#);
+            for members in [&members, &other_order] {
+                check(&mut decoder, points(members).as_bytes())?;
+                check(&mut decoder, list(members).as_bytes())?;
+            }
+        }
+    }
+
+    #[test]
     fn numbers_are_read_as_the_standard_library_reads_them(
         text in "[+-]?[0-9]{0,17}(\\.[0-9]{0,17})?([eE]-?[0-9])?|[ -~]{0,20}",
     ) {
