@@ -86,6 +86,11 @@ pub fn repeated<'c>(mut once: impl FnMut() + 'c) -> Contender<'c> {
 pub struct Ratio(Vec<f64>);
 
 impl Ratio {
+    /// How the other compares with the one.
+    pub fn inverse(&self) -> Self {
+        Self(self.0.iter().rev().map(|ratio| 1.0 / ratio).collect())
+    }
+
     /// The median, and the middle half of the rounds.
     pub fn quartiles(&self) -> [f64; 3] {
         [1, 2, 3].map(|quarter| {

@@ -1,5 +1,6 @@
 //! The rows of the table, in its order.
 
+mod codec;
 mod controller;
 pub mod echo;
 mod engine;
@@ -18,6 +19,8 @@ pub const ALL: &[Measured] = &[
     ("handles", round_trip::handles),
     ("python", python::rows),
     ("engine", engine::rows),
+    ("codec", codec::rows),
+    ("frames", codec::frames),
     ("controller", controller::rows),
     ("simulated", controller::simulated),
     ("fleet", fleet::rows),

@@ -5,7 +5,10 @@
 use std::fmt;
 
 use crate::axis::AxisIndex;
+use crate::encode::Short;
 use crate::spelling;
+
+mod known;
 
 /// Which network port of the cabinet a thing exists on (manual 4.1.1, 4.2.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -234,10 +237,12 @@ impl Address {
     }
 
     fn exact_indexed(name: &[u8]) -> Option<Self> {
+        if let Some(digits) = name.strip_prefix(b"counter-") {
+            return index(digits, LAST_COUNTER).map(Self::Counter);
+        }
         let dash = name.iter().position(|byte| *byte == b'-')?;
         let (stem, digits) = (name.get(..dash)?, name.get(dash + 1..)?);
         Some(match stem {
-            b"counter" => Self::Counter(index(digits, LAST_COUNTER)?),
             b"input" => Self::Input(word(digits)?),
             b"output" => Self::Output(word(digits)?),
             b"M" => Self::M(word(digits)?),
@@ -247,6 +252,12 @@ impl Address {
             b"Addr" => Self::Addr(RegisterIndex::new(u16::try_from(index(digits, 900)?).ok()?)?),
             _ => return None,
         })
+    }
+
+    /// The address whose name stands from `start` to `end`, as [`Self::exact`] has it.
+    #[inline]
+    pub(crate) fn exact_at(bytes: &[u8], start: usize, end: usize) -> Option<Self> {
+        known::address(bytes, start, end).or_else(|| Self::exact(bytes.get(start..end)?))
     }
 
     /// The address a peer meant by this name: exact, or one of [`ACCEPTED_SPELLINGS`].
@@ -262,8 +273,15 @@ impl Address {
     /// The row of the table for this address.
     #[must_use]
     pub fn info(self) -> &'static AddressInfo {
+        #[expect(clippy::indexing_slicing, reason = "a constant below the table's length in every arm")]
+        &ADDRESSES[self.row()]
+    }
+
+    /// The number of the row.
+    #[inline]
+    fn row(self) -> usize {
         // The variants stand in the table's order; `every_variant_has_its_own_row` checks it.
-        let row = match self {
+        match self {
             Self::Version => 0,
             Self::CurMold => 1,
             Self::CounterList => 2,
@@ -290,9 +308,7 @@ impl Address {
             Self::RemoteCmdLen => 23,
             Self::ToolCoord => 24,
             Self::Faxis(_) => 25,
-        };
-        #[expect(clippy::indexing_slicing, reason = "a constant below the table's length in every arm")]
-        &ADDRESSES[row]
+        }
     }
 
     /// The index of an indexed address.
@@ -345,6 +361,21 @@ impl Address {
         }
     }
 
+    /// Appends the name in quotes, with a comma before it unless it is the first of its list.
+    #[inline]
+    pub(crate) fn write_item(self, first: bool, out: &mut Vec<u8>) {
+        let stem = STEMS.get(self.row()).copied().unwrap_or(Short::EMPTY).behind_comma(first);
+        let digits = self.index().map_or(Some(Short::EMPTY), Short::of_integer);
+        match digits.and_then(|digits| stem.joined(digits)) {
+            Some(item) => item.append_closed_to(out),
+            None => {
+                out.extend_from_slice(if first { b"\"" } else { b",\"" });
+                self.write_name(out);
+                out.push(b'"');
+            }
+        }
+    }
+
     /// How long the name is that [`Self::write_name`] appends, bytes.
     #[must_use]
     pub fn name_len(self) -> usize {
@@ -353,6 +384,20 @@ impl Address {
         self.stem().len() + digits
     }
 }
+
+/// The names without their indices, each behind a comma and a quote, by row.
+static STEMS: [Short; ADDRESSES.len()] = {
+    let mut stems = [Short::EMPTY; ADDRESSES.len()];
+    let (mut slots, mut rows) = (stems.as_mut_slice(), ADDRESSES.as_slice());
+    while let ([stem, later_stems @ ..], [row, later_rows @ ..]) = (slots, rows) {
+        *stem = match (row.name.as_bytes(), row.indices) {
+            ([name @ .., _], Some(_)) => Short::EMPTY.and(b",\"").and(name),
+            (name, _) => Short::EMPTY.and(b",\"").and(name),
+        };
+        (slots, rows) = (later_stems, later_rows);
+    }
+    stems
+};
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -375,8 +420,12 @@ impl std::str::FromStr for Address {
 /// Decimal digits without a leading zero, at most `last`.
 fn index(digits: &[u8], last: u32) -> Option<u32> {
     let canonical = matches!(digits, [b'0'] | [b'1'..=b'9', ..]);
-    let value: u32 = std::str::from_utf8(digits).ok().filter(|_| canonical)?.parse().ok()?;
-    (value <= last && digits.iter().all(u8::is_ascii_digit)).then_some(value)
+    // No index has more digits than a counter's nine, which 32 bits hold.
+    if !canonical || digits.len() > 9 || !digits.iter().all(u8::is_ascii_digit) {
+        return None;
+    }
+    let value = digits.iter().fold(0, |value, digit| value * 10 + u32::from(digit - b'0'));
+    (value <= last).then_some(value)
 }
 
 fn axis(digits: &[u8]) -> Option<AxisIndex> {

@@ -3,11 +3,19 @@
 use crate::error::EncodeError;
 use crate::text;
 
+mod short;
+
+pub(crate) use short::Short;
+
 /// Beyond this no coordinate, speed or time of a robot lies, and six decimals still fit a 64-bit integer.
 const LARGEST: f64 = 1e9;
 
 /// Appends a whole number.
 pub(crate) fn write_integer(out: &mut Vec<u8>, value: i64) {
+    if let Some(short) = u32::try_from(value).ok().and_then(Short::of_integer) {
+        short.append_to(out);
+        return;
+    }
     let mut digits = [0_u8; 20];
     let mut rest = value.unsigned_abs();
     let mut used = 0;
@@ -25,7 +33,24 @@ pub(crate) fn write_integer(out: &mut Vec<u8>, value: i64) {
     out.extend_from_slice(digits.get(digits.len() - used..).unwrap_or_default());
 }
 
-/// How many decimals a number gets: at least `least` (zeros are written), at most `most` (the rest is rounded).
+/// Appends a whole number and a quote behind it.
+fn write_closed_integer(out: &mut Vec<u8>, value: i64) {
+    match u32::try_from(value).ok().and_then(Short::of_integer) {
+        Some(short) => short.append_closed_to(out),
+        None => {
+            write_integer(out, value);
+            out.push(b'"');
+        }
+    }
+}
+
+/// Appends a whole number in quotes.
+pub(crate) fn write_quoted_integer(out: &mut Vec<u8>, value: i64) {
+    out.push(b'"');
+    write_closed_integer(out, value);
+}
+
+/// How many decimals a number gets: at least `least` (zeros are written), at most `most`, which is 3 or 6 (the rest is rounded).
 #[derive(Clone, Copy)]
 pub(crate) struct Decimals {
     pub least: usize,
@@ -53,13 +78,62 @@ pub(crate) fn write_fixed(
     value: f64,
     decimals: Decimals,
 ) -> Result<(), EncodeError> {
-    const POWERS: [f64; 7] = [1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6];
-    if value.is_nan() || value.abs() > LARGEST {
-        return Err(EncodeError { field, wanted: "a finite number within ±1e9" });
+    let scaled = scaled(field, value, decimals)?;
+    match Short::of_fixed(scaled, decimals) {
+        Some(short) => short.append_to(out),
+        None => write_long_fixed(out, scaled, decimals),
     }
-    let scale = POWERS.get(decimals.most).copied().unwrap_or(1e6);
-    #[expect(clippy::cast_possible_truncation, reason = "at most 1e15, well within 64 bits")]
-    let scaled = (value * scale).round() as i64;
+    Ok(())
+}
+
+/// The same with a quote behind it.
+#[inline]
+fn write_closed_fixed(
+    out: &mut Vec<u8>,
+    field: &'static str,
+    value: f64,
+    decimals: Decimals,
+) -> Result<(), EncodeError> {
+    let scaled = scaled(field, value, decimals)?;
+    match Short::of_fixed(scaled, decimals) {
+        Some(short) => short.append_closed_to(out),
+        None => {
+            write_long_fixed(out, scaled, decimals);
+            out.push(b'"');
+        }
+    }
+    Ok(())
+}
+
+/// The same in quotes.
+pub(crate) fn write_quoted_fixed(
+    out: &mut Vec<u8>,
+    field: &'static str,
+    value: f64,
+    decimals: Decimals,
+) -> Result<(), EncodeError> {
+    out.push(b'"');
+    let written = write_closed_fixed(out, field, value, decimals);
+    if written.is_err() {
+        out.pop();
+    }
+    written
+}
+
+/// The value in steps of its last decimal.
+#[inline]
+fn scaled(field: &'static str, value: f64, decimals: Decimals) -> Result<i64, EncodeError> {
+    // Not a number is not within either.
+    if value.abs() <= LARGEST {
+        Ok(rounded(value * if decimals.most == 3 { 1e3 } else { 1e6 }))
+    } else {
+        Err(EncodeError { field, wanted: "a finite number within ±1e9" })
+    }
+}
+
+/// A number that is too long for a [`Short`], digit by digit.
+#[cold]
+fn write_long_fixed(out: &mut Vec<u8>, scaled: i64, decimals: Decimals) {
     let magnitude = scaled.unsigned_abs();
     let mut digits = [b'0'; 24];
     let mut rest = magnitude;
@@ -86,8 +160,44 @@ pub(crate) fn write_fixed(
         out.push(b'.');
         out.extend_from_slice(fraction.get(..kept).unwrap_or_default());
     }
-    Ok(())
 }
+
+/// The nearest whole number, halves away from zero, of a number within ±1e15: `round` is a call on most processors.
+#[inline]
+fn rounded(number: f64) -> i64 {
+    #[expect(clippy::cast_possible_truncation, reason = "at most 1e15, well within 64 bits")]
+    let whole = number as i64;
+    // Exact: both are below 2^53.
+    let rest = number - whole as f64;
+    whole + i64::from(rest >= 0.5) - i64::from(rest <= -0.5)
+}
+
+/// The key of a member, ready to be written with all that stands around it.
+#[derive(Clone, Copy)]
+pub(crate) struct Key {
+    name: &'static str,
+    /// `,"name":`
+    bare: Short,
+    /// `,"name":"`
+    quoted: Short,
+}
+
+impl Key {
+    /// A key of at most 11 letters, or 12 if its value has no quotes. To be called in constants: there a longer one is an error.
+    pub const fn of(name: &'static str) -> Self {
+        let bare = Short::EMPTY.with(b',').with(b'"').and(name.as_bytes()).with(b'"').with(b':');
+        let quoted = if bare.len() < Short::MOST { bare.with(b'"') } else { bare };
+        Self { name, bare, quoted }
+    }
+}
+
+/// The [`Key`] of this name, made by the compiler.
+macro_rules! key {
+    ($name:literal) => {
+        const { &$crate::encode::Key::of($name) }
+    };
+}
+pub(crate) use key;
 
 /// Writes one compact JSON object, member by member.
 pub(crate) struct ObjectWriter<'o> {
@@ -102,67 +212,53 @@ impl<'o> ObjectWriter<'o> {
     }
 
     /// Writes the key and returns the buffer for the value.
-    pub fn key(&mut self, key: &str) -> &mut Vec<u8> {
-        if !self.first {
-            self.out.push(b',');
-        }
+    #[inline(always)]
+    pub fn key(&mut self, key: &Key) -> &mut Vec<u8> {
+        key.bare.behind_comma(self.first).append_to(self.out);
         self.first = false;
-        self.out.push(b'"');
-        self.out.extend_from_slice(key.as_bytes());
-        self.out.extend_from_slice(b"\":");
         self.out
     }
 
-    pub fn text(&mut self, key: &str, value: &str) {
+    /// Writes the key and the opening quote of its value.
+    #[inline(always)]
+    fn quoted(&mut self, key: &Key) -> &mut Vec<u8> {
+        key.quoted.behind_comma(self.first).append_to(self.out);
+        self.first = false;
+        self.out
+    }
+
+    pub fn text(&mut self, key: &Key, value: &str) {
         text::write_escaped(self.key(key), value);
     }
 
     /// A text that has nothing to escape: a word of the protocol, digits.
-    pub fn word(&mut self, key: &str, value: &str) {
-        let out = self.key(key);
-        out.push(b'"');
+    pub fn word(&mut self, key: &Key, value: &str) {
+        let out = self.quoted(key);
         out.extend_from_slice(value.as_bytes());
         out.push(b'"');
     }
 
     /// A whole number in quotes.
-    pub fn quoted_integer(&mut self, key: &str, value: i64) {
-        let out = self.key(key);
-        out.push(b'"');
-        write_integer(out, value);
-        out.push(b'"');
+    pub fn quoted_integer(&mut self, key: &Key, value: i64) {
+        write_closed_integer(self.quoted(key), value);
     }
 
     /// A flag in quotes: "1" or "0".
-    pub fn quoted_flag(&mut self, key: &str, value: bool) {
-        self.key(key).extend_from_slice(if value { b"\"1\"" } else { b"\"0\"" });
+    pub fn quoted_flag(&mut self, key: &Key, value: bool) {
+        self.quoted(key).extend_from_slice(if value { b"1\"" } else { b"0\"" });
     }
 
     /// A decimal number in quotes.
-    pub fn quoted_fixed(
-        &mut self,
-        key: &'static str,
-        value: f64,
-        decimals: Decimals,
-    ) -> Result<(), EncodeError> {
-        let out = self.key(key);
-        out.push(b'"');
-        write_fixed(out, key, value, decimals)?;
-        out.push(b'"');
-        Ok(())
+    pub fn quoted_fixed(&mut self, key: &Key, value: f64, decimals: Decimals) -> Result<(), EncodeError> {
+        write_closed_fixed(self.quoted(key), key.name, value, decimals)
     }
 
     /// A decimal number without quotes.
-    pub fn bare_fixed(
-        &mut self,
-        key: &'static str,
-        value: f64,
-        decimals: Decimals,
-    ) -> Result<(), EncodeError> {
-        write_fixed(self.key(key), key, value, decimals)
+    pub fn bare_fixed(&mut self, key: &Key, value: f64, decimals: Decimals) -> Result<(), EncodeError> {
+        write_fixed(self.key(key), key.name, value, decimals)
     }
 
-    pub fn bare_integer(&mut self, key: &str, value: i64) {
+    pub fn bare_integer(&mut self, key: &Key, value: i64) {
         write_integer(self.key(key), value);
     }
 

@@ -6,12 +6,15 @@
 //! After it the next `{` begins a frame, unless it may belong to what was broken: an object inside another stands
 //! behind `:`, `[` or `,`, where no frame begins.
 
+mod blocks;
 mod fault;
 mod inside;
+mod stride;
 
 use fault::HEAD_BYTES;
 pub use fault::{FrameError, FrameFault};
 use inside::{Inside, Walk};
+use stride::Looked;
 
 /// How large a frame may be, in bytes and in levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,6 +72,8 @@ pub struct FrameBuffer {
     began: u64,
     /// How far the frame was read, in the modes `Frame` and `Discarding`.
     inside: Inside,
+    /// What is known of the bytes behind the last frame.
+    looked: Looked,
     examined: u64,
 }
 
@@ -162,6 +167,7 @@ impl FrameBuffer {
             mode: Mode::Between,
             began: 0,
             inside: Inside::BEGIN,
+            looked: Looked::default(),
             examined: 0,
         }
     }
@@ -266,6 +272,7 @@ impl FrameBuffer {
         let short = self.storage.len() - self.filled < wanted;
         if kept == 0 || (short && paid) {
             self.storage.copy_within(self.begin..self.filled, 0);
+            self.looked = Looked::default();
             self.examined += kept as u64;
             self.base += self.begin as u64;
             self.at -= self.begin;
@@ -414,8 +421,8 @@ impl FrameBuffer {
 
     /// Walks on through the frame, not beyond the index `end`.
     fn walk(&mut self, end: usize, max_depth: Option<usize>) -> Walk {
-        let bytes = self.storage.get(..end.min(self.filled)).unwrap_or_default();
-        let (at, walk) = self.inside.walk(bytes, self.at, max_depth);
+        let end = end.min(self.filled);
+        let (at, walk) = self.inside.stride(&self.storage, self.at, end, max_depth, &mut self.looked);
         self.advance(at - self.at);
         walk
     }

@@ -23,6 +23,11 @@ impl<'a> Cursor<'a> {
         self.at
     }
 
+    /// Goes on to this offset.
+    pub fn go_to(&mut self, at: usize) {
+        self.at = at;
+    }
+
     /// Whether the cursor stands at this byte.
     pub fn stands_at(&self, byte: u8) -> bool {
         self.peek() == Some(byte)

@@ -15,6 +15,7 @@
 pub mod address;
 pub mod alarm;
 pub mod axis;
+mod chunk;
 pub mod client;
 pub mod dialect;
 mod encode;

@@ -7,6 +7,7 @@
 pub mod command;
 mod decoder;
 mod extra;
+mod fast;
 pub(crate) mod fields;
 pub mod instruction;
 pub mod query;
@@ -23,6 +24,7 @@ pub use query::{LengthMismatch, Query, QueryReply};
 pub use reading::Reading;
 pub use vision::{Point, PointSet};
 
+use crate::encode::{Key, key};
 use crate::error::FieldError;
 use crate::value::{Node, Value};
 
@@ -110,6 +112,14 @@ pub enum TypeKey {
 }
 
 impl TypeKey {
+    /// The key for writing.
+    pub(crate) fn key(self) -> &'static Key {
+        match self {
+            Self::ReqType | Self::Absent => key!("reqType"),
+            Self::CmdType => key!("cmdType"),
+        }
+    }
+
     /// The key on the wire, `reqType` where there was none.
     #[must_use]
     pub fn word(self) -> &'static str {

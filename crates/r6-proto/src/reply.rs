@@ -1,7 +1,7 @@
 //! What a controller sends: replies in a firmware's dialect, and the photo request that it pushes.
 
 use crate::dialect::{CommandReplyForm, CounterForm, Dialect, DsIdForm, KeyOrder};
-use crate::encode::{Decimals, ObjectWriter, write_fixed, write_integer};
+use crate::encode::{Decimals, ObjectWriter, key, write_integer, write_quoted_fixed, write_quoted_integer};
 use crate::message::reading::Counter;
 use crate::message::{Header, RequestType, TypeKey};
 use crate::request::ListWriter;
@@ -47,13 +47,13 @@ impl<'a> ReplyWriter<'a> {
             out,
             |frame| {
                 if let Some(addresses) = echo {
-                    let mut list = ListWriter::begin(frame.key("queryAddr"));
+                    let mut list = ListWriter::begin(frame.key(key!("queryAddr")));
                     for address in addresses.iter() {
                         list.item().extend_from_slice(address.wire());
                     }
                     list.end();
                 }
-                let mut list = ListWriter::begin(frame.key("queryData"));
+                let mut list = ListWriter::begin(frame.key(key!("queryData")));
                 fill(&mut DataWriter { list: &mut list, counter: self.dialect.counter });
                 list.end();
             },
@@ -64,7 +64,7 @@ impl<'a> ReplyWriter<'a> {
     /// Appends the reply to a command, AddPoints or AddRCC, which it names by `word`.
     pub fn verdict(&self, word: &str, verdict: Verdict<'_>, out: &mut Vec<u8>) {
         let reply = |frame: &mut ObjectWriter<'_>| {
-            let mut list = ListWriter::begin(frame.key("cmdReply"));
+            let mut list = ListWriter::begin(frame.key(key!("cmdReply")));
             let named = match self.dialect.command_reply {
                 CommandReplyForm::NameAndVerdict => true,
                 // The templates of AddPoints and AddRCC name them in every manual.
@@ -82,10 +82,7 @@ impl<'a> ReplyWriter<'a> {
                 Verdict::BareErr if named => list.text("err"),
                 Verdict::Err(_) | Verdict::BareErr => list.text(""),
                 Verdict::Points(count) => {
-                    let out = list.item();
-                    out.push(b'"');
-                    write_integer(out, i64::try_from(count).unwrap_or(i64::MAX));
-                    out.push(b'"');
+                    write_quoted_integer(list.item(), i64::try_from(count).unwrap_or(i64::MAX));
                 }
             }
             list.end();
@@ -127,26 +124,26 @@ impl<'a> ReplyWriter<'a> {
         }
         // The last of all keys, in either order.
         if self.dialect.says_virtual {
-            frame.key("virtual").extend_from_slice(b"true");
+            frame.key(key!("virtual")).extend_from_slice(b"true");
         }
         frame.end();
     }
 
     fn ds_id(&self, frame: &mut ObjectWriter<'_>) {
         match &self.header.ds_id {
-            Some(ds_id) => frame.key("dsID").extend_from_slice(ds_id.wire()),
-            None => frame.text("dsID", DsIdForm::Long.ds_id(self.request)),
+            Some(ds_id) => frame.key(key!("dsID")).extend_from_slice(ds_id.wire()),
+            None => frame.text(key!("dsID"), DsIdForm::Long.ds_id(self.request)),
         }
     }
 
     fn pack_id(&self, frame: &mut ObjectWriter<'_>) {
         if let Some(pack_id) = self.header.pack_id.as_ref().filter(|_| self.dialect.echo_pack_id) {
-            frame.key("packID").extend_from_slice(pack_id.wire());
+            frame.key(key!("packID")).extend_from_slice(pack_id.wire());
         }
     }
 
     fn type_word(&self, frame: &mut ObjectWriter<'_>) {
-        let key = self.header.type_key.word();
+        let key = self.header.type_key.key();
         match (self.dialect.type_word(self.request), &self.header.type_word) {
             (Some(word), _) => frame.text(key, word),
             (None, Some(word)) => frame.key(key).extend_from_slice(word.wire()),
@@ -169,20 +166,15 @@ impl DataWriter<'_, '_> {
 
     /// A whole number, in quotes.
     pub fn integer(&mut self, value: i64) {
-        let out = self.list.item();
-        out.push(b'"');
-        write_integer(out, value);
-        out.push(b'"');
+        write_quoted_integer(self.list.item(), value);
     }
 
     /// A decimal number with six decimals, in quotes. What is no finite number within ±1e9 is written as 0.
     pub fn decimal(&mut self, value: f64) {
         let out = self.list.item();
-        out.push(b'"');
-        if write_fixed(out, "value", value, Decimals::SIX).is_err() {
-            out.extend_from_slice(b"0.000000");
+        if write_quoted_fixed(out, "value", value, Decimals::SIX).is_err() {
+            out.extend_from_slice(b"\"0.000000\"");
         }
-        out.push(b'"');
     }
 
     /// A flag: "1" or "0".
@@ -213,10 +205,7 @@ impl DataWriter<'_, '_> {
             CounterForm::Texts => {
                 let mut list = ListWriter::begin(self.list.item());
                 for number in numbers {
-                    let out = list.item();
-                    out.push(b'"');
-                    write_integer(out, number);
-                    out.push(b'"');
+                    write_quoted_integer(list.item(), number);
                 }
                 list.end();
             }
@@ -232,11 +221,11 @@ impl DataWriter<'_, '_> {
 /// Appends the photo request that a controller pushes (manual 5.1; captured, unit D, in this key order).
 pub fn encode_photo(cam_id: i64, pack_id: Option<&str>, out: &mut Vec<u8>) {
     let mut frame = ObjectWriter::begin(out);
-    frame.text("dsID", DsIdForm::Long.ds_id(RequestType::Photo));
-    frame.text("reqType", RequestType::Photo.word());
+    frame.text(key!("dsID"), DsIdForm::Long.ds_id(RequestType::Photo));
+    frame.text(key!("reqType"), RequestType::Photo.word());
     if let Some(pack_id) = pack_id {
-        frame.text("packID", pack_id);
+        frame.text(key!("packID"), pack_id);
     }
-    frame.bare_integer("camID", cam_id);
+    frame.bare_integer(key!("camID"), cam_id);
     frame.end();
 }

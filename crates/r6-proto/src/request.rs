@@ -2,7 +2,7 @@
 
 use crate::address::Address;
 use crate::dialect::Envelope;
-use crate::encode::ObjectWriter;
+use crate::encode::{ObjectWriter, key};
 use crate::error::EncodeError;
 use crate::message::{Command, Instruction, PhotoAnswer, Point, RequestType, TypeKey};
 use crate::text;
@@ -77,40 +77,38 @@ impl Request<'_> {
     fn encode_members(&self, envelope: &Envelope<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let request = self.request_type();
         let mut frame = ObjectWriter::begin(out);
-        frame.word("dsID", envelope.ds_id.ds_id(request));
+        frame.word(key!("dsID"), envelope.ds_id.ds_id(request));
         match envelope.type_key {
             TypeKey::Absent => {}
-            TypeKey::ReqType | TypeKey::CmdType => frame.word(envelope.type_key.word(), request.word()),
+            TypeKey::ReqType | TypeKey::CmdType => frame.word(envelope.type_key.key(), request.word()),
         }
         if let Some(pack_id) = envelope.pack_id {
-            frame.text("packID", pack_id);
+            frame.text(key!("packID"), pack_id);
         }
         match self {
             Self::Query(addresses) => {
-                let mut list = ListWriter::begin(frame.key("queryAddr"));
-                for address in *addresses {
-                    let out = list.item();
-                    out.push(b'"');
-                    address.write_name(out);
-                    out.push(b'"');
+                let out = frame.key(key!("queryAddr"));
+                out.push(b'[');
+                for (at, address) in addresses.iter().enumerate() {
+                    address.write_item(at == 0, out);
                 }
-                list.end();
+                out.push(b']');
             }
-            Self::Command(command) => command.encode_data(frame.key("cmdData"))?,
+            Self::Command(command) => command.encode_data(frame.key(key!("cmdData")))?,
             Self::AddRcc { empty_list, instructions } => {
-                frame.quoted_flag("emptyList", *empty_list);
-                let mut list = ListWriter::begin(frame.key("instructions"));
+                frame.quoted_flag(key!("emptyList"), *empty_list);
+                let mut list = ListWriter::begin(frame.key(key!("instructions")));
                 for instruction in *instructions {
                     instruction.encode(list.item())?;
                 }
                 list.end();
             }
             Self::AddPoints(cameras) => {
-                let mut list = ListWriter::begin(frame.key("dsData"));
+                let mut list = ListWriter::begin(frame.key(key!("dsData")));
                 for camera in *cameras {
                     let mut set = ObjectWriter::begin(list.item());
-                    set.bare_integer("camID", camera.cam_id);
-                    let mut points = ListWriter::begin(set.key("data"));
+                    set.bare_integer(key!("camID"), camera.cam_id);
+                    let mut points = ListWriter::begin(set.key(key!("data")));
                     for point in camera.points {
                         point.encode(points.item())?;
                     }
@@ -121,8 +119,8 @@ impl Request<'_> {
             }
             Self::Heartbreak => {}
             Self::PhotoAnswer(answer) => {
-                frame.bare_integer("camID", answer.cam_id);
-                frame.bare_integer("ret", answer.ret);
+                frame.bare_integer(key!("camID"), answer.cam_id);
+                frame.bare_integer(key!("ret"), answer.ret);
             }
         }
         frame.end();
@@ -143,6 +141,7 @@ impl<'o> ListWriter<'o> {
     }
 
     /// Returns the buffer for the next item.
+    #[inline]
     pub fn item(&mut self) -> &mut Vec<u8> {
         if !self.first {
             self.out.push(b',');

@@ -11,6 +11,8 @@ use std::borrow::Cow;
 
 use encoding_rs::GB18030;
 
+use crate::chunk::{CHUNK, Chunk};
+
 mod state;
 
 pub use state::{Progress, StringState};
@@ -120,6 +122,11 @@ pub fn unescape<'a>(body: &'a [u8], end: &StringEnd) -> Cow<'a, str> {
 pub fn write_escaped(out: &mut Vec<u8>, text: &str) {
     out.push(b'"');
     let mut rest = text.as_bytes();
+    if plain_end(rest, 0) == rest.len() {
+        out.extend_from_slice(rest);
+        out.push(b'"');
+        return;
+    }
     while let Some(special) = rest.iter().position(|byte| matches!(byte, 0..0x20 | b'"' | b'\\')) {
         let (plain, from_special) = rest.split_at(special);
         out.extend_from_slice(plain);
@@ -148,30 +155,15 @@ pub fn write_escaped(out: &mut Vec<u8>, text: &str) {
 #[inline]
 pub(crate) fn plain_end(bytes: &[u8], from: usize) -> usize {
     let mut at = from;
-    // Eight bytes a step; most strings of the protocol need one or two steps.
-    while let Some(eight) = bytes.get(at..).and_then(|rest| rest.first_chunk::<8>()) {
-        let special = special_bytes(u64::from_le_bytes(*eight));
-        if special != 0 {
-            return at + (special.trailing_zeros() / 8) as usize;
+    while at < bytes.len() {
+        // Behind the end there are zeros, which are not plain.
+        let plain = Chunk::at(bytes, at).plain();
+        at += plain;
+        if plain < CHUNK {
+            return at;
         }
-        at += 8;
-    }
-    while let Some(0x20..=0x21 | 0x23..=0x5B | 0x5D..=0x7F) = bytes.get(at) {
-        at += 1;
     }
     at
-}
-
-/// Sets the top bit of each byte that is not plain; exact up to and including the lowest such byte.
-#[inline]
-fn special_bytes(eight: u64) -> u64 {
-    const ONES: u64 = 0x0101_0101_0101_0101;
-    const TOPS: u64 = ONES << 7;
-    let below = |word: u64, limit: u64| word.wrapping_sub(ONES * limit) & !word;
-    let control = below(eight, 0x20);
-    let quote = below(eight ^ (ONES * b'"' as u64), 1);
-    let backslash = below(eight ^ (ONES * b'\\' as u64), 1);
-    (control | quote | backslash | eight) & TOPS
 }
 
 /// The next `\` from `from` on that begins an escape; in GBK one that is no second byte.

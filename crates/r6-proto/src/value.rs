@@ -3,7 +3,12 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use crate::address::Address;
 use crate::text::{self, StringEnd};
+
+mod decimal;
+
+use decimal::Decimal;
 
 /// A stretch of a frame, as byte offsets.
 ///
@@ -105,6 +110,23 @@ impl<'a> Value<'a> {
         }
     }
 
+    /// The address that a plain text is the exact name of.
+    #[inline]
+    pub(crate) fn address(&self) -> Option<Address> {
+        match self.node.kind {
+            Kind::Text { has_escape: false, .. } => {
+                Address::exact_at(self.bytes, self.node.span.start as usize, self.node.span.end as usize)
+            }
+            Kind::Text { has_escape: true, .. }
+            | Kind::Number
+            | Kind::True
+            | Kind::False
+            | Kind::Null
+            | Kind::List
+            | Kind::Object => None,
+        }
+    }
+
     /// Whether this is a JSON string.
     #[must_use]
     pub fn is_text(&self) -> bool {
@@ -123,11 +145,20 @@ impl<'a> Value<'a> {
         self.node.kind == Kind::List
     }
 
+    /// The text or number as a plain decimal, which nearly every one is.
+    #[inline]
+    fn decimal(&self) -> Option<Decimal> {
+        Decimal::read(self.bytes, self.node.span.start as usize, self.node.span.end as usize)
+    }
+
     /// A finite decimal number, quoted or not; `None` for anything else (`NaN`, `1,5`, an empty text, a list).
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match self.node.kind {
-            Kind::Text { .. } | Kind::Number => parse_number(&self.word()),
+            Kind::Text { .. } | Kind::Number => match self.decimal().and_then(Decimal::number) {
+                Some(number) => Some(number),
+                None => parse_number(&self.word()),
+            },
             Kind::True | Kind::False | Kind::Null | Kind::List | Kind::Object => None,
         }
     }
@@ -136,7 +167,10 @@ impl<'a> Value<'a> {
     #[must_use]
     pub fn integer(&self) -> Option<i64> {
         match self.node.kind {
-            Kind::Text { .. } | Kind::Number => parse_integer(&self.word()),
+            Kind::Text { .. } | Kind::Number => match self.decimal().and_then(Decimal::integer) {
+                Some(integer) => Some(integer),
+                None => parse_integer(&self.word()),
+            },
             Kind::True | Kind::False | Kind::Null | Kind::List | Kind::Object => None,
         }
     }

@@ -1,12 +1,15 @@
 //! In the steady state no frame costs an allocation: not when it is decoded and read, not when it is encoded.
 
 use r6_proto::axis::AxisMask;
+use r6_proto::client::{ClientSession, ClientSettings, Event};
 use r6_proto::dialect::{Dialect, Envelope};
 use r6_proto::frame::{FrameBuffer, Limits};
 use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Instruction, Manner, Move};
 use r6_proto::message::{Body, Message, Point};
 use r6_proto::reply::{ReplyWriter, Verdict, encode_photo};
 use r6_proto::request::CameraPoints;
+use r6_proto::server::ServerSession;
+use r6_proto::time::Instant;
 use r6_proto::{Address, AxisIndex, Command, Decoder, Request, RequestType};
 use r6_testkit::alloc::{CountingAllocator, allocations_during};
 
@@ -183,4 +186,78 @@ fn writing_replies_allocates_nothing() {
         assert!(length > 300, "{name}: {length}");
         assert_eq!(allocations_during(|| assert_eq!(write(), length)), 0, "{name}");
     }
+}
+
+/// A controller's end of a connection: a query is read and answered, and an AddRCC refused.
+#[test]
+fn a_server_session_allocates_nothing() {
+    let addresses = addresses();
+    let list = instructions(10);
+    let mut input = encoded(&Request::Query(&addresses));
+    input.extend(encoded(&Request::AddRcc { empty_list: true, instructions: &list }));
+    let mut session = ServerSession::new(Limits::default());
+    let mut pass = || {
+        let (inbox, outbox) = session.split();
+        assert_eq!(inbox.push(Instant::ORIGIN, &input), input.len());
+        let mut sent = 0;
+        while let Some(message) = inbox.next_message() {
+            let Ok(message) = message else { panic!("it is understood") };
+            outbox.send(|out| match message.body {
+                Body::Query(query) => {
+                    let writer = ReplyWriter::new(Dialect::HC1, message.header, RequestType::Query);
+                    writer.query(query.addresses, out, |data| {
+                        query.addresses.iter().for_each(|_| data.decimal(-137.563_782));
+                    });
+                }
+                _ => {
+                    let writer = ReplyWriter::new(Dialect::HC1, message.header, RequestType::AddRcc);
+                    writer.verdict("AddRCC", Verdict::BareErr, out);
+                }
+            });
+        }
+        while let Some(frame) = outbox.poll_transmit(Instant::ORIGIN) {
+            sent += frame.len();
+        }
+        sent
+    };
+    let sent = pass();
+    assert!(sent > 500, "{sent}");
+    pass();
+    assert_eq!(allocations_during(|| (0..20).for_each(|_| assert_eq!(pass(), sent))), 0);
+}
+
+/// A PC's end of a connection: a query is sent and its reply read.
+#[test]
+fn a_client_session_allocates_nothing() {
+    let addresses = addresses();
+    // Every `packID` has six digits here, so that a reply can be made in place.
+    let settings = ClientSettings { first_pack_id: 100_000, ..ClientSettings::default() };
+    let mut session = ClientSession::new(settings);
+    let values: Vec<String> = addresses.iter().map(|_| "\"-137.563782\"".to_owned()).collect();
+    let mut reply = format!(
+        r#"{{"dsID":"www.hc-system.com.RemoteMonitor","packID":"100000","queryData":[{}],"reqType":"query"}}"#,
+        values.join(",")
+    )
+    .into_bytes();
+    let digits = 52..58;
+    let mut number = 100_000_u32;
+    let mut pass = || {
+        let mut rest = number;
+        for digit in reply[digits.clone()].iter_mut().rev() {
+            *digit = b'0' + u8::try_from(rest % 10).unwrap_or(0);
+            rest /= 10;
+        }
+        number += 1;
+        assert!(session.send(Instant::ORIGIN, &Request::Query(&addresses)).is_ok());
+        let bytes = session.poll_transmit().map_or(0, <[u8]>::len);
+        session.transmitted(bytes);
+        assert_eq!(session.handle_input(Instant::ORIGIN, &reply), reply.len());
+        let Some(Event::Reply { message, .. }) = session.poll_event(Instant::ORIGIN) else {
+            panic!("it is the reply")
+        };
+        assert_eq!(read(&message), addresses.len());
+        assert!(session.poll_event(Instant::ORIGIN).is_none());
+    };
+    (0..3).for_each(|_| pass());
+    assert_eq!(allocations_during(|| (0..20).for_each(|_| pass())), 0);
 }

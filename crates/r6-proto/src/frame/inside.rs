@@ -7,15 +7,15 @@ use crate::text::{self, Progress, StringState};
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Inside {
     /// How many objects and lists are open.
-    depth: u64,
+    pub(super) depth: u64,
     /// One bit for each of the first [`Limits::DEEPEST`] levels, the innermost lowest: set for an object.
-    objects: u64,
+    pub(super) objects: u64,
     /// The last byte outside strings that is no blank.
-    previous: u8,
+    pub(super) previous: u8,
     /// The string that is open, where one is.
-    string: Option<StringState>,
+    pub(super) string: Option<StringState>,
     /// A bracket of the wrong kind was met.
-    tangled: bool,
+    pub(super) tangled: bool,
 }
 
 /// How a walk through a frame ended.

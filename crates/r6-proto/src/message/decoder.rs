@@ -8,6 +8,7 @@ use crate::error::{FieldError, JsonError};
 use crate::json::Cursor;
 use crate::message::decoder::lists::Lists;
 use crate::message::extra::{ExtraKind, ExtraNode, Place};
+use crate::message::fast::{self, Habit, Pattern};
 use crate::message::fields::excerpt;
 use crate::message::{
     AddPoints, AddRcc, Body, CommandReply, CommandWords, Header, Message, Photo, PhotoAnswer, Query,
@@ -33,7 +34,33 @@ enum Top {
     DsData,
 }
 
+/// The keys at the top, ready to be compared.
+static PATTERNS: [Pattern; TOP_COUNT] = Pattern::all(super::TOP_KEYS);
+
 impl Top {
+    /// All, by slot.
+    const ALL: [Self; TOP_COUNT] = [
+        Self::DsId,
+        Self::ReqType,
+        Self::CmdType,
+        Self::PackId,
+        Self::QueryAddr,
+        Self::QueryData,
+        Self::CmdData,
+        Self::CmdReply,
+        Self::CamId,
+        Self::Ret,
+        Self::EmptyList,
+        Self::Instructions,
+        Self::DsData,
+    ];
+
+    /// The bit of this slot.
+    #[inline]
+    const fn bit(self) -> u32 {
+        1 << self as u32
+    }
+
     fn of(key: &[u8]) -> Option<Self> {
         Some(match key {
             b"dsID" => Self::DsId,
@@ -56,21 +83,39 @@ impl Top {
 
 const TOP_COUNT: usize = super::TOP_KEYS.len();
 
-/// The members found at the top of a frame: key and value.
+/// The members found at the top of a frame: key and value by slot.
 #[derive(Clone, Copy)]
-struct TopNodes([Option<(Node, Node)>; TOP_COUNT]);
+struct TopNodes {
+    members: [(Node, Node); TOP_COUNT],
+    /// Which slots hold a member.
+    present: u32,
+}
 
 impl TopNodes {
-    fn at(&self, top: Top) -> Option<Node> {
-        self.0.get(top as usize).copied().flatten().map(|(_, value)| value)
+    const NONE: Self = Self { members: [(Node::NULL, Node::NULL); TOP_COUNT], present: 0 };
+
+    /// Takes a member, and gives the earlier one of the same key.
+    #[inline]
+    fn put(&mut self, top: Top, member: (Node, Node)) -> Option<(Node, Node)> {
+        let earlier = self.members.get_mut(top as usize).map(|slot| std::mem::replace(slot, member));
+        let had = self.has(top);
+        self.present |= top.bit();
+        earlier.filter(|_| had)
     }
 
+    #[inline]
+    fn at(&self, top: Top) -> Option<Node> {
+        self.members.get(top as usize).filter(|_| self.has(top)).map(|(_, value)| *value)
+    }
+
+    #[inline]
     fn value<'a>(&self, top: Top, bytes: &'a [u8]) -> Option<Value<'a>> {
         self.at(top).map(|node| Value::new(bytes, node))
     }
 
+    #[inline]
     fn has(&self, top: Top) -> bool {
-        self.at(top).is_some()
+        self.present & top.bit() != 0
     }
 }
 
@@ -86,6 +131,7 @@ pub struct Decoder {
     lists: Lists,
     extras: Vec<ExtraNode>,
     error: Option<FieldError>,
+    habit: Habit<TOP_COUNT>,
 }
 
 impl Decoder {
@@ -102,7 +148,8 @@ impl Decoder {
     /// [`Body::Rejected`] instead.
     pub fn decode<'a>(&'a mut self, bytes: &'a [u8]) -> Result<Message<'a>, JsonError> {
         self.clear();
-        let top = self.members(bytes)?;
+        let mut top = TopNodes::NONE;
+        self.members(bytes, &mut top)?;
         let (header, request) = self.header(bytes, &top);
         let body = self.classify(bytes, &top, &header, request)?;
         self.report_out_of_place(&top, body);
@@ -121,14 +168,14 @@ impl Decoder {
     }
 
     /// Reads every member at the top; lists of values go straight to their buffers.
-    fn members(&mut self, bytes: &[u8]) -> Result<TopNodes, JsonError> {
-        let mut top = TopNodes([None; TOP_COUNT]);
+    #[inline]
+    fn members(&mut self, bytes: &[u8], top: &mut TopNodes) -> Result<(), JsonError> {
         let mut cursor = Cursor::new(bytes, 0);
         cursor.open_object()?;
+        self.habit.begin();
         let mut first = true;
-        while let Some(key) = cursor.next_key(first)? {
+        while let Some((known, key)) = self.next_key(&mut cursor, bytes, first)? {
             first = false;
-            let known = Top::of(&Value::new(bytes, key).word());
             let value = match known {
                 Some(Top::QueryAddr) => list(&mut cursor, bytes, &mut self.addresses)?,
                 Some(Top::QueryData) => list(&mut cursor, bytes, &mut self.data)?,
@@ -137,35 +184,49 @@ impl Decoder {
                 Some(Top::Instructions) if cursor.stands_at(b'[') => {
                     self.lists.instructions(&mut cursor, bytes, &mut self.extras)?
                 }
-                Some(Top::DsData) if cursor.stands_at(b'[') && says_add_points(&top, bytes) => {
+                Some(Top::DsData) if cursor.stands_at(b'[') && says_add_points(top, bytes) => {
                     self.lists.cameras(&mut cursor, bytes, &mut self.extras)?
                 }
-                Some(_) | None => cursor.value()?,
-            };
-            let slot = known.and_then(|known| top.0.get_mut(known as usize));
-            match slot {
-                None => {
-                    self.extras.push(ExtraNode {
-                        place: Place::Top,
-                        key,
-                        value,
-                        kind: ExtraKind::UnknownKey,
-                    });
-                }
-                Some(slot) => {
-                    if let Some((key, value)) = slot.replace((key, value)) {
-                        self.extras.push(ExtraNode {
-                            place: Place::Top,
-                            key,
-                            value,
-                            kind: ExtraKind::DuplicateKey,
-                        });
+                Some(_) | None => match fast::plain_text(bytes, cursor.at()) {
+                    Some(node) => {
+                        cursor.go_to(node.span.end as usize + 1);
+                        node
                     }
+                    None => cursor.value()?,
+                },
+            };
+            let extra = match known {
+                None => Some((key, value, ExtraKind::UnknownKey)),
+                Some(known) => {
+                    top.put(known, (key, value)).map(|(key, value)| (key, value, ExtraKind::DuplicateKey))
                 }
+            };
+            if let Some((key, value, kind)) = extra {
+                self.extras.push(ExtraNode { place: Place::Top, key, value, kind });
             }
         }
-        cursor.end()?;
-        Ok(top)
+        cursor.end()
+    }
+
+    /// The next key at the top and what it means, with the cursor left at its value; `None` past the last brace.
+    #[inline]
+    fn next_key(
+        &mut self,
+        cursor: &mut Cursor<'_>,
+        bytes: &[u8],
+        first: bool,
+    ) -> Result<Option<(Option<Top>, Node)>, JsonError> {
+        if first || cursor.stands_at(b',') {
+            let at = cursor.at() + usize::from(!first);
+            let slot_of = |name: &[u8]| Top::of(name).map(|top| top as usize);
+            if let Some((slot, key, value)) = self.habit.key(bytes, at, &PATTERNS, slot_of) {
+                cursor.go_to(value);
+                cursor.skip_blank();
+                return Ok(Some((Top::ALL.get(slot).copied(), key)));
+            }
+        }
+        let key = cursor.next_key(first)?;
+        Ok(key.map(|key| (Top::of(&Value::new(bytes, key).word()), key)))
     }
 
     fn header<'a>(&self, bytes: &'a [u8], top: &TopNodes) -> (Header<'a>, Option<RequestType>) {
@@ -266,26 +327,27 @@ impl Decoder {
 
     /// Members that are known but mean nothing in a frame of this shape.
     fn report_out_of_place(&mut self, top: &TopNodes, shape: Shape) {
-        let used: &[Top] = match shape {
-            Shape::Query => &[Top::QueryAddr],
-            Shape::QueryReply => &[Top::QueryAddr, Top::QueryData],
-            Shape::Command => &[Top::CmdData],
-            Shape::CommandReply => &[Top::CmdReply],
-            Shape::Heartbreak => &[],
-            Shape::Photo => &[Top::CamId],
-            Shape::PhotoAnswer => &[Top::CamId, Top::Ret],
-            Shape::AddPoints => &[Top::DsData],
-            Shape::AddRcc => &[Top::EmptyList, Top::Instructions],
-            Shape::AddRcc2020 => &[Top::EmptyList, Top::DsData],
+        let used = match shape {
+            Shape::Query => Top::QueryAddr.bit(),
+            Shape::QueryReply => Top::QueryAddr.bit() | Top::QueryData.bit(),
+            Shape::Command => Top::CmdData.bit(),
+            Shape::CommandReply => Top::CmdReply.bit(),
+            Shape::Heartbreak => 0,
+            Shape::Photo => Top::CamId.bit(),
+            Shape::PhotoAnswer => Top::CamId.bit() | Top::Ret.bit(),
+            Shape::AddPoints => Top::DsData.bit(),
+            Shape::AddRcc => Top::EmptyList.bit() | Top::Instructions.bit(),
+            Shape::AddRcc2020 => Top::EmptyList.bit() | Top::DsData.bit(),
             Shape::Unknown | Shape::Rejected(_) => return,
         };
-        let common = [Top::DsId, Top::ReqType, Top::PackId];
         let both_types = top.has(Top::ReqType) && top.has(Top::CmdType);
-        for (slot, member) in top.0.iter().enumerate() {
-            let Some((key, value)) = *member else { continue };
-            let is = |known: &Top| *known as usize == slot;
-            let type_key = slot == Top::CmdType as usize && !both_types;
-            if !type_key && !common.iter().any(is) && !used.iter().any(is) {
+        let type_keys = Top::ReqType.bit() | if both_types { 0 } else { Top::CmdType.bit() };
+        let unused = top.present & !(used | type_keys | Top::DsId.bit() | Top::PackId.bit());
+        if unused == 0 {
+            return;
+        }
+        for (known, (key, value)) in Top::ALL.into_iter().zip(top.members) {
+            if unused & known.bit() != 0 {
                 self.extras.push(ExtraNode { place: Place::Top, key, value, kind: ExtraKind::OutOfPlace });
             }
         }
@@ -379,7 +441,8 @@ fn list(cursor: &mut Cursor<'_>, bytes: &[u8], nodes: &mut Vec<Node>) -> Result<
         return cursor.value();
     }
     cursor.open_list()?;
-    let mut first = true;
+    cursor.go_to(fast::read_texts(bytes, cursor.at(), nodes));
+    let mut first = nodes.is_empty();
     while cursor.next_element(first)? {
         first = false;
         nodes.push(cursor.value()?);

@@ -1,9 +1,11 @@
 //! The members of an instruction or a point: collected in any order first, read by meaning afterwards.
 
 use crate::axis::AXES;
+use crate::encode::{Key, key};
 use crate::error::{FieldError, JsonError};
 use crate::json::Cursor;
 use crate::message::extra::{ExtraKind, ExtraNode, Place};
+use crate::message::fast::{Habit, Pattern};
 use crate::value::{Node, Value};
 
 /// Every member that an instruction or a point can have, by slot.
@@ -63,6 +65,20 @@ const NAMES: [&str; 50] = [
     "camID",
 ];
 
+/// The same, ready to be compared.
+static PATTERNS: [Pattern; NAMES.len()] = Pattern::all(NAMES);
+
+/// The same, ready to be written.
+static KEYS: [Key; NAMES.len()] = {
+    let mut keys = [Key::of(""); NAMES.len()];
+    let (mut slots, mut names) = (keys.as_mut_slice(), NAMES.as_slice());
+    while let ([key, later_keys @ ..], [name, later_names @ ..]) = (slots, names) {
+        *key = Key::of(name);
+        (slots, names) = (later_keys, later_names);
+    }
+    keys
+};
+
 impl Fields {
     pub const M: [usize; AXES] = [0, 1, 2, 3, 4, 5, 6, 7];
     pub const M_P: [usize; AXES] = [8, 9, 10, 11, 12, 13, 14, 15];
@@ -102,6 +118,11 @@ impl Fields {
     /// The name of a slot as the manual writes it.
     pub fn name(slot: usize) -> &'static str {
         NAMES.get(slot).copied().unwrap_or("?")
+    }
+
+    /// The same, ready to be written.
+    pub fn key(slot: usize) -> &'static Key {
+        KEYS.get(slot).unwrap_or(key!("?"))
     }
 
     /// All names, for the nearest word.
@@ -160,11 +181,12 @@ pub(crate) struct FieldSet {
     members: [(Node, Node); Fields::COUNT],
     /// Which slots hold a member of this object; the others hold what came before.
     present: u64,
+    habit: Habit<{ Fields::COUNT }>,
 }
 
 impl Default for FieldSet {
     fn default() -> Self {
-        Self { members: [(Node::NULL, Node::NULL); Fields::COUNT], present: 0 }
+        Self { members: [(Node::NULL, Node::NULL); Fields::COUNT], present: 0, habit: Habit::default() }
     }
 }
 
@@ -177,6 +199,14 @@ impl FieldSet {
         place: Place,
         extras: &mut Vec<ExtraNode>,
     ) -> Result<(), JsonError> {
+        // The accepted spelling is reported, and so read with everything else that is.
+        let slot_of = |name: &[u8]| Fields::slot(name).filter(|slot| Fields::name(*slot).as_bytes() == name);
+        let known = self.habit.object(bytes, cursor.at(), &PATTERNS, slot_of, &mut self.members);
+        if let Some((present, behind)) = known {
+            self.present = present;
+            cursor.go_to(behind);
+            return Ok(());
+        }
         self.present = 0;
         cursor.open_object()?;
         let mut first = true;

@@ -1,7 +1,7 @@
 //! Instructions: the steps that AddRCC puts into a controller's instruction list (manual 6).
 
 use crate::axis::{AXES, AxisIndex, AxisMask};
-use crate::encode::{Decimals, ObjectWriter};
+use crate::encode::{Decimals, ObjectWriter, key};
 use crate::error::{EncodeError, FieldError};
 use crate::io_point::PairMask;
 use crate::message::fields::{Fields, FieldsView};
@@ -348,8 +348,8 @@ impl Instruction {
     /// A coordinate, speed or time that is not finite or out of range, and an unknown action, are not encoded.
     pub(crate) fn encode(&self, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let mut object = ObjectWriter::begin(out);
-        object.quoted_flag("oneshot", self.oneshot);
-        object.quoted_integer("action", self.action.number());
+        object.quoted_flag(key!("oneshot"), self.oneshot);
+        object.quoted_integer(key!("action"), self.action.number());
         match &self.action {
             Action::AxisMove(motion) | Action::LinearMove(motion) => {
                 write_coordinates(&mut object, &motion.target, Fields::M)?;
@@ -361,7 +361,7 @@ impl Instruction {
                 curve.manner.encode(&mut object)?;
             }
             Action::PathSpeed(path) => {
-                object.quoted_flag("isUse", path.in_use);
+                object.quoted_flag(key!("isUse"), path.in_use);
                 if let Some(speed) = path.speed {
                     // Where it is switched off, 0 is what clients send.
                     let least = if path.in_use { 1.0 } else { 0.0 };
@@ -369,29 +369,36 @@ impl Instruction {
                         let wanted = "a whole number of mm/s, from 1 to 100000";
                         return Err(EncodeError { field: "speed", wanted });
                     }
-                    object.quoted_fixed("speed", speed, Decimals::FEW)?;
+                    object.quoted_fixed(key!("speed"), speed, Decimals::FEW)?;
                 }
             }
             Action::StopOnSignal(stop) => {
-                object.quoted_flag("isUse", stop.in_use);
-                object.quoted_integer("ioNumber", within("ioNumber", stop.input, 31, POINT)?);
-                object.quoted_flag("io_status", stop.on);
+                object.quoted_flag(key!("isUse"), stop.in_use);
+                object.quoted_integer(key!("ioNumber"), within("ioNumber", stop.input, 31, POINT)?);
+                object.quoted_flag(key!("io_status"), stop.on);
             }
             Action::Wait(wait) => wait.encode(&mut object)?,
             Action::Output(output) => {
-                object.quoted_integer("type", output.kind.number());
-                object.quoted_flag("io_status", output.on);
-                object.quoted_integer("point", within("point", output.point, 32, "a point from 0 to 32")?);
-                object.quoted_fixed("delay", sendable_seconds("delay", output.delay)?, Decimals::FEW)?;
+                object.quoted_integer(key!("type"), output.kind.number());
+                object.quoted_flag(key!("io_status"), output.on);
+                object.quoted_integer(
+                    key!("point"),
+                    within("point", output.point, 32, "a point from 0 to 32")?,
+                );
+                object.quoted_fixed(
+                    key!("delay"),
+                    sendable_seconds("delay", output.delay)?,
+                    Decimals::FEW,
+                )?;
             }
             Action::BoardOutput(output) => {
                 let (OutputBoard::Y(board) | OutputBoard::M(board)) = output.board;
                 within("type", board, 1, "board 0 or 1")?;
-                object.quoted_integer("type", output.board.number());
-                object.quoted_integer("point", i64::from(output.low.bits()));
-                object.quoted_integer("point2", i64::from(output.high.bits()));
+                object.quoted_integer(key!("type"), output.board.number());
+                object.quoted_integer(key!("point"), i64::from(output.low.bits()));
+                object.quoted_integer(key!("point2"), i64::from(output.high.bits()));
             }
-            Action::Workbench(bench) => object.quoted_integer("cnt_id", i64::from(bench.id)),
+            Action::Workbench(bench) => object.quoted_integer(key!("cnt_id"), i64::from(bench.id)),
             Action::Unknown(_) => {
                 return Err(EncodeError { field: "action", wanted: "an action that this version knows" });
             }
@@ -431,7 +438,7 @@ fn write_coordinates(
 ) -> Result<(), EncodeError> {
     for (axis, field) in AxisIndex::ALL.into_iter().zip(group) {
         if let Some(value) = coordinates.at(axis) {
-            object.quoted_fixed(Fields::name(field), value, Decimals::POSITION)?;
+            object.quoted_fixed(Fields::key(field), value, Decimals::POSITION)?;
         }
     }
     Ok(())
@@ -485,7 +492,7 @@ impl Manner {
 
     fn encode(&self, object: &mut ObjectWriter<'_>) -> Result<(), EncodeError> {
         if let Some(mask) = self.mask {
-            let out = object.key("ckStatus");
+            let out = object.key(key!("ckStatus"));
             out.extend_from_slice(b"\"0x");
             for nibble in [mask.bits() >> 4, mask.bits() & 0xF] {
                 out.push(if nibble < 10 { b'0' + nibble } else { b'A' + nibble - 10 });
@@ -497,19 +504,19 @@ impl Manner {
             if !(0.001..=100.0).contains(&speed) {
                 return Err(EncodeError { field: "speed", wanted: "percent, from 0.001 to 100" });
             }
-            object.quoted_fixed("speed", speed, Decimals::TENTHS)?;
+            object.quoted_fixed(key!("speed"), speed, Decimals::TENTHS)?;
         }
         if let Some(delay) = self.delay {
-            object.quoted_fixed("delay", sendable_seconds("delay", delay)?, Decimals::TENTHS)?;
+            object.quoted_fixed(key!("delay"), sendable_seconds("delay", delay)?, Decimals::TENTHS)?;
         }
         if let Some(smooth) = self.smooth {
-            object.quoted_integer("smooth", i64::from(smooth.level()));
+            object.quoted_integer(key!("smooth"), i64::from(smooth.level()));
         }
         if let Some(tool) = self.tool {
-            object.quoted_integer("tool", i64::from(tool));
+            object.quoted_integer(key!("tool"), i64::from(tool));
         }
         if let Some(coord) = self.coord {
-            object.quoted_integer("coord", i64::from(coord));
+            object.quoted_integer(key!("coord"), i64::from(coord));
         }
         Ok(())
     }
@@ -576,10 +583,10 @@ impl Wait {
             WaitSource::Eu { point } => (8, point),
             WaitSource::Time => (100, 0),
         };
-        object.quoted_integer("type", kind);
-        object.quoted_integer("point", within("point", point, 31, POINT)?);
+        object.quoted_integer(key!("type"), kind);
+        object.quoted_integer(key!("point"), within("point", point, 31, POINT)?);
         object.quoted_integer(
-            "io_status",
+            key!("io_status"),
             match self.condition {
                 WaitCondition::Off => 0,
                 WaitCondition::On => 1,
@@ -587,8 +594,8 @@ impl Wait {
                 WaitCondition::FallingEdge => 3,
             },
         );
-        object.quoted_fixed("limit", sendable_seconds("limit", self.limit)?, Decimals::FEW)?;
-        object.quoted_flag("isUnlimit", self.unlimited);
+        object.quoted_fixed(key!("limit"), sendable_seconds("limit", self.limit)?, Decimals::FEW)?;
+        object.quoted_flag(key!("isUnlimit"), self.unlimited);
         Ok(())
     }
 }

@@ -22,9 +22,9 @@ impl<'a> Query<'a> {
 }
 
 fn resolve(word: Value<'_>) -> Result<Address, UnknownAddress> {
-    match Address::exact(&word.word()) {
-        Some(address) if word.is_text() => Ok(address),
-        Some(_) | None => Address::parse(&word.text()),
+    match word.address() {
+        Some(address) => Ok(address),
+        None => Address::parse(&word.text()),
     }
 }
 

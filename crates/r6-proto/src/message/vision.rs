@@ -1,6 +1,6 @@
 //! The camera's side: photo requests and answers, and the points that a camera found (manual 5).
 
-use crate::encode::{Decimals, ObjectWriter};
+use crate::encode::{Decimals, ObjectWriter, key};
 use crate::error::{EncodeError, FieldError};
 use crate::message::fields::{Fields, FieldsView};
 
@@ -63,23 +63,23 @@ impl Point {
     /// Appends the point as the manual's first set writes it: numbers without quotes.
     pub(crate) fn encode(&self, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let mut object = ObjectWriter::begin(out);
-        object.bare_integer("ModelID", self.model_id);
-        for (key, value) in [("X", self.x), ("Y", self.y), ("Z", self.z)] {
+        object.bare_integer(key!("ModelID"), self.model_id);
+        for (key, value) in [(key!("X"), self.x), (key!("Y"), self.y), (key!("Z"), self.z)] {
             object.bare_fixed(key, value, Decimals::POSITION)?;
         }
-        for (key, value) in [("U", self.u), ("V", self.v)] {
+        for (key, value) in [(key!("U"), self.u), (key!("V"), self.v)] {
             if let Some(value) = value {
                 object.bare_fixed(key, value, Decimals::POSITION)?;
             }
         }
-        object.bare_fixed("Angel", self.angle, Decimals::POSITION)?;
+        object.bare_fixed(key!("Angel"), self.angle, Decimals::POSITION)?;
         if let Some(similarity) = self.similarity {
-            object.bare_fixed("Similarity", similarity, Decimals::FEW)?;
+            object.bare_fixed(key!("Similarity"), similarity, Decimals::FEW)?;
         }
         if let Some(color) = self.color {
-            object.bare_integer("Color", color);
+            object.bare_integer(key!("Color"), color);
         }
-        object.bare_integer("Rel", i64::from(self.relative));
+        object.bare_integer(key!("Rel"), i64::from(self.relative));
         object.end();
         Ok(())
     }

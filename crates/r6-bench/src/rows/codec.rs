@@ -1,0 +1,129 @@
+//! Decoding and encoding beside serde_json and sonic-rs, and finding frames beside a loop over the bytes.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use r6_proto::frame::{FrameBuffer, Limits};
+
+use crate::measure::{Contender, Ratio, SLICE, compare};
+use crate::report::{Goal, Row};
+
+#[path = "../../../r6-proto/benches/codec/cases.rs"]
+mod cases;
+#[path = "../../../r6-proto/benches/codec/others.rs"]
+mod others;
+#[path = "../../../r6-proto/benches/codec/samples.rs"]
+mod samples;
+#[path = "../../../r6-proto/benches/frames/stream.rs"]
+mod stream;
+
+use samples::FRAMES;
+
+/// Places of the others in a case.
+const SERDE_JSON: usize = 1;
+const SONIC_RS: usize = 2;
+
+/// What a kind of frame has to reach: decoding against sonic-rs, and encoding against one of the two.
+const GOALS: [(f64, usize, f64); 5] = [
+    (4.0, SONIC_RS, 2.5),
+    (4.0, SONIC_RS, 2.5),
+    (2.5, SERDE_JSON, 10.0),
+    (2.5, SERDE_JSON, 10.0),
+    (2.5, SERDE_JSON, 10.0),
+];
+
+/// A contender that takes the frames in turn; its figure is the mean time of one, nanoseconds.
+fn taking_turns<'c>(mut take: impl FnMut(usize) + 'c) -> Contender<'c> {
+    let frames = f64::from(u32::try_from(FRAMES).unwrap_or(u32::MAX));
+    let mut slice = timed(move || (0..FRAMES).for_each(&mut take));
+    Box::new(move || slice().into_iter().map(|figure| figure / frames).collect())
+}
+
+/// How much of our time each of the others takes.
+fn against_ours(contenders: Vec<Contender<'_>>) -> Vec<Ratio> {
+    let mut contenders = contenders;
+    compare(&mut contenders).into_iter().flatten().collect()
+}
+
+/// Every kind of frame, decoded and encoded.
+pub fn rows() -> Vec<Row> {
+    let mut rows = Vec::new();
+    let row = |what: String, other: usize, goal: Option<f64>, ratios: &[Ratio]| Row {
+        what,
+        against: if other == SONIC_RS { "sonic-rs, typed structs" } else { "serde_json, typed structs" },
+        goal: goal.map(Goal::AtLeastFast),
+        ratio: ratios[other - 1].inverse(),
+    };
+    for (case, (decoding, other, encoding)) in cases::all().into_iter().zip(GOALS) {
+        let name = &case.name;
+        eprintln!("  {name}");
+        let decode = case.decode.into_iter().map(|mut read| {
+            taking_turns(move |at| {
+                black_box(read(at));
+            })
+        });
+        let ratios = against_ours(decode.collect());
+        rows.push(row(format!("decode {name}"), SONIC_RS, Some(decoding), &ratios));
+        rows.push(row(format!("decode {name}"), SERDE_JSON, None, &ratios));
+        let encode = case.encode.into_iter().map(|mut write| {
+            let mut out = Vec::with_capacity(1 << 16);
+            taking_turns(move |at| {
+                out.clear();
+                write(at, &mut out);
+                black_box(&out);
+            })
+        });
+        let ratios = against_ours(encode.collect());
+        let rest = SERDE_JSON + SONIC_RS - other;
+        rows.push(row(format!("encode {name}"), other, Some(encoding), &ratios));
+        rows.push(row(format!("encode {name}"), rest, None, &ratios));
+    }
+    rows
+}
+
+/// Frames of a mixed stream, in pieces of several sizes.
+pub fn frames() -> Vec<Row> {
+    let stream = stream::stream();
+    let expected = (stream::FRAMES, stream.len());
+    let in_pieces = |piece: usize| {
+        let stream = &stream;
+        let mut buffer = FrameBuffer::new(Limits::default());
+        timed(move || assert_eq!(stream::in_pieces(&mut buffer, black_box(stream), piece), expected))
+    };
+    let mut contenders = vec![
+        in_pieces(stream.len()),
+        timed(|| assert_eq!(stream::byte_loop(black_box(&stream)), expected)),
+        in_pieces(4096),
+        in_pieces(100),
+        in_pieces(1),
+    ];
+    let ratios: Vec<Ratio> = compare(&mut contenders).into_iter().flatten().collect();
+    let row = |what: &str, against: &'static str, goal, ratio: &Ratio| Row {
+        what: format!("frames of a mixed stream, {what}"),
+        against,
+        goal,
+        ratio: ratio.clone(),
+    };
+    let whole = "the same, whole";
+    vec![
+        row("resumable", "byte loop", Some(Goal::AtLeastFast(9.0)), &ratios[0].inverse()),
+        row("in pieces of 4096", whole, None, &ratios[1]),
+        row("in pieces of 100", whole, Some(Goal::AtMost(2.0)), &ratios[2]),
+        row("in pieces of 1", whole, None, &ratios[3]),
+    ]
+}
+
+/// A contender that does one thing again and again; its figure is the mean time, nanoseconds.
+fn timed<'c>(mut once: impl FnMut() + 'c) -> Contender<'c> {
+    let mut slice = move || {
+        let begun = Instant::now();
+        let mut times = 0_u32;
+        while begun.elapsed() < SLICE {
+            once();
+            times += 1;
+        }
+        vec![begun.elapsed().as_secs_f64() * 1e9 / f64::from(times)]
+    };
+    slice();
+    Box::new(slice)
+}

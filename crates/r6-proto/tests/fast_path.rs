@@ -1,0 +1,224 @@
+//! The fast paths give what the careful ways give: the same messages, extras and errors for the same frames, whatever
+//! is in them.
+//!
+//! Blanks between the tokens of JSON mean nothing, but no fast path goes through them. So every frame is read twice: as it
+//! is, and with a blank before every token, which the careful way reads from the first byte to the last. Both readings
+//! have to come out alike, but for where things stand.
+
+use std::sync::LazyLock;
+
+use json_text::Bytes;
+use proptest::prelude::*;
+use proptest::sample::select;
+use r6_proto::frame::{FrameBuffer, Limits};
+use r6_proto::message::Body;
+use r6_proto::{Decoder, Message};
+use r6_testkit::vector;
+
+#[path = "common/generators.rs"]
+#[allow(dead_code, reason = "shared with other tests")]
+mod generators;
+#[path = "common/json_text.rs"]
+#[allow(dead_code, reason = "shared with other tests")]
+mod json_text;
+#[path = "common/render.rs"]
+#[allow(dead_code, reason = "shared with other tests")]
+mod render;
+
+static FRAMES: LazyLock<Vec<Bytes>> =
+    LazyLock::new(|| vector::all().into_iter().map(|vector| Bytes(vector.frame)).collect());
+
+/// The frame with a blank before every token outside its strings.
+///
+/// Bytes behind an open quote stay as they are; in GBK a quote or `\` can be the second byte of a character, but then the
+/// frame is not plain and not read fast either way.
+fn spaced(frame: &[u8]) -> Vec<u8> {
+    let mut spaced = Vec::with_capacity(frame.len() * 2);
+    let (mut in_string, mut escaped, mut in_word) = (false, false, false);
+    for &byte in frame {
+        let token = matches!(byte, b'{' | b'}' | b'[' | b']' | b',' | b':' | b'"');
+        if !in_string && (token || !in_word) {
+            spaced.push(b' ');
+        }
+        in_word = !in_string && !token;
+        if in_string {
+            in_string = escaped || byte != b'"';
+            escaped = !escaped && byte == b'\\';
+        } else {
+            in_string = byte == b'"';
+        }
+        spaced.push(byte);
+    }
+    spaced
+}
+
+/// Everything that a message says, in words.
+fn told(message: &Message<'_>) -> String {
+    let numbers: Vec<_> = match message.body {
+        Body::QueryReply(reply) => reply
+            .values
+            .iter()
+            .map(|value| (value.number().map(f64::to_bits), value.integer(), value.flag()))
+            .collect(),
+        _ => Vec::new(),
+    };
+    let addresses: Vec<_> = match message.body {
+        // The name of one that is unknown is cut at a length, blanks included.
+        Body::Query(query) => query.resolved().map(|(_, address)| address.ok()).collect(),
+        _ => Vec::new(),
+    };
+    let extras: Vec<_> = message
+        .extras()
+        .map(|extra| format!("{} {:?} {:?} {:?}", extra.place, extra.key, extra.value.text(), extra.kind))
+        .collect();
+    let header = message.header;
+    let header =
+        format!("{:?} {:?} {:?} {:?}", header.ds_id, header.type_key, header.type_word, header.pack_id);
+    if let Body::Rejected(rejection) = message.body {
+        // What was found there is told as it is on the wire, blanks included, and cut at a length.
+        let error = rejection.error;
+        return format!("{header} {:?} {} {} {extras:?}", rejection.request, error.path, error.wanted);
+    }
+    format!("{header} {} {numbers:?} {addresses:?} {extras:?}", render::message(message))
+}
+
+/// Reads the frame both ways. `decoder` has read others before: what it expects must not matter.
+fn check(decoder: &mut Decoder, frame: &[u8]) -> Result<(), TestCaseError> {
+    let spaced = spaced(frame);
+    let mut careful = Decoder::new();
+    match (decoder.decode(frame), careful.decode(&spaced)) {
+        (Ok(fast), Ok(careful)) => {
+            // A list or an object that is shown as it is on the wire has the blanks in it.
+            let shown = |text: String| text.replace(' ', "");
+            prop_assert_eq!(shown(told(&fast)), shown(told(&careful)), "{}", frame.escape_ascii());
+        }
+        (Err(fast), Err(careful)) => prop_assert_eq!(
+            std::mem::discriminant(&fast.fault),
+            std::mem::discriminant(&careful.fault),
+            "{}: {} but {}",
+            frame.escape_ascii(),
+            fast,
+            careful
+        ),
+        (fast, careful) => {
+            let told = |result: Result<Message<'_>, _>| result.map(|message| told(&message));
+            prop_assert!(false, "{}: {:?} but {:?}", frame.escape_ascii(), told(fast), told(careful));
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn every_vector_is_read_alike_with_and_without_blanks() {
+    let mut decoder = Decoder::new();
+    for _ in 0..2 {
+        for frame in FRAMES.iter().filter(|frame| frame.0.is_ascii()) {
+            check(&mut decoder, &frame.0).unwrap();
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 5_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn mutated_frames_are_read_alike(
+        before in select(FRAMES.as_slice()),
+        frame in select(FRAMES.as_slice()),
+        mutations in json_text::mutations(),
+    ) {
+        let mutated = json_text::mutate(&frame.0, &mutations);
+        if !mutated.is_ascii() {
+            return Ok(());
+        }
+        let mut decoder = Decoder::new();
+        drop(decoder.decode(&before.0));
+        drop(decoder.decode(&frame.0));
+        check(&mut decoder, &mutated)?;
+    }
+
+    #[test]
+    fn generated_json_is_read_alike(before in json_text::object(), text in json_text::object()) {
+        if !text.is_ascii() {
+            return Ok(());
+        }
+        let mut decoder = Decoder::new();
+        drop(decoder.decode(before.as_bytes()));
+        check(&mut decoder, text.as_bytes())?;
+    }
+
+    #[test]
+    fn members_of_lists_are_read_alike_whatever_their_values(
+        value in "-?[0-9]{0,3}(\\.[0-9]{0,14})?([eE][0-9])?[,}]?|\"[0-9a-zA-Z.x/-]{0,20}\"|true|null|\\[\\]|\"\\\\u0034\"",
+        key in select(&["X", "Y", "Z", "Angel", "Angle", "m0", "m1", "speed", "type", "unknown", "\\u0058"]),
+    ) {
+        let mut decoder = Decoder::new();
+        for rest in [r#""X":1.5,"Y":-20,"Angel":0"#, r#""oneshot":"1","action":"4","m0":"0.000""#] {
+            let points =
+                |point: &str| format!(r#"{{"reqType":"AddPoints","dsData":[{{"camID":0,"data":[{point}]}}]}}"#);
+            let list = |step: &str| format!(r#"{{"reqType":"AddRCC","emptyList":"1","instructions":[{step}]}}"#);
+            let members = format!(r#"{{{rest},"{key}":{value}}},{{{rest}}}"#);
+            let other_order = format!(r#"{{"{key}":{value},{rest}}}"#);
+            for members in [&members, &other_order] {
+                check(&mut decoder, points(members).as_bytes())?;
+                check(&mut decoder, list(members).as_bytes())?;
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_are_read_as_the_standard_library_reads_them(
+        text in "[+-]?[0-9]{0,17}(\\.[0-9]{0,17})?([eE]-?[0-9])?|[ -~]{0,20}",
+    ) {
+        let text = text.replace(['"', '\\'], "0");
+        let frame = format!(r#"{{"queryData":["{text}"]}}"#);
+        let mut decoder = Decoder::new();
+        let message = decoder.decode(frame.as_bytes()).unwrap();
+        let Body::QueryReply(reply) = message.body else { panic!("no reply") };
+        let value = reply.values.at(0).unwrap();
+        let text = text.trim();
+        let plain = text.len() <= 64 && text.bytes().all(|byte| byte.is_ascii_digit() || b"+-.eE".contains(&byte));
+        let number = text.parse::<f64>().ok().filter(|number| plain && number.is_finite());
+        prop_assert_eq!(value.number().map(f64::to_bits), number.map(f64::to_bits));
+        if let Ok(integer) = text.parse::<i64>() {
+            prop_assert_eq!(value.integer(), Some(integer));
+        }
+    }
+
+    #[test]
+    fn streams_are_cut_alike_in_blocks_and_byte_by_byte(
+        frames in prop::collection::vec((select(FRAMES.as_slice()), prop::option::of(json_text::mutations())), 1..6),
+        piece in 1..200_usize,
+    ) {
+        let mut stream = Vec::new();
+        for (frame, mutations) in &frames {
+            match mutations {
+                None => stream.extend_from_slice(&frame.0),
+                Some(mutations) => stream.extend(json_text::mutate(&frame.0, mutations)),
+            }
+        }
+        // Pieces of one byte are never worth a block.
+        let careful = found(&stream, 1);
+        prop_assert_eq!(&found(&stream, stream.len().max(1)), &careful);
+        prop_assert_eq!(&found(&stream, piece), &careful);
+    }
+}
+
+/// The frames and faults of a stream that comes in pieces of this size.
+fn found(stream: &[u8], piece: usize) -> Vec<String> {
+    let mut buffer = FrameBuffer::new(Limits { max_frame_bytes: 4096, ..Limits::default() });
+    let mut found = Vec::new();
+    for mut bytes in stream.chunks(piece) {
+        while !bytes.is_empty() {
+            let taken = buffer.push(bytes);
+            bytes = &bytes[taken..];
+            while let Some(next) = buffer.next() {
+                found.push(match next {
+                    Ok(frame) => format!("{} {}", frame.stream_offset, frame.bytes.escape_ascii()),
+                    Err(error) => format!("{error:?}"),
+                });
+            }
+        }
+    }
+    found
+}
