@@ -4,7 +4,7 @@ CARGO ?= cargo
 BUILT := $(or $(CARGO_TARGET_DIR),target)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test bench fmt docs clean
+.PHONY: help run test bench microbench fmt docs clean
 
 help: ## Show this list
 	@echo "Targets (ARGS=\"...\" is passed on to run and bench):"
@@ -18,7 +18,11 @@ run: ## Build r6 for release and start virtual controllers: r6 up ARGS
 test: ## Run every check: format, lints, docs, dependencies, tests
 	@tools/test
 
-bench: ## Run the benchmarks; ARGS go to criterion, such as a part of a name
+bench: ## Measure r6 beside others, as ratios; ARGS="round-trip codec" chooses rows, without it docs/BENCHMARKS.md is written
+	@$(CARGO) build --profile bench --locked --package r6-bench
+	@"$(BUILT)/release/r6-bench" $(ARGS)
+
+microbench: ## Run the benchmarks of single functions; ARGS go to criterion, such as a part of a name
 	@$(CARGO) bench --locked --workspace --bench '*' -- $(ARGS)
 
 fmt: ## Format the Rust sources

@@ -1,7 +1,7 @@
 //! How fast `r6` is beside others: ratios, both sides measured in turns in one run on one core.
 //!
 //! ```text
-//! make bench                     all rows, and the table in docs/BENCHMARKS.md
+//! make bench                     all rows; the table also goes to docs/BENCHMARKS.md
 //! make bench ARGS="round-trip"   the rows with this in their name; the file stays as it is
 //! ```
 
@@ -13,6 +13,9 @@ mod serve;
 use std::env;
 use std::process::ExitCode;
 
+/// Where the table of all rows goes.
+const PAGE: &str = "docs/BENCHMARKS.md";
+
 fn main() -> ExitCode {
     if let Some(served) = serve::asked() {
         return served;
@@ -23,15 +26,22 @@ fn main() -> ExitCode {
         return ExitCode::FAILURE;
     }
     let chosen = |name: &str| wanted.is_empty() || wanted.iter().any(|word| name.contains(word.as_str()));
-    let mut table = Vec::new();
-    for (name, row) in rows::ALL.iter().filter(|(name, _)| chosen(name)) {
-        eprintln!("{name} …");
-        table.extend(row());
-    }
-    if table.is_empty() {
+    let rows: Vec<_> = rows::ALL.iter().filter(|(name, _)| chosen(name)).collect();
+    if rows.is_empty() {
         let names: Vec<_> = rows::ALL.iter().map(|(name, _)| *name).collect();
         eprintln!("no row is called {}; there are: {}", wanted.join(", "), names.join(", "));
         return ExitCode::from(2);
+    }
+    let mut table = Vec::new();
+    for (name, row) in rows {
+        eprintln!("{name} …");
+        table.extend(row());
+    }
+    if wanted.is_empty()
+        && let Err(error) = std::fs::write(PAGE, report::page(&table))
+    {
+        eprintln!("{PAGE} cannot be written: {error}; run this from the root of the repository");
+        return ExitCode::FAILURE;
     }
     print!("{}", report::table(&table));
     ExitCode::SUCCESS

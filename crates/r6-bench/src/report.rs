@@ -1,6 +1,6 @@
 //! The table.
 
-use crate::measure::Ratio;
+use crate::measure::{ROUNDS, Ratio};
 
 /// One row: what was measured against what, and how it came out.
 pub struct Row {
@@ -32,6 +32,37 @@ impl Row {
             Goal::AtLeastFast(times) => Some(1.0 / low >= times),
         }
     }
+}
+
+/// The page about all rows.
+pub fn page(rows: &[Row]) -> String {
+    let [model, kernel, rust] = machine();
+    format!(
+        "# How fast it is beside others\n\nWritten by `make bench`, all rows in one run on one core. Each row is a ratio of two that took turns, {ROUNDS} rounds \
+         of a fifth of a second each; the median of the rounds and, in brackets, their middle half. A goal is missed only if the \
+         whole middle half is beyond it. Rounds in which the yardstick was more than 15 % off its own median do not count.\n\n\
+         Ratios travel between machines, times do not: {model}; {kernel}; {rust}.\n\n{}\n\
+         Why goals are missed where they are, and what was measured in more detail, is in [how to read it](#how-to-read-it).\n\n{HOW_TO_READ}",
+        table(rows)
+    )
+}
+
+/// What stands below the table whatever is in it.
+const HOW_TO_READ: &str = include_str!("how_to_read.md");
+
+/// Processor, system and compiler.
+fn machine() -> [String; 3] {
+    let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
+    let processor = read("/proc/cpuinfo");
+    let model = processor.lines().find_map(|line| line.strip_prefix("model name")?.split(": ").nth(1));
+    let cores = processor.lines().filter(|line| line.starts_with("processor")).count();
+    let rust = std::process::Command::new("rustc").arg("--version").output();
+    let rust = rust.map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned());
+    [
+        format!("{cores} cores of {}", model.unwrap_or("an unknown processor")),
+        format!("Linux {}", read("/proc/sys/kernel/osrelease").trim()),
+        rust.unwrap_or_else(|_| "an unknown rustc".to_owned()),
+    ]
 }
 
 /// The rows as Markdown.
