@@ -102,6 +102,20 @@ def test_a_cancelled_block_stops_the_arm(virtual_controller: r6.Simulator) -> No
     with_robot(virtual_controller, test)
 
 
+def test_a_block_that_fails_after_release_stops_the_arm(virtual_controller: r6.Simulator) -> None:
+    async def test(robot: r6.AsyncRobot) -> None:
+        with pytest.raises(ZeroDivisionError):
+            async with await robot.run(endless()) as handle:
+                assert await handle.step(1).started()
+                handle.release()
+                assert [progress.ended async for progress in handle][-1]
+                raise ZeroDivisionError
+        state = virtual_controller.snapshot()
+        assert not state.moving and state.list_length == 0
+
+    with_robot(virtual_controller, test)
+
+
 def test_errors_come_as_in_the_other(virtual_controller: r6.Simulator) -> None:
     async def test(robot: r6.AsyncRobot) -> None:
         guarded = robot.with_guard(r6.Envelope().speed_cap(r6.Percent(1)))

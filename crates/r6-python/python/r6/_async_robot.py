@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._asyncio import run
+from ._errors import MotionError, RequestError
 from ._r6 import (
     Command,
     Envelope,
@@ -23,7 +24,7 @@ from ._r6 import (
     RunOptions,
     SubscriptionCore,
 )
-from ._robot import counter, points, whole
+from ._robot import counter, points, stopped, whole
 from ._types import (
     Accepted,
     Counter,
@@ -208,8 +209,8 @@ class AsyncRobot:
 class AsyncMotionHandle:
     """A motion that runs: ``MotionHandle`` for asyncio.
 
-    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, and waits
-    for the end of the motion otherwise.
+    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, as
+    ``MotionHandle`` does, and waits for the end of the motion otherwise.
     """
 
     def __init__(self, core: MotionCore) -> None:
@@ -254,8 +255,14 @@ class AsyncMotionHandle:
     ) -> None:
         if kind is None:
             await self.finished()
-        elif not self.progress.ended:
-            await self.stop()
+            return
+        try:
+            report: StopReport | RequestError = await self.stop()
+        except RequestError as failed:
+            if not isinstance(error, MotionError):
+                raise
+            report = failed
+        stopped(error, report)
 
     def __repr__(self) -> str:
         return f"<AsyncMotionHandle {self.progress!r}>"

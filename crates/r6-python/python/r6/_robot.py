@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from ._errors import MotionError, RequestError
 from ._r6 import (
     Command,
     Envelope,
@@ -261,9 +262,12 @@ class MotionHandle:
     """A motion that runs.
 
     Dropping it, ``release``, or the end of the process ends the streaming: the arm finishes what is in its list, unless
-    ``RunOptions.stop_on_drop`` says that it is to be stopped (which takes a process that lives on). As a ``with`` block,
-    it stops the arm when the block ends with an exception, Ctrl-C included, and waits for the end of the motion
-    otherwise.
+    ``RunOptions.stop_on_drop`` says that it is to be stopped (which takes a process that lives on).
+
+    As a ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included: always, also after the
+    end of the motion and after ``release``, because steps may be left in the list. If that stop fails, its error is
+    raised; a ``MotionError`` goes on instead and has it as ``stop``. Without an exception the block waits for the end of
+    the motion.
     """
 
     def __init__(self, core: MotionCore) -> None:
@@ -313,8 +317,14 @@ class MotionHandle:
     ) -> None:
         if kind is None:
             self.finished()
-        elif not self.progress.ended:
-            self.stop()
+            return
+        try:
+            report: StopReport | RequestError = self.stop()
+        except RequestError as failed:
+            if not isinstance(error, MotionError):
+                raise
+            report = failed
+        stopped(error, report)
 
     def __repr__(self) -> str:
         return f"<MotionHandle {self.progress!r}>"
@@ -400,6 +410,12 @@ class PushedEvents:
         """Each event, until the robot is closed."""
         while (event := self.next()) is not None:
             yield event
+
+
+def stopped(error: BaseException | None, report: StopReport | RequestError) -> None:
+    """Tells an error of the motion what became of the arm, if it does not know of a stop of its own."""
+    if isinstance(error, MotionError) and error.stop is None:
+        error.stop = report
 
 
 def points(word: int) -> npt.NDArray[np.bool_]:
