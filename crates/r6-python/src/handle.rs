@@ -198,11 +198,11 @@ impl MotionCore {
         Ok(Operation::new(waiting, |py, done| convert::done(py, &raise(py, done)?)))
     }
 
-    /// Ends the streaming and stops the arm.
+    /// Ends the streaming and stops the arm, whoever gives up waiting for it.
     fn stop(&self) -> PyResult<Operation> {
         let robot = self.parts.here()?.robot.clone();
         let stopping = async move { robot.stop().await };
-        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)))
+        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)).going_on())
     }
 
     /// Ends the streaming; the arm goes on, or is stopped, as `stop_on_drop` says.

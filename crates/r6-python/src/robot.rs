@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyString};
 use r6_client::{CameraSet, RequestError, Robot, WaitOptions};
 use r6_proto::Address;
-use r6_proto::message::{Instruction, PhotoAnswer, Point};
+use r6_proto::message::{Command as Sent, Instruction, PhotoAnswer, Point};
 
 use crate::command::Command;
 use crate::convert::{self, seconds};
@@ -97,7 +97,9 @@ impl RobotCore {
 
     fn command(&self, py: Python<'_>, command: &Command) -> PyResult<Operation> {
         let (robot, command) = (self.robot(py)?, command.0.clone());
-        Ok(self.accepted(async move { robot.command(command).await }))
+        let stops = matches!(command, Sent::ActionStop | Sent::ActionPause | Sent::StopButton);
+        let sending = self.accepted(async move { robot.command(command).await });
+        Ok(if stops { sending.going_on() } else { sending })
     }
 
     fn clear_list(&self, py: Python<'_>) -> PyResult<Operation> {
@@ -121,7 +123,7 @@ impl RobotCore {
     fn stop(&self, py: Python<'_>) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let stopping = async move { robot.stop().await };
-        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)))
+        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)).going_on())
     }
 
     #[pyo3(signature = (motion, options=None))]

@@ -145,6 +145,57 @@ def test_errors_come_as_in_the_other(virtual_controller: r6.Simulator) -> None:
     with_robot(virtual_controller, test)
 
 
+async def given(controller: r6.Simulator, command: str) -> None:
+    """Waits until the controller has done this command."""
+
+    async def look() -> None:
+        while not any(command in line.text for line in controller.log()):
+            await asyncio.sleep(0.01)
+
+    await asyncio.wait_for(look(), 60)
+
+
+@pytest.mark.parametrize("turns", range(3))
+def test_a_stop_that_is_cancelled_early_is_sent(turns: int, virtual_controller: r6.Simulator) -> None:
+    """Before the task has its first turn, and soon after."""
+
+    async def test(robot: r6.AsyncRobot) -> None:
+        handle = await robot.run(endless())
+        assert await handle.step(1).started()
+        stopping = asyncio.create_task(robot.stop())
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        stopping.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await stopping
+        with pytest.raises(r6.MotionError) as failed:
+            await handle.finished()
+        assert failed.value.cause == "stopped_here"
+        await given(virtual_controller, "actionStop")
+
+    with_robot(virtual_controller, test)
+
+
+@pytest.mark.parametrize("turns", range(3))
+def test_a_pause_that_is_cancelled_early_is_sent(turns: int, virtual_controller: r6.Simulator) -> None:
+    async def test(robot: r6.AsyncRobot) -> None:
+        pausing = asyncio.create_task(robot.pause())
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        pausing.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await pausing
+        await given(virtual_controller, "actionPause")
+
+    with_robot(virtual_controller, test)
+
+
+def test_a_stop_may_be_asked_for_outside_of_a_loop(virtual_controller: r6.Simulator) -> None:
+    robot = asyncio.run(r6.AsyncRobot.connect(virtual_controller.address))
+    assert asyncio.run(robot.stop()).confirmed
+    asyncio.run(robot.close())
+
+
 SILENT = '[[fault]]\nfault = "silence"\n'
 
 

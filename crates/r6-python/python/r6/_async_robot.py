@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Coroutine, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ._asyncio import run
+from ._asyncio import run, run_at_once
 from ._errors import MotionError, RequestError
 from ._r6 import (
     Command,
@@ -50,7 +50,7 @@ class AsyncRobot:
     """A handle on one controller, over one connection: ``Robot`` for asyncio.
 
     Many tasks, and many event loops, may use one handle. Cancelling a call takes its request back if it has not left
-    yet, except for a stop. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
+    yet, except for a stop and a pause, which the call itself begins. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
     ``identity``, ``accept_identity``, ``with_guard``.
 
     >>> async with await AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
@@ -102,9 +102,9 @@ class AsyncRobot:
         """As ``Robot.command``."""
         return await run(self._core.command(command))
 
-    async def pause(self) -> Accepted:
-        """As ``Robot.pause``."""
-        return await self.command(Command.action_pause())
+    def pause(self) -> Coroutine[Any, Any, Accepted]:
+        """As ``Robot.pause``; sent by the call, so that cancelling its task, however early, does not take it back."""
+        return run_at_once(self._core.command(Command.action_pause()))
 
     async def clear_alarm(self) -> Accepted:
         """As ``Robot.clear_alarm``."""
@@ -162,9 +162,10 @@ class AsyncRobot:
         """As ``Robot.wait_until_done``."""
         return await run(self._core.wait_until_done(timeout))
 
-    async def stop(self) -> StopReport:
-        """As ``Robot.stop``. Cancelling it ends the watching; the first stop is sent all the same."""
-        return await run(self._core.stop())
+    def stop(self) -> Coroutine[Any, Any, StopReport]:
+        """As ``Robot.stop``. The call begins it. Cancelling its task, however early, ends the waiting and not the stop,
+        which goes on until the arm is seen to stand, 5 s at most."""
+        return run_at_once(self._core.stop())
 
     async def clear_list(self) -> Accepted:
         """As ``Robot.clear_list``."""
@@ -236,9 +237,9 @@ class AsyncMotionHandle:
         """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""
         return await run(self._core.finished())
 
-    async def stop(self) -> StopReport:
-        """As ``MotionHandle.stop``."""
-        return await run(self._core.stop())
+    def stop(self) -> Coroutine[Any, Any, StopReport]:
+        """As ``MotionHandle.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
+        return run_at_once(self._core.stop())
 
     def release(self) -> None:
         """As ``MotionHandle.release``."""

@@ -69,7 +69,7 @@ class Started:
     """An operation that was started."""
 
     def cancel(self) -> None:
-        """Drops what is left of it; nothing if it has ended."""
+        """Drops what is left of it; nothing if it has ended, or goes on whatever happens, as a stop does."""
 
 @final
 class RobotCore:

@@ -201,7 +201,8 @@ class Robot:
     def stop(self) -> StopReport:
         """Stops the motion, ahead of all that waits, until the arm is seen to stand, 5 s at most; then clears the list.
 
-        A motion that is being streamed over this connection ends. Once asked for, Ctrl-C does not take it back.
+        A motion that is being streamed over this connection ends. Ctrl-C ends the waiting and not the stop, which goes on
+        while this process lives.
 
         Errors: ``RequestError`` if no stop was answered at all. Look at ``StopReport.confirmed``.
         """
