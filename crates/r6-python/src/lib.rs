@@ -4,6 +4,7 @@
 //! Whatever takes time is an `Operation` (`operation.rs`), made by `robot.rs`, `handle.rs` and `subscription.rs`. The Python
 //! half (`python/r6`) waits for it: `Robot` in the calling thread, `AsyncRobot` through asyncio.
 
+mod closing;
 mod command;
 mod convert;
 mod envelope;

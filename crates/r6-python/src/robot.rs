@@ -1,6 +1,6 @@
 //! A robot: what `Robot` and `AsyncRobot` have in common. Each method makes an operation; who waits for it, and how, is theirs.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyTypeError;
@@ -10,6 +10,7 @@ use r6_client::{CameraSet, RequestError, Robot, WaitOptions};
 use r6_proto::Address;
 use r6_proto::message::{Command as Sent, Instruction, PhotoAnswer, Point};
 
+use crate::closing::StopOnDrop;
 use crate::command::Command;
 use crate::convert::{self, seconds};
 use crate::envelope::Envelope;
@@ -28,14 +29,16 @@ use crate::subscription::{PushedCore, SubscriptionCore};
 pub struct RobotCore {
     /// `None` once it was closed.
     robot: Kept<Mutex<Option<Robot>>>,
+    /// Of the connection: `with_guard` shares it.
+    stop_on_drop: Arc<StopOnDrop>,
     #[pyo3(get)]
     address: String,
 }
 
 impl RobotCore {
-    fn new(robot: Robot) -> PyResult<Self> {
+    fn new(robot: Robot, stop_on_drop: Arc<StopOnDrop>) -> PyResult<Self> {
         let address = robot.address().to_owned();
-        Ok(Self { robot: Kept::new(Mutex::new(Some(robot)))?, address })
+        Ok(Self { robot: Kept::new(Mutex::new(Some(robot)))?, stop_on_drop, address })
     }
 
     fn robot(&self, py: Python<'_>) -> PyResult<Robot> {
@@ -60,19 +63,21 @@ impl RobotCore {
     fn connect(address: String, settings: Option<&RobotSettings>) -> Operation {
         let settings = settings.map(|settings| settings.0.clone()).unwrap_or_default();
         Operation::new(async move { Robot::connect(&address, settings).await }, |py, robot| {
-            Self::new(raise(py, robot)?)?.into_bound_py_any(py)
+            Self::new(raise(py, robot)?, Arc::default())?.into_bound_py_any(py)
         })
     }
 
-    /// Ends the connection for all handles of it. Closing again does nothing.
+    /// Ends the connection for all handles of it, and first a motion that is to be stopped when it is dropped. Closing again
+    /// does nothing.
     fn close(&self) -> PyResult<Operation> {
         let robot = self.robot.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let stop_on_drop = Arc::clone(&self.stop_on_drop);
         let closing = async move {
             if let Some(robot) = robot {
-                robot.close().await;
+                stop_on_drop.close(robot).await;
             }
         };
-        Ok(Operation::new(closing, |py, ()| py.None().into_bound_py_any(py)))
+        Ok(Operation::new(closing, |py, ()| py.None().into_bound_py_any(py)).going_on())
     }
 
     #[pyo3(signature = (*addresses))]
@@ -135,9 +140,13 @@ impl RobotCore {
     ) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let motion = motion.0.clone();
+        let stop_on_drop = Arc::clone(&self.stop_on_drop);
         let options = options.map(|options| options.0).unwrap_or_default();
         let starting = async move {
             let handle = robot.run(&motion, options).await?;
+            if options.stop_on_drop {
+                stop_on_drop.add(handle.watch());
+            }
             Ok(MotionCore::parts(robot, handle))
         };
         Ok(Operation::new(starting, |py, parts| {
@@ -223,7 +232,7 @@ impl RobotCore {
     }
 
     fn with_guard(&self, py: Python<'_>, envelope: &Envelope) -> PyResult<Self> {
-        Self::new(self.robot(py)?.with_guard(envelope.0.clone()))
+        Self::new(self.robot(py)?.with_guard(envelope.0.clone()), Arc::clone(&self.stop_on_drop))
     }
 }
 

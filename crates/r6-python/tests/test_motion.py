@@ -201,6 +201,32 @@ def test_dropping_the_handle_ends_the_streaming(virtual_robot: r6.Robot) -> None
     virtual_robot.stop()
 
 
+@pytest.mark.parametrize("held", [True, False])
+def test_closing_stops_a_motion_that_is_to_be_stopped_when_dropped(
+    held: bool, virtual_controller: r6.Simulator
+) -> None:
+    """Also through another handle of the connection, and if the handle was dropped just before."""
+    with r6.Robot.connect(virtual_controller.address) as robot:
+        guarded = robot.with_guard(r6.Envelope())
+        handle = guarded.run(endless(), r6.RunOptions(stop_on_drop=True))
+        assert handle.step(1).started()
+        if not held:
+            del handle
+    state = virtual_controller.snapshot()
+    assert not state.moving and state.list_length == 0
+    assert any("actionStop" in line.text for line in virtual_controller.log())
+
+
+def test_closing_stops_no_other_motion(virtual_controller: r6.Simulator) -> None:
+    with r6.Robot.connect(virtual_controller.address) as robot:
+        quick = robot.run(r6.Motion().axis_move(HOME, FAST), r6.RunOptions(stop_on_drop=True))
+        quick.finished()
+        handle = robot.run(endless())
+        assert handle.step(1).started()
+    assert virtual_controller.snapshot().moving
+    assert not any("actionStop" in line.text for line in virtual_controller.log())
+
+
 def test_only_one_motion_runs_at_a_time(virtual_robot: r6.Robot) -> None:
     with pytest.raises(r6.MotionError) as failed:
         with virtual_robot.run(endless()):

@@ -395,7 +395,7 @@ class RunOptions:
     ``stall_within`` (5): how long the arm may stand without progress. ``idle_mode`` (7): the mode in which this controller
     waits for instructions. ``clear_leftover`` (False): clear a list that is left from before. ``stop_on_failure`` (True):
     stop the arm when the motion fails after something has left. ``stop_on_drop`` (False): stop the arm when the handle is
-    dropped; else it finishes what is in its list.
+    dropped or the robot closed; else it finishes what is in its list.
     """
 
     def __new__(

@@ -78,8 +78,12 @@ class Robot:
         return self._core.address
 
     def close(self) -> None:
-        """Ends the connection, half a second at most. What is in the controller's list runs on. Closing again does
-        nothing."""
+        """Ends the connection, for all handles of it. What is in the controller's list runs on; a motion that was run with
+        ``RunOptions.stop_on_drop`` is stopped first. Closing again does nothing.
+
+        It takes half a second at most, and 10 s where an arm has to be stopped. If that fails, the connection ends all
+        the same: call ``stop`` yourself where you have to know.
+        """
         self._core.close().wait()
 
     def __enter__(self) -> Self:
