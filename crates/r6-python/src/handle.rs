@@ -97,7 +97,14 @@ pub struct Parts {
 }
 
 /// The task that holds the client's handle. Dropping this ends the streaming, as dropping that handle does.
-struct Streaming(AbortHandle);
+pub struct Streaming(pub AbortHandle);
+
+impl Streaming {
+    /// Ends it now.
+    pub fn end(&self) {
+        self.0.abort();
+    }
+}
 
 impl Drop for Streaming {
     fn drop(&mut self) {
@@ -207,7 +214,7 @@ impl MotionCore {
 
     /// Ends the streaming; the arm goes on, or is stopped, as `stop_on_drop` says.
     fn release(&self) -> PyResult<()> {
-        self.parts.here()?.streaming.0.abort();
+        self.parts.here()?.streaming.end();
         Ok(())
     }
 }

@@ -9,6 +9,7 @@ mod command;
 mod convert;
 mod envelope;
 mod errors;
+mod following;
 mod handle;
 mod interpreter;
 mod motion;
@@ -40,6 +41,8 @@ mod _r6 {
     #[pymodule_export]
     use crate::envelope::Envelope;
     #[pymodule_export]
+    use crate::following::FollowCore;
+    #[pymodule_export]
     use crate::handle::{MotionCore, Progress};
     #[pymodule_export]
     use crate::motion::Motion;
@@ -48,7 +51,7 @@ mod _r6 {
     #[pymodule_export]
     use crate::robot::RobotCore;
     #[pymodule_export]
-    use crate::settings::{RobotSettings, RunOptions};
+    use crate::settings::{FollowOptions, RobotSettings, RunOptions};
     #[pymodule_export]
     use crate::simulator::Simulator;
     #[pymodule_export]

@@ -15,13 +15,14 @@ use crate::command::Command;
 use crate::convert::{self, seconds};
 use crate::envelope::Envelope;
 use crate::errors::{Raise, raise};
+use crate::following::FollowCore;
 use crate::handle::MotionCore;
 use crate::motion::Motion;
 use crate::operation::Operation;
 use crate::process::Kept;
 use crate::record::class;
 use crate::registers;
-use crate::settings::{RobotSettings, RunOptions};
+use crate::settings::{FollowOptions, RobotSettings, RunOptions};
 use crate::subscription::{PushedCore, SubscriptionCore};
 
 /// A handle on one controller.
@@ -152,6 +153,12 @@ impl RobotCore {
         Ok(Operation::new(starting, |py, parts| {
             MotionCore::new(raise::<_, r6_client::MotionError>(py, parts)?)?.into_bound_py_any(py)
         }))
+    }
+
+    /// Follows a target; begins at once and gives nothing to wait for.
+    #[pyo3(signature = (options=None))]
+    fn follow(&self, py: Python<'_>, options: Option<&FollowOptions>) -> PyResult<FollowCore> {
+        FollowCore::new(self.robot(py)?, options.map(|options| options.0).unwrap_or_default())
     }
 
     /// The frames that `run` would send.

@@ -25,6 +25,7 @@ def test_the_names_are_those_of_the_other() -> None:
     for one, other in (
         (r6.Robot, r6.AsyncRobot),
         (r6.MotionHandle, r6.AsyncMotionHandle),
+        (r6.Following, r6.AsyncFollowing),
         (r6.Step, r6.AsyncStep),
         (r6.Subscription, r6.AsyncSubscription),
         (r6.PushedEvents, r6.AsyncPushedEvents),

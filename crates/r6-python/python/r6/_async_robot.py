@@ -12,8 +12,11 @@ import numpy.typing as npt
 from ._asyncio import run, run_at_once
 from ._errors import MotionError, RequestError
 from ._r6 import (
+    AxisPosition,
     Command,
     Envelope,
+    FollowCore,
+    FollowOptions,
     Motion,
     MotionCore,
     Percent,
@@ -30,6 +33,7 @@ from ._types import (
     Counter,
     Done,
     Event,
+    Followed,
     Identity,
     Integers,
     LinkQuality,
@@ -51,7 +55,7 @@ class AsyncRobot:
 
     Many tasks, and many event loops, may use one handle. Cancelling a call takes its request back if it has not left
     yet, except for a stop and a pause, which the call itself begins. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
-    ``identity``, ``accept_identity``, ``with_guard``.
+    ``identity``, ``accept_identity``, ``with_guard``, ``follow``.
 
     >>> async with await AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
     ...     print((await robot.status()).axes)
@@ -149,6 +153,10 @@ class AsyncRobot:
     async def run(self, motion: Motion, options: RunOptions | None = None) -> AsyncMotionHandle:
         """As ``Robot.run``."""
         return AsyncMotionHandle(await run(self._core.run(motion, options)))
+
+    def follow(self, options: FollowOptions | None = None) -> AsyncFollowing:
+        """As ``Robot.follow``."""
+        return AsyncFollowing(self._core.follow(options))
 
     def dry_run(self, motion: Motion, options: RunOptions | None = None) -> list[bytes]:
         """As ``Robot.dry_run``."""
@@ -267,6 +275,50 @@ class AsyncMotionHandle:
 
     def __repr__(self) -> str:
         return f"<AsyncMotionHandle {self.progress!r}>"
+
+
+class AsyncFollowing:
+    """A target that is followed: ``Following`` for asyncio; use ``async with``."""
+
+    def __init__(self, core: FollowCore) -> None:
+        """Use ``AsyncRobot.follow``."""
+        self._core = core
+
+    def target(self, to: AxisPosition) -> None:
+        """As ``Following.target``."""
+        self._core.target(to)
+
+    async def finished(self) -> Followed:
+        """As ``Following.finished``."""
+        return await run(self._core.finished())
+
+    def stop(self) -> Coroutine[Any, Any, StopReport]:
+        """As ``Following.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
+        return run_at_once(self._core.stop())
+
+    def release(self) -> None:
+        """As ``Following.release``."""
+        self._core.release()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            await self.finished()
+            return
+        try:
+            report: StopReport | RequestError = await self.stop()
+        except RequestError as failed:
+            if not isinstance(error, MotionError):
+                raise
+            report = failed
+        stopped(error, report)
 
 
 class AsyncStep:

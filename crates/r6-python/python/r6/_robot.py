@@ -11,8 +11,11 @@ import numpy.typing as npt
 
 from ._errors import MotionError, RequestError
 from ._r6 import (
+    AxisPosition,
     Command,
     Envelope,
+    FollowCore,
+    FollowOptions,
     Motion,
     MotionCore,
     Percent,
@@ -28,6 +31,7 @@ from ._types import (
     Counter,
     Done,
     Event,
+    Followed,
     Identity,
     Integers,
     LinkQuality,
@@ -181,6 +185,24 @@ class Robot:
         """
         return MotionHandle(self._core.run(motion, options).wait())
 
+    def follow(self, options: FollowOptions | None = None) -> Following:
+        """Follows a target that moves: ``Following.target`` says again and again where it is. Begins at once; nothing moves
+        before the first target.
+
+        ::
+
+            with robot.follow() as following:
+                for position in positions():                # a source of yours, 20 times a second
+                    following.target(position)
+            print(following.finished().behind)
+
+        Each time the arm is ready for another step, the newest target counts; those that came in between are skipped. A
+        step is never sent again, and nothing more is sent once targets are no longer fresh, the state cannot be read, or
+        a handle of this connection sends a stop. ``Following`` tells what went wrong, ``NotReady`` at the beginning
+        included.
+        """
+        return Following(self._core.follow(options))
+
     def dry_run(self, motion: Motion, options: RunOptions | None = None) -> list[bytes]:
         """The frames that ``run`` would send, byte by byte but for ``packID``. Nothing is sent.
 
@@ -333,6 +355,63 @@ class MotionHandle:
 
     def __repr__(self) -> str:
         return f"<MotionHandle {self.progress!r}>"
+
+
+class Following:
+    """A target that is followed.
+
+    Dropping it, ``release``, or the end of the process ends it: the arm finishes the step or two in its list. As a
+    ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included, and waits until the arm stands
+    otherwise; errors as in ``MotionHandle``.
+    """
+
+    def __init__(self, core: FollowCore) -> None:
+        """Use ``Robot.follow``."""
+        self._core = core
+
+    def target(self, to: AxisPosition) -> None:
+        """Where the target is now. Does not wait. Send it again while the arm is to go there: it counts for
+        ``FollowOptions.fresh_within``.
+
+        Errors: ``MotionError``: why the target is not followed any more; ``RuntimeError`` after ``finished``.
+        """
+        self._core.target(to)
+
+    def finished(self) -> Followed:
+        """Takes no other target, and waits until the arm stands. Can be called again.
+
+        No step is begun any more: for the arm to arrive, send the last target for as long as that takes. Errors:
+        ``MotionError``; its steps are those that were sent.
+        """
+        return self._core.finished().wait()
+
+    def stop(self) -> StopReport:
+        """Ends it and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
+        return self._core.stop().wait()
+
+    def release(self) -> None:
+        """Ends it, as dropping it does."""
+        self._core.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.finished()
+            return
+        try:
+            report: StopReport | RequestError = self.stop()
+        except RequestError as failed:
+            if not isinstance(error, MotionError):
+                raise
+            report = failed
+        stopped(error, report)
 
 
 class Step:
