@@ -8,8 +8,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyString, PyTuple};
 use r6_client::{
-    Accepted, Done, Followed, Found, Identity, LinkQuality, LinkState, ListAfterStop, NoReading, OperationMode, Pushed,
-    Quality, QueryResult, Snapshot, Status, StopReport, Unmet,
+    Accepted, Done, Followed, Found, Identity, LinkQuality, LinkState, ListAfterStop, NoReading,
+    OperationMode, Pushed, Quality, QueryResult, Snapshot, Status, StopReport, Unmet,
 };
 use r6_proto::Reading;
 use r6_proto::axis::AXES;
