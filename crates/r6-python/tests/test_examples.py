@@ -16,7 +16,7 @@ from relay import Relay
 import r6
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-HOME = [0, 0, 0, 0, 30, 0]
+HOME = [0.0, 0.0, 0.0, 0.0, 30.0, 0.0]
 
 SAYS = {
     "read_state": "link alive",
