@@ -174,10 +174,10 @@ impl RobotCore {
         Ok(frames.iter().map(|frame| PyBytes::new(py, frame)).collect())
     }
 
-    fn read_registers(&self, py: Python<'_>, first: u16, count: u16) -> PyResult<Operation> {
+    fn read_registers(&self, py: Python<'_>, first: u16, count: usize) -> PyResult<Operation> {
         let robot = self.robot(py)?;
-        let addresses = registers::addresses(first, count)?;
-        let reading = async move { registers::read(&robot, &addresses).await };
+        let first = registers::first(first, count)?;
+        let reading = async move { robot.read_registers(first, count).await };
         Ok(Operation::new(reading, |py, values| registers::to_array(py, raise(py, values)?)))
     }
 
@@ -192,8 +192,14 @@ impl RobotCore {
     ) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let write = registers::Write::new(first, values, savable, verify)?;
-        let writing = async move { write.send(&robot).await };
-        Ok(Operation::new(writing, |py, written| convert::accepted(py, raise(py, written)?)))
+        let writing = async move {
+            let written = write.send(&robot).await;
+            (write, written)
+        };
+        Ok(Operation::new(writing, |py, (write, written)| match written {
+            Ok(()) => py.None().into_bound_py_any(py),
+            Err(error) => Err(write.exception(py, &error)),
+        }))
     }
 
     /// Watches; gives nothing to wait for.

@@ -146,9 +146,9 @@ class AsyncRobot:
 
     async def write_registers(
         self, first: int, values: Sequence[int] | Integers, *, savable: bool = False, verify: bool = True
-    ) -> Accepted:
+    ) -> None:
         """As ``Robot.write_registers``."""
-        return await run(self._core.write_registers(first, whole(values), savable=savable, verify=verify))
+        await run(self._core.write_registers(first, whole(values), savable=savable, verify=verify))
 
     async def run(self, motion: Motion, options: RunOptions | None = None) -> AsyncMotionHandle:
         """As ``Robot.run``."""

@@ -166,13 +166,13 @@ class Robot:
 
     def write_registers(
         self, first: int, values: Sequence[int] | Integers, *, savable: bool = False, verify: bool = True
-    ) -> Accepted:
+    ) -> None:
         """Writes registers in a row, 800 to 900: whole numbers of 32 bits with sign. A cell may start a motion by them.
 
         ``savable`` keeps them over a power cut; ``verify`` reads them back, because controllers say ok to values that they
         do not take. Errors: ``NotTaken``; ``RequestError``.
         """
-        return self._core.write_registers(first, whole(values), savable=savable, verify=verify).wait()
+        self._core.write_registers(first, whole(values), savable=savable, verify=verify).wait()
 
     def run(self, motion: Motion, options: RunOptions | None = None) -> MotionHandle:
         """Runs a motion: checks it, looks at the machine, then streams it in lists that the controller takes.
