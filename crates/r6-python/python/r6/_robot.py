@@ -278,7 +278,7 @@ class Robot:
 
     def with_guard(self, envelope: Envelope) -> Self:
         """The same robot behind a guard: what this handle runs is held against the envelope first, and not sent if it
-        goes beyond. Commands are not checked. Close both handles to end the connection."""
+        goes beyond. Commands are not checked. Both share one connection: closing either ends it for both."""
         return type(self)(self._core.with_guard(envelope))
 
     def __repr__(self) -> str:
