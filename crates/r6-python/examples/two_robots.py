@@ -26,7 +26,14 @@ async def main(left_address: str, right_address: str) -> None:
     """Both at once."""
     async with await r6.AsyncRobot.connect(left_address) as left:
         async with await r6.AsyncRobot.connect(right_address) as right:
-            ends = await asyncio.gather(swing(left, 20), swing(right, -20))
+            swings = [asyncio.create_task(swing(left, 20)), asyncio.create_task(swing(right, -20))]
+            try:
+                ends = await asyncio.gather(*swings)
+            finally:
+                # Where one has failed the other is stopped, before the connections end.
+                for other in swings:
+                    other.cancel()
+                await asyncio.gather(*swings, return_exceptions=True)
             for robot, end in zip((left, right), ends, strict=True):
                 print(f"{robot.address} stands at {end.axes.round(3)} after {end.took:.2f} s")
 

@@ -8,8 +8,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyString, PyTuple};
 use r6_client::{
-    Accepted, Done, Found, Identity, LinkQuality, LinkState, ListAfterStop, NoReading, OperationMode, Pushed,
-    Quality, QueryResult, Snapshot, Status, StopReport, Unmet,
+    Accepted, Done, Followed, Found, Identity, LinkQuality, LinkState, ListAfterStop, NoReading,
+    OperationMode, Pushed, Quality, QueryResult, Snapshot, Status, StopReport, Unmet,
 };
 use r6_proto::Reading;
 use r6_proto::axis::AXES;
@@ -127,6 +127,15 @@ pub fn done<'py>(py: Python<'py>, done: &Done) -> PyResult<Bound<'py, PyAny>> {
         .with("mode", mode_number(done.mode))?
         .with("moved", done.moved)?
         .with("took", done.took.as_secs_f64())?
+        .build()
+}
+
+/// The end of following.
+pub fn followed<'py>(py: Python<'py>, followed: &Followed) -> PyResult<Bound<'py, PyAny>> {
+    Record::new(py, "Followed")?
+        .with("steps", followed.steps)?
+        .with("axes", position(py, &followed.axes)?)?
+        .with("behind", followed.behind.value())?
         .build()
 }
 

@@ -97,7 +97,14 @@ pub struct Parts {
 }
 
 /// The task that holds the client's handle. Dropping this ends the streaming, as dropping that handle does.
-struct Streaming(AbortHandle);
+pub struct Streaming(pub AbortHandle);
+
+impl Streaming {
+    /// Ends it now.
+    pub fn end(&self) {
+        self.0.abort();
+    }
+}
 
 impl Drop for Streaming {
     fn drop(&mut self) {
@@ -198,16 +205,16 @@ impl MotionCore {
         Ok(Operation::new(waiting, |py, done| convert::done(py, &raise(py, done)?)))
     }
 
-    /// Ends the streaming and stops the arm.
+    /// Ends the streaming and stops the arm, whoever gives up waiting for it.
     fn stop(&self) -> PyResult<Operation> {
         let robot = self.parts.here()?.robot.clone();
         let stopping = async move { robot.stop().await };
-        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)))
+        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)).going_on())
     }
 
     /// Ends the streaming; the arm goes on, or is stopped, as `stop_on_drop` says.
     fn release(&self) -> PyResult<()> {
-        self.parts.here()?.streaming.0.abort();
+        self.parts.here()?.streaming.end();
         Ok(())
     }
 }

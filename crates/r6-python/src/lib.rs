@@ -4,10 +4,12 @@
 //! Whatever takes time is an `Operation` (`operation.rs`), made by `robot.rs`, `handle.rs` and `subscription.rs`. The Python
 //! half (`python/r6`) waits for it: `Robot` in the calling thread, `AsyncRobot` through asyncio.
 
+mod closing;
 mod command;
 mod convert;
 mod envelope;
 mod errors;
+mod following;
 mod handle;
 mod interpreter;
 mod motion;
@@ -39,6 +41,8 @@ mod _r6 {
     #[pymodule_export]
     use crate::envelope::Envelope;
     #[pymodule_export]
+    use crate::following::FollowCore;
+    #[pymodule_export]
     use crate::handle::{MotionCore, Progress};
     #[pymodule_export]
     use crate::motion::Motion;
@@ -47,7 +51,7 @@ mod _r6 {
     #[pymodule_export]
     use crate::robot::RobotCore;
     #[pymodule_export]
-    use crate::settings::{RobotSettings, RunOptions};
+    use crate::settings::{FollowOptions, RobotSettings, RunOptions};
     #[pymodule_export]
     use crate::simulator::Simulator;
     #[pymodule_export]

@@ -26,6 +26,8 @@ type Running = Pin<Box<dyn Future<Output = Made> + Send>>;
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Operation {
     future: Mutex<Option<Running>>,
+    /// Whether it goes on when nobody waits any more.
+    goes_on: bool,
 }
 
 impl Operation {
@@ -41,7 +43,13 @@ impl Operation {
             let made: Made = Box::new(move |py| convert(py, value));
             made
         };
-        Self { future: Mutex::new(Some(Box::pin(running))) }
+        Self { future: Mutex::new(Some(Box::pin(running))), goes_on: false }
+    }
+
+    /// The same, but once begun it goes on to its end, whoever gives up waiting: for what must not be taken back, as a stop.
+    #[must_use]
+    pub fn going_on(self) -> Self {
+        Self { goes_on: true, ..self }
     }
 
     fn begin(&self) -> PyResult<Running> {
@@ -62,7 +70,14 @@ impl Operation {
             let (waited, _back) = interpreter::released(py, waiting);
             match waited {
                 Ok(made) => return made(py),
-                Err(_elapsed) => py.check_signals()?,
+                Err(_elapsed) => {
+                    if let Err(raised) = py.check_signals() {
+                        if self.goes_on {
+                            engine.handle().spawn(async move { drop(future.await) });
+                        }
+                        return Err(raised);
+                    }
+                }
             }
         }
     }
@@ -75,20 +90,23 @@ impl Operation {
             let made = future.await;
             process.settle(Settled { tell, made });
         });
-        Ok(Started { task: task.abort_handle() })
+        Ok(Started { task: (!self.goes_on).then(|| task.abort_handle()) })
     }
 }
 
 /// An operation that was started.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Started {
-    task: AbortHandle,
+    /// `None` if it goes on to its end.
+    task: Option<AbortHandle>,
 }
 
 #[pymethods]
 impl Started {
-    /// Drops what is left of it; nothing if it has ended.
+    /// Drops what is left of it; nothing if it has ended, or goes on whatever happens.
     fn cancel(&self) {
-        self.task.abort();
+        if let Some(task) = &self.task {
+            task.abort();
+        }
     }
 }

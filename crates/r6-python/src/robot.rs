@@ -1,6 +1,6 @@
 //! A robot: what `Robot` and `AsyncRobot` have in common. Each method makes an operation; who waits for it, and how, is theirs.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyTypeError;
@@ -8,19 +8,21 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyString};
 use r6_client::{CameraSet, RequestError, Robot, WaitOptions};
 use r6_proto::Address;
-use r6_proto::message::{Instruction, PhotoAnswer, Point};
+use r6_proto::message::{Command as Sent, Instruction, PhotoAnswer, Point};
 
+use crate::closing::StopOnDrop;
 use crate::command::Command;
 use crate::convert::{self, seconds};
 use crate::envelope::Envelope;
 use crate::errors::{Raise, raise};
+use crate::following::FollowCore;
 use crate::handle::MotionCore;
 use crate::motion::Motion;
 use crate::operation::Operation;
 use crate::process::Kept;
 use crate::record::class;
 use crate::registers;
-use crate::settings::{RobotSettings, RunOptions};
+use crate::settings::{FollowOptions, RobotSettings, RunOptions};
 use crate::subscription::{PushedCore, SubscriptionCore};
 
 /// A handle on one controller.
@@ -28,14 +30,16 @@ use crate::subscription::{PushedCore, SubscriptionCore};
 pub struct RobotCore {
     /// `None` once it was closed.
     robot: Kept<Mutex<Option<Robot>>>,
+    /// Of the connection: `with_guard` shares it.
+    stop_on_drop: Arc<StopOnDrop>,
     #[pyo3(get)]
     address: String,
 }
 
 impl RobotCore {
-    fn new(robot: Robot) -> PyResult<Self> {
+    fn new(robot: Robot, stop_on_drop: Arc<StopOnDrop>) -> PyResult<Self> {
         let address = robot.address().to_owned();
-        Ok(Self { robot: Kept::new(Mutex::new(Some(robot)))?, address })
+        Ok(Self { robot: Kept::new(Mutex::new(Some(robot)))?, stop_on_drop, address })
     }
 
     fn robot(&self, py: Python<'_>) -> PyResult<Robot> {
@@ -60,19 +64,21 @@ impl RobotCore {
     fn connect(address: String, settings: Option<&RobotSettings>) -> Operation {
         let settings = settings.map(|settings| settings.0.clone()).unwrap_or_default();
         Operation::new(async move { Robot::connect(&address, settings).await }, |py, robot| {
-            Self::new(raise(py, robot)?)?.into_bound_py_any(py)
+            Self::new(raise(py, robot)?, Arc::default())?.into_bound_py_any(py)
         })
     }
 
-    /// Ends the connection for all handles of it. Closing again does nothing.
+    /// Ends the connection for all handles of it, and first a motion that is to be stopped when it is dropped. Closing again
+    /// does nothing.
     fn close(&self) -> PyResult<Operation> {
         let robot = self.robot.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let stop_on_drop = Arc::clone(&self.stop_on_drop);
         let closing = async move {
             if let Some(robot) = robot {
-                robot.close().await;
+                stop_on_drop.close(robot).await;
             }
         };
-        Ok(Operation::new(closing, |py, ()| py.None().into_bound_py_any(py)))
+        Ok(Operation::new(closing, |py, ()| py.None().into_bound_py_any(py)).going_on())
     }
 
     #[pyo3(signature = (*addresses))]
@@ -97,7 +103,9 @@ impl RobotCore {
 
     fn command(&self, py: Python<'_>, command: &Command) -> PyResult<Operation> {
         let (robot, command) = (self.robot(py)?, command.0.clone());
-        Ok(self.accepted(async move { robot.command(command).await }))
+        let stops = matches!(command, Sent::ActionStop | Sent::ActionPause | Sent::StopButton);
+        let sending = self.accepted(async move { robot.command(command).await });
+        Ok(if stops { sending.going_on() } else { sending })
     }
 
     fn clear_list(&self, py: Python<'_>) -> PyResult<Operation> {
@@ -121,7 +129,7 @@ impl RobotCore {
     fn stop(&self, py: Python<'_>) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let stopping = async move { robot.stop().await };
-        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)))
+        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)).going_on())
     }
 
     #[pyo3(signature = (motion, options=None))]
@@ -133,14 +141,24 @@ impl RobotCore {
     ) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let motion = motion.0.clone();
+        let stop_on_drop = Arc::clone(&self.stop_on_drop);
         let options = options.map(|options| options.0).unwrap_or_default();
         let starting = async move {
             let handle = robot.run(&motion, options).await?;
+            if options.stop_on_drop {
+                stop_on_drop.add(handle.watch());
+            }
             Ok(MotionCore::parts(robot, handle))
         };
         Ok(Operation::new(starting, |py, parts| {
             MotionCore::new(raise::<_, r6_client::MotionError>(py, parts)?)?.into_bound_py_any(py)
         }))
+    }
+
+    /// Follows a target; begins at once and gives nothing to wait for.
+    #[pyo3(signature = (options=None))]
+    fn follow(&self, py: Python<'_>, options: Option<&FollowOptions>) -> PyResult<FollowCore> {
+        FollowCore::new(self.robot(py)?, options.map(|options| options.0).unwrap_or_default())
     }
 
     /// The frames that `run` would send.
@@ -156,10 +174,10 @@ impl RobotCore {
         Ok(frames.iter().map(|frame| PyBytes::new(py, frame)).collect())
     }
 
-    fn read_registers(&self, py: Python<'_>, first: u16, count: u16) -> PyResult<Operation> {
+    fn read_registers(&self, py: Python<'_>, first: u16, count: usize) -> PyResult<Operation> {
         let robot = self.robot(py)?;
-        let addresses = registers::addresses(first, count)?;
-        let reading = async move { registers::read(&robot, &addresses).await };
+        let first = registers::first(first, count)?;
+        let reading = async move { robot.read_registers(first, count).await };
         Ok(Operation::new(reading, |py, values| registers::to_array(py, raise(py, values)?)))
     }
 
@@ -174,8 +192,14 @@ impl RobotCore {
     ) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let write = registers::Write::new(first, values, savable, verify)?;
-        let writing = async move { write.send(&robot).await };
-        Ok(Operation::new(writing, |py, written| convert::accepted(py, raise(py, written)?)))
+        let writing = async move {
+            let written = write.send(&robot).await;
+            (write, written)
+        };
+        Ok(Operation::new(writing, |py, (write, written)| match written {
+            Ok(()) => py.None().into_bound_py_any(py),
+            Err(error) => Err(write.exception(py, &error)),
+        }))
     }
 
     /// Watches; gives nothing to wait for.
@@ -221,7 +245,7 @@ impl RobotCore {
     }
 
     fn with_guard(&self, py: Python<'_>, envelope: &Envelope) -> PyResult<Self> {
-        Self::new(self.robot(py)?.with_guard(envelope.0.clone()))
+        Self::new(self.robot(py)?.with_guard(envelope.0.clone()), Arc::clone(&self.stop_on_drop))
     }
 }
 

@@ -2,10 +2,12 @@
 
 use std::time::Duration;
 
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use r6_client::{Heartbeat, OperationMode};
 
 use crate::convert::{repr, seconds};
+use crate::units::{Degrees, Percent};
 
 /// How a robot is talked to. What is not given is as in Rust.
 #[pyclass(frozen, module = "r6._r6")]
@@ -105,7 +107,6 @@ impl RunOptions {
 
     fn __repr__(&self) -> String {
         let options = &self.0;
-        let flag = |flag| if flag { "True" } else { "False" }.to_owned();
         repr(
             "RunOptions",
             &[
@@ -118,6 +119,70 @@ impl RunOptions {
             ],
         )
     }
+}
+
+/// How a moving target is followed. What is not given is as in Rust.
+#[pyclass(frozen, module = "r6._r6")]
+#[derive(Clone, Copy, Default)]
+pub struct FollowOptions(pub r6_client::FollowOptions);
+
+#[pymethods]
+impl FollowOptions {
+    #[new]
+    #[pyo3(signature = (
+        *, interval=None, speed=None, smallest_step=None, largest_step=None, while_moving=None, fresh_within=None,
+        start_within=None, stall_within=None, idle_mode=None, stop_on_failure=None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
+    fn new(
+        interval: Option<f64>,
+        speed: Option<&Percent>,
+        smallest_step: Option<&Degrees>,
+        largest_step: Option<&Degrees>,
+        while_moving: Option<bool>,
+        fresh_within: Option<f64>,
+        start_within: Option<f64>,
+        stall_within: Option<f64>,
+        idle_mode: Option<i64>,
+        stop_on_failure: Option<bool>,
+    ) -> PyResult<Self> {
+        let mut options = r6_client::FollowOptions::default();
+        time("interval", interval, &mut options.interval)?;
+        time("fresh_within", fresh_within, &mut options.fresh_within)?;
+        time("start_within", start_within, &mut options.start_within)?;
+        time("stall_within", stall_within, &mut options.stall_within)?;
+        options.speed = speed.map_or(options.speed, |speed| speed.0);
+        options.smallest_step = smallest_step.map_or(options.smallest_step, |step| step.0);
+        options.largest_step = largest_step.map_or(options.largest_step, |step| step.0);
+        options.while_moving = while_moving.unwrap_or(options.while_moving);
+        options.idle_mode = idle_mode.map_or(options.idle_mode, OperationMode::of_number);
+        options.stop_on_failure = stop_on_failure.unwrap_or(options.stop_on_failure);
+        if options.interval.is_zero() {
+            return Err(PyValueError::new_err("interval has to be more than 0"));
+        }
+        Ok(Self(options))
+    }
+
+    fn __repr__(&self) -> String {
+        let options = &self.0;
+        repr(
+            "FollowOptions",
+            &[
+                ("interval", options.interval.as_secs_f64().to_string()),
+                ("speed", options.speed.value().to_string()),
+                ("smallest_step", options.smallest_step.value().to_string()),
+                ("largest_step", options.largest_step.value().to_string()),
+                ("while_moving", flag(options.while_moving)),
+                ("fresh_within", options.fresh_within.as_secs_f64().to_string()),
+                ("stop_on_failure", flag(options.stop_on_failure)),
+            ],
+        )
+    }
+}
+
+/// A flag as Python writes it.
+fn flag(flag: bool) -> String {
+    if flag { "True" } else { "False" }.to_owned()
 }
 
 /// Sets a time if one is given.

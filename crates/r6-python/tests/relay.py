@@ -11,6 +11,8 @@ class Relay:
 
     def __init__(self) -> None:
         self.target = 0
+        self.sent = bytearray()
+        """What came from those who connect to it, of all connections."""
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._sockets: list[socket.socket] = []
         self._lock = threading.Lock()
@@ -43,15 +45,16 @@ class Relay:
             far = socket.create_connection(("127.0.0.1", self.target))
             with self._lock:
                 self._sockets += [near, far]
-            for source, sink in ((near, far), (far, near)):
-                threading.Thread(target=carry, args=(source, sink), daemon=True).start()
+            for source, sink, kept in ((near, far, self.sent), (far, near, bytearray())):
+                threading.Thread(target=carry, args=(source, sink, kept), daemon=True).start()
 
 
-def carry(source: socket.socket, sink: socket.socket) -> None:
-    """One direction, until either end is gone."""
+def carry(source: socket.socket, sink: socket.socket, kept: bytearray) -> None:
+    """One direction, until either end is gone; keeps what it carries."""
     with source:
         try:
             while data := source.recv(4096):
+                kept += data
                 sink.sendall(data)
         except OSError:
             pass

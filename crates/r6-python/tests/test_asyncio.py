@@ -25,6 +25,7 @@ def test_the_names_are_those_of_the_other() -> None:
     for one, other in (
         (r6.Robot, r6.AsyncRobot),
         (r6.MotionHandle, r6.AsyncMotionHandle),
+        (r6.Following, r6.AsyncFollowing),
         (r6.Step, r6.AsyncStep),
         (r6.Subscription, r6.AsyncSubscription),
         (r6.PushedEvents, r6.AsyncPushedEvents),
@@ -102,6 +103,20 @@ def test_a_cancelled_block_stops_the_arm(virtual_controller: r6.Simulator) -> No
     with_robot(virtual_controller, test)
 
 
+def test_a_block_that_fails_after_release_stops_the_arm(virtual_controller: r6.Simulator) -> None:
+    async def test(robot: r6.AsyncRobot) -> None:
+        with pytest.raises(ZeroDivisionError):
+            async with await robot.run(endless()) as handle:
+                assert await handle.step(1).started()
+                handle.release()
+                assert [progress.ended async for progress in handle][-1]
+                raise ZeroDivisionError
+        state = virtual_controller.snapshot()
+        assert not state.moving and state.list_length == 0
+
+    with_robot(virtual_controller, test)
+
+
 def test_errors_come_as_in_the_other(virtual_controller: r6.Simulator) -> None:
     async def test(robot: r6.AsyncRobot) -> None:
         guarded = robot.with_guard(r6.Envelope().speed_cap(r6.Percent(1)))
@@ -129,6 +144,57 @@ def test_errors_come_as_in_the_other(virtual_controller: r6.Simulator) -> None:
         await robot.clear_alarm()
 
     with_robot(virtual_controller, test)
+
+
+async def given(controller: r6.Simulator, command: str) -> None:
+    """Waits until the controller has done this command."""
+
+    async def look() -> None:
+        while not any(command in line.text for line in controller.log()):
+            await asyncio.sleep(0.01)
+
+    await asyncio.wait_for(look(), 60)
+
+
+@pytest.mark.parametrize("turns", range(3))
+def test_a_stop_that_is_cancelled_early_is_sent(turns: int, virtual_controller: r6.Simulator) -> None:
+    """Before the task has its first turn, and soon after."""
+
+    async def test(robot: r6.AsyncRobot) -> None:
+        handle = await robot.run(endless())
+        assert await handle.step(1).started()
+        stopping = asyncio.create_task(robot.stop())
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        stopping.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await stopping
+        with pytest.raises(r6.MotionError) as failed:
+            await handle.finished()
+        assert failed.value.cause == "stopped_here"
+        await given(virtual_controller, "actionStop")
+
+    with_robot(virtual_controller, test)
+
+
+@pytest.mark.parametrize("turns", range(3))
+def test_a_pause_that_is_cancelled_early_is_sent(turns: int, virtual_controller: r6.Simulator) -> None:
+    async def test(robot: r6.AsyncRobot) -> None:
+        pausing = asyncio.create_task(robot.pause())
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        pausing.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await pausing
+        await given(virtual_controller, "actionPause")
+
+    with_robot(virtual_controller, test)
+
+
+def test_a_stop_may_be_asked_for_outside_of_a_loop(virtual_controller: r6.Simulator) -> None:
+    robot = asyncio.run(r6.AsyncRobot.connect(virtual_controller.address))
+    assert asyncio.run(robot.stop()).confirmed
+    asyncio.run(robot.close())
 
 
 SILENT = '[[fault]]\nfault = "silence"\n'

@@ -1,16 +1,22 @@
-"""Each example runs, with a controller of its own and with given ones."""
+"""Each example runs, with a controller of its own and with given ones, and does what it says."""
 
+import json
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from relay import Relay
 
 import r6
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+HOME = [0.0, 0.0, 0.0, 0.0, 30.0, 0.0]
 
 SAYS = {
     "read_state": "link alive",
@@ -23,18 +29,95 @@ SAYS = {
 }
 
 
-def took_a_list(controller: r6.Simulator) -> bool:
-    return any(line.text.startswith("AddRCC") for line in controller.log())
+@dataclass
+class Seen:
+    """What an example has done to a controller that it was given."""
+
+    said: str
+    controller: r6.Simulator
+    lists: list[dict[str, Any]]
+    """What it sent as ``AddRCC``."""
+
+    @property
+    def steps(self) -> list[dict[str, str]]:
+        return [step for sent in self.lists for step in sent["instructions"]]
+
+    @property
+    def j1(self) -> list[float]:
+        """Where each step takes J1."""
+        return [float(step["m0"]) for step in self.steps]
+
+    def stands_at(self, axes: list[float]) -> None:
+        """It stands there, and everything that it was sent is done."""
+        now = self.controller.snapshot()
+        assert not now.moving and now.list_length == 0 and now.alarm == 0
+        np.testing.assert_allclose(now.axes, axes, atol=0.01)
 
 
-DID: dict[str, Callable[[r6.Simulator], bool]] = {
-    "read_state": lambda controller: not took_a_list(controller),
-    "move": lambda controller: controller.is_on("Y010"),
-    "stream_path": took_a_list,
-    "follow_target": took_a_list,
-    "two_robots": took_a_list,
-    "registers": lambda controller: controller.is_on("Y013"),
-    "camera_pick": lambda controller: controller.is_on("Y010"),
+def read_state(seen: Seen) -> None:
+    assert seen.lists == []
+    seen.stands_at([0, 0, 0, 0, 0, 0])
+
+
+def move(seen: Seen) -> None:
+    assert [step["action"] for step in seen.steps] == ["4", "10", "200", "100", "10"]
+    assert seen.controller.is_on("Y010")
+    # Down and up again.
+    down, up = (float(seen.steps[step]["m2"]) for step in (1, 4))
+    assert up - down == pytest.approx(50, abs=0.01)
+    seen.stands_at(HOME)
+
+
+def stream_path(seen: Seen) -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 500)
+    np.testing.assert_allclose(seen.j1, 20.0 * np.sin(turn), atol=0.001)
+    assert max(len(sent["instructions"]) for sent in seen.lists) <= 8
+    assert [sent["emptyList"] for sent in seen.lists] == ["1"] + ["0"] * (len(seen.lists) - 1)
+    seen.stands_at(HOME)
+
+
+def follow_target(seen: Seen) -> None:
+    """Each step by itself, slow, neither tiny nor large."""
+    assert all(sent["emptyList"] == "0" and len(sent["instructions"]) == 1 for sent in seen.lists)
+    assert all(float(step["speed"]) == 20 for step in seen.steps)
+    assert 2 <= len(seen.steps) <= 100
+    assert f"{len(seen.steps)} steps" in seen.said
+    sizes = np.abs(np.diff([0.0, *seen.j1]))
+    assert 0.99 <= sizes.min() and sizes.max() <= 10.01, sizes
+    assert np.abs(seen.j1).max() <= 15.01
+    seen.stands_at([seen.j1[-1], 0, 0, 0, 0, 0])
+
+
+def two_robots(seen: Seen) -> None:
+    """There and back, one to the left, the other to the right."""
+    assert len(seen.lists) == 1 and [abs(at) for at in seen.j1] == [20, 0]
+    seen.stands_at(HOME)
+
+
+def registers(seen: Seen) -> None:
+    assert seen.lists == []
+    assert seen.controller.is_on("Y013") and seen.controller.snapshot().global_speed == 40
+    with r6.Robot.connect(seen.controller.address) as robot:
+        assert robot.read_registers(810, 3).tolist() == [500_250, -20_500, 300_000]
+
+
+def camera_pick(seen: Seen) -> None:
+    """The arm stands where the photo shows the part: 20, 10, -30 mm from where it was taken."""
+    assert seen.lists == [] and seen.controller.is_on("Y010")
+    with r6.Simulator(clock="max") as other, r6.Robot.connect(other.address) as robot:
+        photo = robot.run(r6.Motion().axis_path([HOME], r6.Percent(50))).finished().pose
+    part = seen.controller.snapshot().pose
+    np.testing.assert_allclose(part[:3] - photo[:3], [20, 10, -30], atol=0.01)
+
+
+DID: dict[str, Callable[[Seen], None]] = {
+    "read_state": read_state,
+    "move": move,
+    "stream_path": stream_path,
+    "follow_target": follow_target,
+    "two_robots": two_robots,
+    "registers": registers,
+    "camera_pick": camera_pick,
 }
 """What each has done to the controller that it was given."""
 
@@ -47,8 +130,19 @@ def run(name: str, *addresses: str) -> str:
     return ended.stdout
 
 
+def lists(sent: bytes) -> list[dict[str, Any]]:
+    """The lists among the frames that were sent: JSON, one behind the other."""
+    found, text, decoder = [], sent.decode().strip(), json.JSONDecoder()
+    while text:
+        frame, end = decoder.raw_decode(text)
+        text = text[end:].lstrip()
+        if frame.get("reqType") == "AddRCC":
+            found.append(frame)
+    return found
+
+
 def test_every_example_is_here() -> None:
-    assert {path.stem for path in EXAMPLES.glob("[!_]*.py")} == set(SAYS)
+    assert {path.stem for path in EXAMPLES.glob("[!_]*.py")} == set(SAYS) == set(DID)
 
 
 @pytest.mark.parametrize("name", SAYS)
@@ -57,14 +151,19 @@ def test_it_brings_its_own_controller(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SAYS)
-def test_it_uses_the_controllers_that_are_named(name: str) -> None:
+def test_it_does_what_it_says_with_the_controllers_that_are_named(name: str) -> None:
+    program = None
+    if name == "camera_pick":
+        text = (EXAMPLES / "camera_pick.py").read_text()
+        program = text.split('PROGRAM = """')[1].split('"""')[0]
+    count = 2 if name == "two_robots" else 1
     with ExitStack() as stack:
-        program = None
-        if name == "camera_pick":
-            text = (EXAMPLES / "camera_pick.py").read_text()
-            program = text.split('PROGRAM = """')[1].split('"""')[0]
-        count = 2 if name == "two_robots" else 1
-        started = [stack.enter_context(r6.Simulator(clock=10, program=program)) for _ in range(count)]
-        said = run(name, *(controller.address for controller in started))
+        controllers = [stack.enter_context(r6.Simulator(clock=10, program=program)) for _ in range(count)]
+        # They listen on the way, and do nothing to it.
+        relays = [stack.enter_context(closing(Relay())) for _ in range(count)]
+        for relay, controller in zip(relays, controllers, strict=True):
+            relay.target = controller.port
+        said = run(name, *(relay.address for relay in relays))
         assert SAYS[name] in said
-        assert all(DID[name](controller) for controller in started)
+        for relay, controller in zip(relays, controllers, strict=True):
+            DID[name](Seen(said, controller, lists(bytes(relay.sent))))

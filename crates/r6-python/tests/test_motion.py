@@ -148,6 +148,43 @@ def test_a_block_that_fails_stops_the_arm(virtual_robot: r6.Robot, virtual_contr
     assert not state.moving and state.list_length == 0
 
 
+def test_a_block_that_fails_after_the_motion_was_released_stops_the_arm(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    with pytest.raises(ZeroDivisionError):
+        with virtual_robot.run(endless()) as handle:
+            assert handle.step(1).started()
+            handle.release()
+            assert [progress.ended for progress in handle][-1]
+            assert virtual_controller.snapshot().moving, "the list is not done"
+            raise ZeroDivisionError
+    state = virtual_controller.snapshot()
+    assert not state.moving and state.list_length == 0
+
+
+def test_a_motion_that_fails_in_a_block_tells_what_became_of_the_arm(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    with pytest.raises(r6.MotionError) as failed:
+        with virtual_robot.run(endless(), r6.RunOptions(stop_on_failure=False)) as handle:
+            assert handle.step(1).started()
+            handle.release()
+            handle.finished()
+    assert failed.value.cause == "dropped"
+    assert isinstance(failed.value.stop, r6.StopReport) and failed.value.stop.confirmed
+    assert not virtual_controller.snapshot().moving
+
+
+def test_a_stop_that_fails_does_not_hide_why_the_motion_failed() -> None:
+    with r6.Simulator() as controller, r6.Robot.connect(controller.address) as robot:
+        with pytest.raises(r6.MotionError) as failed:
+            with robot.run(endless()) as handle:
+                assert handle.step(1).started()
+                robot.close()
+                handle.finished()
+    assert isinstance(failed.value.stop, r6.NotSent) and failed.value.stop.reason == "closed"
+
+
 def test_dropping_the_handle_ends_the_streaming(virtual_robot: r6.Robot) -> None:
     handle = virtual_robot.run(endless())
     assert handle.step(1).started()
@@ -162,6 +199,32 @@ def test_dropping_the_handle_ends_the_streaming(virtual_robot: r6.Robot) -> None
         except r6.MotionError as error:
             assert error.cause == "another_runs"
     virtual_robot.stop()
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_closing_stops_a_motion_that_is_to_be_stopped_when_dropped(
+    held: bool, virtual_controller: r6.Simulator
+) -> None:
+    """Also through another handle of the connection, and if the handle was dropped just before."""
+    with r6.Robot.connect(virtual_controller.address) as robot:
+        guarded = robot.with_guard(r6.Envelope())
+        handle = guarded.run(endless(), r6.RunOptions(stop_on_drop=True))
+        assert handle.step(1).started()
+        if not held:
+            del handle
+    state = virtual_controller.snapshot()
+    assert not state.moving and state.list_length == 0
+    assert any("actionStop" in line.text for line in virtual_controller.log())
+
+
+def test_closing_stops_no_other_motion(virtual_controller: r6.Simulator) -> None:
+    with r6.Robot.connect(virtual_controller.address) as robot:
+        quick = robot.run(r6.Motion().axis_move(HOME, FAST), r6.RunOptions(stop_on_drop=True))
+        quick.finished()
+        handle = robot.run(endless())
+        assert handle.step(1).started()
+    assert virtual_controller.snapshot().moving
+    assert not any("actionStop" in line.text for line in virtual_controller.log())
 
 
 def test_only_one_motion_runs_at_a_time(virtual_robot: r6.Robot) -> None:

@@ -85,6 +85,19 @@ def test_a_register_that_does_not_take_its_value_is_told(virtual_robot: r6.Robot
     assert (error.value.register, error.value.wrote, error.value.found) == (820, 9, 0)
 
 
+@pytest.mark.virtual_controller(profile="r6-host")
+def test_a_firmware_that_does_not_tell_registers_is_told(virtual_robot: r6.Robot) -> None:
+    with pytest.raises(r6.NotTaken, match="cannot be read") as error:
+        virtual_robot.write_registers(820, [9, 8])
+    assert (error.value.register, error.value.wrote, error.value.found) == (820, 9, None)
+    virtual_robot.write_registers(820, [9], verify=False)
+    with pytest.raises(r6.NoReading, match="820"):
+        virtual_robot.read_registers(820)
+    for first, values in ((900, [1, 2]), (800, [])):
+        with pytest.raises(ValueError):
+            virtual_robot.write_registers(first, values)
+
+
 def test_counters_outputs_inputs_and_speed(virtual_robot: r6.Robot, virtual_controller: r6.Simulator) -> None:
     virtual_robot.set_counter(2, current=4)
     assert virtual_robot.counter(2).current == 4

@@ -14,7 +14,14 @@ error of mypy. Errors are sorted by what to do next (``R6Error`` and its tree). 
 This is no safety function: a stop from here is an ordinary command on a network.
 """
 
-from ._async_robot import AsyncMotionHandle, AsyncPushedEvents, AsyncRobot, AsyncStep, AsyncSubscription
+from ._async_robot import (
+    AsyncFollowing,
+    AsyncMotionHandle,
+    AsyncPushedEvents,
+    AsyncRobot,
+    AsyncStep,
+    AsyncSubscription,
+)
 from ._errors import (
     MotionError,
     NoReading,
@@ -40,6 +47,7 @@ from ._r6 import (
     Command,
     Degrees,
     Envelope,
+    FollowOptions,
     Millimetres,
     MillimetresPerSecond,
     Motion,
@@ -54,7 +62,7 @@ from ._r6 import (
     models,
     profiles,
 )
-from ._robot import MotionHandle, PushedEvents, Robot, Step, Subscription
+from ._robot import Following, MotionHandle, PushedEvents, Robot, Step, Subscription
 from ._types import (
     Accepted,
     AddressInfo,
@@ -63,6 +71,7 @@ from ._types import (
     Counter,
     Done,
     Event,
+    Followed,
     Garbled,
     Identity,
     Latency,
@@ -90,6 +99,7 @@ __all__ = [
     "Accepted",
     "AddressInfo",
     "Alarm",
+    "AsyncFollowing",
     "AsyncMotionHandle",
     "AsyncPushedEvents",
     "AsyncRobot",
@@ -104,6 +114,9 @@ __all__ = [
     "Done",
     "Envelope",
     "Event",
+    "FollowOptions",
+    "Followed",
+    "Following",
     "Garbled",
     "Identity",
     "Latency",

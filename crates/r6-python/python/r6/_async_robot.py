@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Coroutine, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ._asyncio import run
+from ._asyncio import run, run_at_once
+from ._errors import MotionError, RequestError
 from ._r6 import (
+    AxisPosition,
     Command,
     Envelope,
+    FollowCore,
+    FollowOptions,
     Motion,
     MotionCore,
     Percent,
@@ -23,12 +27,13 @@ from ._r6 import (
     RunOptions,
     SubscriptionCore,
 )
-from ._robot import counter, points, whole
+from ._robot import counter, points, stopped, whole
 from ._types import (
     Accepted,
     Counter,
     Done,
     Event,
+    Followed,
     Identity,
     Integers,
     LinkQuality,
@@ -49,8 +54,8 @@ class AsyncRobot:
     """A handle on one controller, over one connection: ``Robot`` for asyncio.
 
     Many tasks, and many event loops, may use one handle. Cancelling a call takes its request back if it has not left
-    yet, except for a stop. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
-    ``identity``, ``accept_identity``, ``with_guard``.
+    yet, except for a stop and a pause, which the call itself begins. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
+    ``identity``, ``accept_identity``, ``with_guard``, ``follow``.
 
     >>> async with await AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
     ...     print((await robot.status()).axes)
@@ -101,9 +106,9 @@ class AsyncRobot:
         """As ``Robot.command``."""
         return await run(self._core.command(command))
 
-    async def pause(self) -> Accepted:
-        """As ``Robot.pause``."""
-        return await self.command(Command.action_pause())
+    def pause(self) -> Coroutine[Any, Any, Accepted]:
+        """As ``Robot.pause``; sent by the call, so that cancelling its task, however early, does not take it back."""
+        return run_at_once(self._core.command(Command.action_pause()))
 
     async def clear_alarm(self) -> Accepted:
         """As ``Robot.clear_alarm``."""
@@ -141,13 +146,17 @@ class AsyncRobot:
 
     async def write_registers(
         self, first: int, values: Sequence[int] | Integers, *, savable: bool = False, verify: bool = True
-    ) -> Accepted:
+    ) -> None:
         """As ``Robot.write_registers``."""
-        return await run(self._core.write_registers(first, whole(values), savable=savable, verify=verify))
+        await run(self._core.write_registers(first, whole(values), savable=savable, verify=verify))
 
     async def run(self, motion: Motion, options: RunOptions | None = None) -> AsyncMotionHandle:
         """As ``Robot.run``."""
         return AsyncMotionHandle(await run(self._core.run(motion, options)))
+
+    def follow(self, options: FollowOptions | None = None) -> AsyncFollowing:
+        """As ``Robot.follow``."""
+        return AsyncFollowing(self._core.follow(options))
 
     def dry_run(self, motion: Motion, options: RunOptions | None = None) -> list[bytes]:
         """As ``Robot.dry_run``."""
@@ -161,9 +170,10 @@ class AsyncRobot:
         """As ``Robot.wait_until_done``."""
         return await run(self._core.wait_until_done(timeout))
 
-    async def stop(self) -> StopReport:
-        """As ``Robot.stop``. Cancelling it ends the watching; the first stop is sent all the same."""
-        return await run(self._core.stop())
+    def stop(self) -> Coroutine[Any, Any, StopReport]:
+        """As ``Robot.stop``. The call begins it. Cancelling its task, however early, ends the waiting and not the stop,
+        which goes on until the arm is seen to stand, 5 s at most."""
+        return run_at_once(self._core.stop())
 
     async def clear_list(self) -> Accepted:
         """As ``Robot.clear_list``."""
@@ -208,8 +218,8 @@ class AsyncRobot:
 class AsyncMotionHandle:
     """A motion that runs: ``MotionHandle`` for asyncio.
 
-    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, and waits
-    for the end of the motion otherwise.
+    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, as
+    ``MotionHandle`` does, and waits for the end of the motion otherwise.
     """
 
     def __init__(self, core: MotionCore) -> None:
@@ -235,9 +245,9 @@ class AsyncMotionHandle:
         """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""
         return await run(self._core.finished())
 
-    async def stop(self) -> StopReport:
-        """As ``MotionHandle.stop``."""
-        return await run(self._core.stop())
+    def stop(self) -> Coroutine[Any, Any, StopReport]:
+        """As ``MotionHandle.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
+        return run_at_once(self._core.stop())
 
     def release(self) -> None:
         """As ``MotionHandle.release``."""
@@ -254,11 +264,61 @@ class AsyncMotionHandle:
     ) -> None:
         if kind is None:
             await self.finished()
-        elif not self.progress.ended:
-            await self.stop()
+            return
+        try:
+            report: StopReport | RequestError = await self.stop()
+        except RequestError as failed:
+            if not isinstance(error, MotionError):
+                raise
+            report = failed
+        stopped(error, report)
 
     def __repr__(self) -> str:
         return f"<AsyncMotionHandle {self.progress!r}>"
+
+
+class AsyncFollowing:
+    """A target that is followed: ``Following`` for asyncio; use ``async with``."""
+
+    def __init__(self, core: FollowCore) -> None:
+        """Use ``AsyncRobot.follow``."""
+        self._core = core
+
+    def target(self, to: AxisPosition) -> None:
+        """As ``Following.target``."""
+        self._core.target(to)
+
+    async def finished(self) -> Followed:
+        """As ``Following.finished``."""
+        return await run(self._core.finished())
+
+    def stop(self) -> Coroutine[Any, Any, StopReport]:
+        """As ``Following.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
+        return run_at_once(self._core.stop())
+
+    def release(self) -> None:
+        """As ``Following.release``."""
+        self._core.release()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            await self.finished()
+            return
+        try:
+            report: StopReport | RequestError = await self.stop()
+        except RequestError as failed:
+            if not isinstance(error, MotionError):
+                raise
+            report = failed
+        stopped(error, report)
 
 
 class AsyncStep:

@@ -12,6 +12,7 @@ from ._types import (
     Alarm,
     Done,
     Event,
+    Followed,
     Identity,
     Integers,
     LinkQuality,
@@ -31,6 +32,8 @@ __all__ = [
     "Command",
     "Degrees",
     "Envelope",
+    "FollowCore",
+    "FollowOptions",
     "Millimetres",
     "MillimetresPerSecond",
     "Motion",
@@ -69,7 +72,7 @@ class Started:
     """An operation that was started."""
 
     def cancel(self) -> None:
-        """Drops what is left of it; nothing if it has ended."""
+        """Drops what is left of it; nothing if it has ended, or goes on whatever happens, as a stop does."""
 
 @final
 class RobotCore:
@@ -89,11 +92,12 @@ class RobotCore:
     def wait_until_done(self, timeout: float) -> Operation[Done]: ...
     def stop(self) -> Operation[StopReport]: ...
     def run(self, motion: Motion, options: RunOptions | None = None) -> Operation[MotionCore]: ...
+    def follow(self, options: FollowOptions | None = None) -> FollowCore: ...
     def dry_run(self, motion: Motion, options: RunOptions | None = None) -> list[bytes]: ...
     def read_registers(self, first: int, count: int) -> Operation[Integers]: ...
     def write_registers(
         self, first: int, values: Sequence[int], *, savable: bool, verify: bool
-    ) -> Operation[Accepted]: ...
+    ) -> Operation[None]: ...
     def subscribe(self, addresses: Sequence[str], every: float) -> SubscriptionCore: ...
     def pushed(self) -> PushedCore: ...
     def answer_photo(self, cam_id: int, taken: bool) -> Operation[None]: ...
@@ -113,6 +117,15 @@ class MotionCore:
     def step_started(self, step: int) -> Operation[bool]: ...
     def step_done(self, step: int) -> Operation[bool]: ...
     def finished(self) -> Operation[Done]: ...
+    def stop(self) -> Operation[StopReport]: ...
+    def release(self) -> None: ...
+
+@final
+class FollowCore:
+    """What ``Following`` and ``AsyncFollowing`` have in common."""
+
+    def target(self, to: AxisPosition) -> None: ...
+    def finished(self) -> Operation[Followed]: ...
     def stop(self) -> Operation[StopReport]: ...
     def release(self) -> None: ...
 
@@ -395,7 +408,7 @@ class RunOptions:
     ``stall_within`` (5): how long the arm may stand without progress. ``idle_mode`` (7): the mode in which this controller
     waits for instructions. ``clear_leftover`` (False): clear a list that is left from before. ``stop_on_failure`` (True):
     stop the arm when the motion fails after something has left. ``stop_on_drop`` (False): stop the arm when the handle is
-    dropped; else it finishes what is in its list.
+    dropped or the robot closed; else it finishes what is in its list.
     """
 
     def __new__(
@@ -412,6 +425,39 @@ class RunOptions:
         stop_on_failure: bool | None = None,
         stop_on_drop: bool | None = None,
     ) -> RunOptions: ...
+
+@final
+class FollowOptions:
+    """How a moving target is followed. Times are seconds.
+
+    The protocol has no command for it: each step is an instruction of its own. Small steps without a pause have overloaded
+    the servos of a real arm (reported); its operator cut the speed to 20 %, made the steps larger, and sent each only while
+    the arm stood. The defaults do just that.
+
+    ``interval`` (0.05): between two looks at target and arm. ``speed`` (20 %): of each step. ``smallest_step`` (1°): nearer
+    than this the arm stays where it is. ``largest_step`` (10°): no step takes an axis further; it bounds, too, how far the
+    arm still goes when targets, program or link are gone: two such steps. Both are mm where an axis slides.
+    ``while_moving`` (False): append a step while the arm makes the one before; on a real arm try it at low speed, and look
+    at the load of the servos (``curTorque-n``). ``fresh_within`` (0.5): how long a target counts when no other comes, not
+    even the same again. ``start_within`` (1): how long after a step was accepted the arm may stand elsewhere than at its
+    end. ``stall_within`` (5): how long a step may go on without progress. ``idle_mode`` (7): as in ``RunOptions``.
+    ``stop_on_failure`` (True): stop the arm when following fails after a step has left.
+    """
+
+    def __new__(
+        cls,
+        *,
+        interval: float | None = None,
+        speed: Percent | None = None,
+        smallest_step: Degrees | None = None,
+        largest_step: Degrees | None = None,
+        while_moving: bool | None = None,
+        fresh_within: float | None = None,
+        start_within: float | None = None,
+        stall_within: float | None = None,
+        idle_mode: int | None = None,
+        stop_on_failure: bool | None = None,
+    ) -> FollowOptions: ...
 
 @final
 class Envelope:

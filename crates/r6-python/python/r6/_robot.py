@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from ._errors import MotionError, RequestError
 from ._r6 import (
+    AxisPosition,
     Command,
     Envelope,
+    FollowCore,
+    FollowOptions,
     Motion,
     MotionCore,
     Percent,
@@ -27,6 +31,7 @@ from ._types import (
     Counter,
     Done,
     Event,
+    Followed,
     Identity,
     Integers,
     LinkQuality,
@@ -77,8 +82,12 @@ class Robot:
         return self._core.address
 
     def close(self) -> None:
-        """Ends the connection, half a second at most. What is in the controller's list runs on. Closing again does
-        nothing."""
+        """Ends the connection, for all handles of it. What is in the controller's list runs on; a motion that was run with
+        ``RunOptions.stop_on_drop`` is stopped first. Closing again does nothing.
+
+        It takes half a second at most, and 10 s where an arm has to be stopped. If that fails, the connection ends all
+        the same: call ``stop`` yourself where you have to know.
+        """
         self._core.close().wait()
 
     def __enter__(self) -> Self:
@@ -157,13 +166,13 @@ class Robot:
 
     def write_registers(
         self, first: int, values: Sequence[int] | Integers, *, savable: bool = False, verify: bool = True
-    ) -> Accepted:
+    ) -> None:
         """Writes registers in a row, 800 to 900: whole numbers of 32 bits with sign. A cell may start a motion by them.
 
         ``savable`` keeps them over a power cut; ``verify`` reads them back, because controllers say ok to values that they
         do not take. Errors: ``NotTaken``; ``RequestError``.
         """
-        return self._core.write_registers(first, whole(values), savable=savable, verify=verify).wait()
+        self._core.write_registers(first, whole(values), savable=savable, verify=verify).wait()
 
     def run(self, motion: Motion, options: RunOptions | None = None) -> MotionHandle:
         """Runs a motion: checks it, looks at the machine, then streams it in lists that the controller takes.
@@ -175,6 +184,24 @@ class Robot:
         another motion that is being streamed, or a state that cannot be read. Nothing was sent then.
         """
         return MotionHandle(self._core.run(motion, options).wait())
+
+    def follow(self, options: FollowOptions | None = None) -> Following:
+        """Follows a target that moves: ``Following.target`` says again and again where it is. Begins at once; nothing moves
+        before the first target.
+
+        ::
+
+            with robot.follow() as following:
+                for position in positions():                # a source of yours, 20 times a second
+                    following.target(position)
+            print(following.finished().behind)
+
+        Each time the arm is ready for another step, the newest target counts; those that came in between are skipped. A
+        step is never sent again, and nothing more is sent once targets are no longer fresh, the state cannot be read, or
+        a handle of this connection sends a stop. ``Following`` tells what went wrong, ``NotReady`` at the beginning
+        included.
+        """
+        return Following(self._core.follow(options))
 
     def dry_run(self, motion: Motion, options: RunOptions | None = None) -> list[bytes]:
         """The frames that ``run`` would send, byte by byte but for ``packID``. Nothing is sent.
@@ -200,7 +227,8 @@ class Robot:
     def stop(self) -> StopReport:
         """Stops the motion, ahead of all that waits, until the arm is seen to stand, 5 s at most; then clears the list.
 
-        A motion that is being streamed over this connection ends. Once asked for, Ctrl-C does not take it back.
+        A motion that is being streamed over this connection ends. Ctrl-C ends the waiting and not the stop, which goes on
+        while this process lives.
 
         Errors: ``RequestError`` if no stop was answered at all. Look at ``StopReport.confirmed``.
         """
@@ -250,7 +278,7 @@ class Robot:
 
     def with_guard(self, envelope: Envelope) -> Self:
         """The same robot behind a guard: what this handle runs is held against the envelope first, and not sent if it
-        goes beyond. Commands are not checked. Close both handles to end the connection."""
+        goes beyond. Commands are not checked. Both share one connection: closing either ends it for both."""
         return type(self)(self._core.with_guard(envelope))
 
     def __repr__(self) -> str:
@@ -261,9 +289,12 @@ class MotionHandle:
     """A motion that runs.
 
     Dropping it, ``release``, or the end of the process ends the streaming: the arm finishes what is in its list, unless
-    ``RunOptions.stop_on_drop`` says that it is to be stopped (which takes a process that lives on). As a ``with`` block,
-    it stops the arm when the block ends with an exception, Ctrl-C included, and waits for the end of the motion
-    otherwise.
+    ``RunOptions.stop_on_drop`` says that it is to be stopped (which takes a process that lives on).
+
+    As a ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included: always, also after the
+    end of the motion and after ``release``, because steps may be left in the list. If that stop fails, its error is
+    raised; a ``MotionError`` goes on instead and has it as ``stop``. Without an exception the block waits for the end of
+    the motion.
     """
 
     def __init__(self, core: MotionCore) -> None:
@@ -313,11 +344,74 @@ class MotionHandle:
     ) -> None:
         if kind is None:
             self.finished()
-        elif not self.progress.ended:
-            self.stop()
+            return
+        try:
+            report: StopReport | RequestError = self.stop()
+        except RequestError as failed:
+            if not isinstance(error, MotionError):
+                raise
+            report = failed
+        stopped(error, report)
 
     def __repr__(self) -> str:
         return f"<MotionHandle {self.progress!r}>"
+
+
+class Following:
+    """A target that is followed.
+
+    Dropping it, ``release``, or the end of the process ends it: the arm finishes the step or two in its list. As a
+    ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included, and waits until the arm stands
+    otherwise; errors as in ``MotionHandle``.
+    """
+
+    def __init__(self, core: FollowCore) -> None:
+        """Use ``Robot.follow``."""
+        self._core = core
+
+    def target(self, to: AxisPosition) -> None:
+        """Where the target is now. Does not wait. Send it again while the arm is to go there: it counts for
+        ``FollowOptions.fresh_within``.
+
+        Errors: ``MotionError``: why the target is not followed any more; ``RuntimeError`` after ``finished``.
+        """
+        self._core.target(to)
+
+    def finished(self) -> Followed:
+        """Takes no other target, and waits until the arm stands. Can be called again.
+
+        No step is begun any more: for the arm to arrive, send the last target for as long as that takes. Errors:
+        ``MotionError``; its steps are those that were sent.
+        """
+        return self._core.finished().wait()
+
+    def stop(self) -> StopReport:
+        """Ends it and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
+        return self._core.stop().wait()
+
+    def release(self) -> None:
+        """Ends it, as dropping it does."""
+        self._core.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.finished()
+            return
+        try:
+            report: StopReport | RequestError = self.stop()
+        except RequestError as failed:
+            if not isinstance(error, MotionError):
+                raise
+            report = failed
+        stopped(error, report)
 
 
 class Step:
@@ -400,6 +494,12 @@ class PushedEvents:
         """Each event, until the robot is closed."""
         while (event := self.next()) is not None:
             yield event
+
+
+def stopped(error: BaseException | None, report: StopReport | RequestError) -> None:
+    """Tells an error of the motion what became of the arm, if it does not know of a stop of its own."""
+    if isinstance(error, MotionError) and error.stop is None:
+        error.stop = report
 
 
 def points(word: int) -> npt.NDArray[np.bool_]:

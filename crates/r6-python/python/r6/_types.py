@@ -198,6 +198,18 @@ class Done:
     """Seconds from the first read on."""
 
 
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A target was followed until it ended, and the arm stands."""
+
+    steps: int
+    """Steps that were made."""
+    axes: Floats
+    """J1 to J6: shape (6,), degrees, NaN where not known."""
+    behind: float
+    """How far the farthest axis is from the last target, degrees; mm where it slides."""
+
+
 @dataclass(frozen=True)
 class Accepted:
     """A controller's yes: the request was taken, not that anything moves."""

@@ -1,0 +1,98 @@
+//! A target that is followed.
+
+use std::sync::{Mutex, PoisonError};
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use r6_client::{Cause, FollowOptions, Followed, MotionError, Progress, Robot};
+use tokio::sync::watch;
+
+use crate::convert;
+use crate::errors::raise;
+use crate::handle::Streaming;
+use crate::operation::Operation;
+use crate::process::{Kept, Process};
+use crate::units::AxisPosition;
+
+type Outcome = Result<Followed, MotionError>;
+
+struct Parts {
+    robot: Robot,
+    /// `None` once no other target comes.
+    target: Mutex<Option<watch::Sender<r6_client::units::AxisPosition>>>,
+    outcome: watch::Receiver<Option<Outcome>>,
+    streaming: Streaming,
+}
+
+/// A target that is followed. Its end can be asked for again and again, and by many.
+#[pyclass(frozen, module = "r6._r6")]
+pub struct FollowCore {
+    parts: Kept<Parts>,
+}
+
+impl FollowCore {
+    /// Begins; nothing moves before the first target.
+    pub fn new(robot: Robot, options: FollowOptions) -> PyResult<Self> {
+        let (target, targets) = watch::channel(r6_client::units::AxisPosition::none());
+        let (tell, outcome) = watch::channel(None);
+        let following = robot.clone();
+        let task = Process::current()?.engine().handle().spawn(async move {
+            let result = following.follow(targets, options).await;
+            tell.send_replace(Some(result));
+        });
+        let (target, streaming) = (Mutex::new(Some(target)), Streaming(task.abort_handle()));
+        Ok(Self { parts: Kept::new(Parts { robot, target, outcome, streaming })? })
+    }
+}
+
+#[pymethods]
+impl FollowCore {
+    /// Where the target is now. Raises why it is not followed any more.
+    fn target(&self, py: Python<'_>, to: &AxisPosition) -> PyResult<()> {
+        let parts = self.parts.here()?;
+        let outcome = parts.outcome.borrow().clone();
+        let ended = || PyRuntimeError::new_err("following has ended: no other target is taken");
+        match outcome {
+            Some(outcome) => {
+                raise(py, outcome)?;
+                Err(ended())
+            }
+            None => {
+                let target = parts.target.lock().unwrap_or_else(PoisonError::into_inner);
+                target.as_ref().ok_or_else(ended)?.send_replace(to.0);
+                Ok(())
+            }
+        }
+    }
+
+    /// No other target comes; waits until the arm stands.
+    fn finished(&self) -> PyResult<Operation> {
+        let parts = self.parts.here()?;
+        parts.target.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let mut outcome = parts.outcome.clone();
+        let waiting = async move {
+            match outcome.wait_for(Option::is_some).await.map(|outcome| outcome.clone()) {
+                Ok(Some(outcome)) => outcome,
+                // It was dropped while somebody waited here.
+                Ok(None) | Err(_) => {
+                    let progress = Progress { ended: true, ..Progress::default() };
+                    Err(MotionError { cause: Cause::Dropped, progress, stop: None })
+                }
+            }
+        };
+        Ok(Operation::new(waiting, |py, followed| convert::followed(py, &raise(py, followed)?)))
+    }
+
+    /// Ends it and stops the arm, whoever gives up waiting for it.
+    fn stop(&self) -> PyResult<Operation> {
+        let robot = self.parts.here()?.robot.clone();
+        let stopping = async move { robot.stop().await };
+        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)).going_on())
+    }
+
+    /// Ends it; the arm finishes the step or two in its list.
+    fn release(&self) -> PyResult<()> {
+        self.parts.here()?.streaming.end();
+        Ok(())
+    }
+}
