@@ -5,6 +5,7 @@ mod controller;
 
 mod camera;
 mod connection;
+mod following;
 mod identity;
 mod listening;
 mod motion;
