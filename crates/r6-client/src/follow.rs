@@ -17,6 +17,7 @@ use crate::handle::Progress;
 use crate::job::Work;
 use crate::link::Lane;
 use crate::motion::Sample;
+use crate::moves::StepError;
 use crate::path::place::Place;
 use crate::robot::Robot;
 use crate::stream::{Cause, MotionError, RunOptions};
@@ -28,6 +29,10 @@ const MAX_FAILED: u32 = 3;
 /// Steps in the controller's list at most, where the arm is fed while it moves: the one it makes and the one behind it. More
 /// would be run through although the target is elsewhere by then.
 const MOST_IN_LIST: i64 = 2;
+
+/// No look at target and arm comes sooner after the one before: controllers take up to 26 ms to answer, and more questions would only
+/// wait behind each other.
+const SHORTEST_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Less than this, degrees, is no progress: encoders tremble.
 const NO_PROGRESS: f64 = 1e-3;
@@ -45,13 +50,15 @@ const SPEED: Percent = match Percent::new(20.0) {
 /// The default does just that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FollowOptions {
-    /// The time between two looks at target and arm. Default 50 ms: 20 times a second.
+    /// The time between two looks at target and arm: 20 ms at least. Default 50 ms: 20 times a second.
     pub interval: Duration,
     /// The speed of each step. Default 20 %.
     pub speed: Percent,
-    /// No step is smaller: nearer than this the arm stays where it is. Default 1°; mm where an axis slides.
+    /// No step is smaller: nearer than this the arm stays where it is. Above 0, and no more than [`Self::largest_step`]. Default 1°;
+    /// mm where an axis slides.
     pub smallest_step: Degrees,
-    /// No step takes an axis further: beyond, all axes go the same share of their way. Default 10°; mm where an axis slides.
+    /// No step takes an axis further: beyond, all axes go the same share of their way. Above 0, and finite. Default 10°; mm
+    /// where an axis slides.
     ///
     /// It bounds, too, how far the arm still goes when targets, program or link are gone: two such steps.
     pub largest_step: Degrees,
@@ -59,8 +66,8 @@ pub struct FollowOptions {
     /// are in its list at most. Default no. On a real arm try it at low speed, and look at the load of the servos (`curTorque-n`). On
     /// firmware that does not tell the length of its list (`RemoteCmdLen`) it has no effect.
     pub while_moving: bool,
-    /// How long a target counts when no other comes, not even the same again: a source that hangs must not keep the arm
-    /// going. Default 500 ms.
+    /// How long a target counts, and a step towards it may still leave, when no other comes, not even the same again: a source that hangs must not keep the arm
+    /// going. Above 0. Default 500 ms.
     pub fresh_within: Duration,
     /// How long after a step was accepted the arm may stand elsewhere than at its end. Default 1 s.
     pub start_within: Duration,
@@ -86,6 +93,27 @@ impl Default for FollowOptions {
             stall_within: run.stall_within,
             idle_mode: run.idle_mode,
             stop_on_failure: run.stop_on_failure,
+        }
+    }
+}
+
+impl FollowOptions {
+    /// Refuses what cannot be followed with.
+    fn check(&self) -> Result<(), StepError> {
+        let (smallest, largest) = (self.smallest_step.value(), self.largest_step.value());
+        let wanted = [
+            (largest > 0.0 && largest.is_finite(), "largest_step", "above 0, and finite"),
+            (
+                smallest > 0.0 && smallest <= largest,
+                "smallest_step",
+                "above 0, and no more than `largest_step`",
+            ),
+            (self.interval >= SHORTEST_INTERVAL, "interval", "20 ms at least"),
+            (self.fresh_within > Duration::ZERO, "fresh_within", "above 0"),
+        ];
+        match wanted.into_iter().find(|(holds, _, _)| !holds) {
+            Some((_, field, wanted)) => Err(StepError { step: 0, field, wanted }),
+            None => Ok(()),
         }
     }
 }
@@ -135,7 +163,8 @@ impl Robot {
     /// ```
     ///
     /// # Errors
-    /// [`MotionError`]: as for [`Robot::run`]; its steps are those that were sent.
+    /// [`MotionError`]: as for [`Robot::run`]; its steps are those that were sent. [`Cause::Step`] names a field of the options that
+    /// cannot be followed with, before anything is asked.
     pub async fn follow(
         &self,
         targets: watch::Receiver<AxisPosition>,
@@ -146,6 +175,7 @@ impl Robot {
             progress: Progress { ended: true, ..Progress::default() },
             stop: None,
         };
+        options.check().map_err(|error| failed(Cause::Step(error)))?;
         let turn = self.streaming().ok_or_else(|| failed(Cause::AnotherRuns))?;
         let mut stops = self.stops();
         let ready = RunOptions { idle_mode: options.idle_mode, ..RunOptions::default() };
@@ -322,7 +352,10 @@ impl<'r> Following<'r> {
         }
         let place = Place::of(&instruction.action);
         self.sent += 1;
-        match self.robot.add_unguarded(false, vec![instruction]).await {
+        // A step that waits behind other requests must not leave for a target that is old by then.
+        let leave_by = self.came.checked_add(self.options.fresh_within);
+        let step = Work::AddRcc { replace: false, instructions: vec![instruction] };
+        match self.robot.accepted_by(leave_by, step, Lane::Ordinary).await {
             Ok(_) => {
                 self.accepted = self.sent;
                 self.commanded = end;

@@ -56,7 +56,7 @@ pub struct Motion {
 pub struct StepError {
     /// The step, counted from 1; 0 where the whole motion is meant.
     pub step: usize,
-    /// The field, by its name on the wire.
+    /// The field, by its name on the wire; of options, by their own.
     pub field: &'static str,
     /// What it has to be.
     pub wanted: &'static str,

@@ -245,8 +245,18 @@ impl Robot {
 
     /// Sends a request that the controller answers with yes or no.
     pub(crate) async fn accepted(&self, work: Work, lane: Lane) -> Result<Accepted, RequestError> {
+        self.accepted_by(None, work, lane).await
+    }
+
+    /// The same; it does not leave later than that, but is refused as [`NotSent::Busy`].
+    pub(crate) async fn accepted_by(
+        &self,
+        leave_by: Option<Instant>,
+        work: Work,
+        lane: Lane,
+    ) -> Result<Accepted, RequestError> {
         let request = work.sent();
-        match self.ask(work, lane).await? {
+        match self.ask_by(leave_by, work, lane).await? {
             Answer::Accepted(accepted) => Ok(accepted),
             Answer::Values { .. } | Answer::Mismatch { .. } | Answer::Left => {
                 Err(OutcomeUnknown::Unclear { request, answer: "a reply to a query".to_owned() }.into())
@@ -256,9 +266,19 @@ impl Robot {
 
     /// Gives a request to the driver and waits for its answer.
     pub(crate) async fn ask(&self, work: Work, lane: Lane) -> Result<Answer, RequestError> {
+        self.ask_by(None, work, lane).await
+    }
+
+    async fn ask_by(
+        &self,
+        leave_by: Option<Instant>,
+        work: Work,
+        lane: Lane,
+    ) -> Result<Answer, RequestError> {
         let request = work.sent();
         let (reply, answer) = oneshot::channel();
         let mut job = Job::new(work, reply);
+        job.leave_by = leave_by;
         job.background = lane == Lane::Background;
         let given = match lane {
             Lane::Urgent => self.lanes.urgent.send(Urgent::Job(job)).await.is_ok(),
@@ -327,17 +347,22 @@ impl Hub {
         self.meter.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A controller has said who it is; `certain`: and all of that could be read. What could not is taken to be as it was.
+    /// A controller has said who it is; `certain`: and all of that could be read. What could not is taken to be as it was, if
+    /// something else could and is as it was. Whoever cannot be read at all is nobody yet.
     pub fn introduced(&self, mut found: Found, certain: bool, first: bool) {
         {
             let mut known = self.known();
             match &known.expected {
-                Some(expected) if !certain => found.identity.fill_in(expected),
+                Some(expected) if !certain && found.identity.agrees_with(expected) => {
+                    found.identity.fill_in(expected);
+                }
                 None if certain => known.expected = Some(found.identity.clone()),
                 Some(_) | None => {}
             }
-            found.another = known.expected.as_ref().is_some_and(|expected| *expected != found.identity);
-            known.present = Some(found.identity.clone());
+            let differs = known.expected.as_ref().is_some_and(|expected| *expected != found.identity);
+            let unread = !certain && found.identity == Identity::default();
+            found.another = differs && !unread;
+            known.present = (!differs || !unread).then(|| found.identity.clone());
         }
         if found.another {
             tracing::warn!(found = %found.identity, "another robot answers at this address");
@@ -345,6 +370,12 @@ impl Hub {
         if !first {
             self.push(Pushed::Reconnected(found));
         }
+    }
+
+    /// Whether it is known who is meant, and not who is there.
+    pub fn is_unidentified(&self) -> bool {
+        let known = self.known();
+        known.expected.is_some() && known.present.is_none()
     }
 
     /// Why no command may leave: whoever is there is not who is meant.

@@ -211,3 +211,34 @@ async fn an_alarm_ends_it() {
     assert_eq!(error.cause, Cause::AlarmRaised { code: 135 });
     assert!(!controller.handle().snapshot().moving);
 }
+
+#[tokio::test(start_paused = true)]
+async fn options_that_cannot_be_followed_are_refused_before_anything_is_asked() {
+    let usual = FollowOptions::default();
+    let largest = |largest| FollowOptions { largest_step: Degrees(largest), ..usual };
+    let smallest = |smallest| FollowOptions { smallest_step: Degrees(smallest), ..usual };
+    let cases = [
+        ("largest_step", largest(f64::NAN)),
+        ("largest_step", largest(f64::INFINITY)),
+        ("largest_step", largest(-10.0)),
+        ("largest_step", largest(0.0)),
+        ("smallest_step", smallest(f64::NAN)),
+        ("smallest_step", smallest(-1.0)),
+        ("smallest_step", smallest(0.0)),
+        ("smallest_step", smallest(10.1)),
+        ("interval", FollowOptions { interval: Duration::ZERO, ..usual }),
+        ("interval", FollowOptions { interval: Duration::from_micros(1), ..usual }),
+        ("fresh_within", FollowOptions { fresh_within: Duration::ZERO, ..usual }),
+    ];
+    let (_controller, robot) = cell(VirtualController::builder()).await;
+    // Whoever asks anything of this handle is told that it is closed.
+    robot.clone().close().await;
+    for (wrong, options) in cases {
+        let error = follow(&robot, options, async |_| {}).await.unwrap_err();
+        let Cause::Step(told) = error.cause else { panic!("{wrong}: {error}") };
+        assert_eq!((told.step, told.field), (0, wrong), "{options:?}");
+        assert!(error.nothing_left());
+    }
+    let error = follow(&robot, usual, async |_| {}).await.unwrap_err();
+    assert!(matches!(error.cause, Cause::Unreadable(_)), "{error}");
+}

@@ -26,7 +26,7 @@ pub struct MotionError {
 /// Why a motion did not come to its end.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cause {
-    /// A step is wrong; nothing was sent.
+    /// A step is wrong, or an option; nothing was sent.
     Step(StepError),
     /// A step goes beyond the envelope of the guard; nothing was sent.
     OutsideEnvelope(Violation),
