@@ -5,7 +5,7 @@ use tokio::task::JoinSet;
 use crate::error::RequestError;
 use crate::identity::Identity;
 use crate::robot::Robot;
-use crate::settings::RobotSettings;
+use crate::settings::{Heartbeat, RobotSettings};
 
 /// Addresses that are asked at the same time: more than cells have, few enough for any switch.
 const AT_ONCE: usize = 16;
@@ -20,7 +20,7 @@ pub struct Discovered {
 }
 
 /// Asks at these addresses who is there (`version`, `machineName`, `axisNum`), each over one connection that is closed in order.
-/// The answers come in the order of the addresses.
+/// The answers come in the order of the addresses. It only reads: no heartbreak is sent, whatever [`RobotSettings::heartbeat`] says.
 ///
 /// Name the addresses where controllers may be, and the ports that their pendants may be set to (9760; others were seen on
 /// 9700, 502, 503, 3388 and 8888). Do not scan a network: controllers have very few connections, and one that is left half
@@ -68,6 +68,8 @@ pub async fn discover(addresses: &[&str], settings: &RobotSettings) -> Vec<Disco
 }
 
 async fn ask(address: &str, settings: RobotSettings) -> Result<Identity, RequestError> {
+    // The first heartbreak would arm a watchdog that raises an alarm once this connection is closed.
+    let settings = RobotSettings { heartbeat: Heartbeat::Off, ..settings };
     let robot = Robot::connect(address, settings).await?;
     let read = robot.status().await;
     let identity = robot.identity();
