@@ -61,7 +61,7 @@ pub async fn run(robot: &Robot, mut pictures: VecDeque<Vec<Point>>) -> PhotosEnd
         println!("{ended}");
         match ended {
             PhotosEnded::ConnectionLost(_) | PhotosEnded::FellBehind { .. } => {}
-            PhotosEnded::Closed | PhotosEnded::Request { .. } => return ended,
+            PhotosEnded::Stopped | PhotosEnded::Closed | PhotosEnded::Request { .. } => return ended,
         }
     }
 }

@@ -27,6 +27,11 @@ pub enum PhotosEnded {
     /// The connection ended, and requests reach nobody. Look at the machine ([`Robot::status`], which connects anew), then serve
     /// again. Points of a picture that was asked for before are not sent any more.
     ConnectionLost(LostReason),
+    /// A handle of this connection sent a stop or a pause while a picture was under way. Its points, and those of later pictures, are
+    /// held back: they could set the arm in motion again. Look at the machine, then serve again.
+    ///
+    /// Where the stop came after the answer or the points had left, they are not called back.
+    Stopped,
     /// The handle was closed.
     Closed,
     /// An answer did not leave, or the controller did not take the points.
@@ -51,7 +56,8 @@ impl Robot {
     /// order. A program waits for the answer for a time of its own (on the virtual controller the `limit` of its step): where finding takes
     /// longer than taking the picture, use [`Robot::pushed`], [`Robot::answer_photo`] and [`Robot::add_points`] instead.
     ///
-    /// Points can set the arm in motion, and no guard checks them. Requests that come before this is called are not seen.
+    /// Points can set the arm in motion, and no guard checks them: none leave after a stop or a pause of this connection that came while
+    /// their picture was under way ([`PhotosEnded::Stopped`]). Requests that come before this is called are not seen.
     pub async fn serve_photos<F, Fut>(&self, mut look: F) -> PhotosEnded
     where
         F: FnMut(i64) -> Fut,
@@ -61,18 +67,40 @@ impl Robot {
         let connection = self.hub().known().connection;
         let same = || self.hub().known().connection == connection;
         let mut pushed = self.pushed();
+        let mut stops = self.stops();
+        // So many of the next events are older than a stop.
+        let mut overtaken = 0_usize;
         loop {
             let event = tokio::select! {
-                event = pushed.recv() => event,
+                biased;
                 () = self.closed() => return PhotosEnded::Closed,
+                // This handle keeps the sender alive.
+                _stopped = stops.changed() => {
+                    overtaken = pushed.len();
+                    continue;
+                }
+                event = pushed.recv() => event,
             };
+            let is_overtaken = overtaken > 0;
+            overtaken = overtaken.saturating_sub(1);
             match event {
+                Ok(Pushed::Photo { .. }) if is_overtaken && same() => return PhotosEnded::Stopped,
                 Ok(Pushed::Photo { cam_id }) if same() => {
-                    let shot = look(cam_id).await;
-                    if same()
-                        && let Err(error) = self.answer_shot(cam_id, shot).await
-                    {
-                        return PhotosEnded::Request { cam_id, error };
+                    let since = stops.clone();
+                    let stopped = || since.has_changed().unwrap_or(true);
+                    let serving = async {
+                        let shot = look(cam_id).await;
+                        self.answer_shot(cam_id, shot, || same() && !stopped()).await
+                    };
+                    let served = tokio::select! {
+                        biased;
+                        _stopped = stops.changed() => return PhotosEnded::Stopped,
+                        served = serving => served,
+                    };
+                    match served {
+                        _ if stopped() => return PhotosEnded::Stopped,
+                        Ok(()) => {}
+                        Err(error) => return PhotosEnded::Request { cam_id, error },
                     }
                 }
                 Ok(Pushed::ConnectionLost(reason)) => return PhotosEnded::ConnectionLost(reason),
@@ -89,14 +117,17 @@ impl Robot {
         }
     }
 
-    async fn answer_shot(&self, cam_id: i64, shot: Shot) -> Result<(), RequestError> {
-        let points = match shot {
+    /// Answers, and sends the points, each only if it `may` leave right then.
+    async fn answer_shot(&self, cam_id: i64, shot: Shot, may: impl Fn() -> bool) -> Result<(), RequestError> {
+        let (ret, points) = match shot {
             Shot::NotMine => return Ok(()),
-            Shot::Failed => return self.answer_photo(PhotoAnswer { cam_id, ret: 0 }).await,
-            Shot::Points(points) => points,
+            Shot::Failed => (0, Vec::new()),
+            Shot::Points(points) => (1, points),
         };
-        self.answer_photo(PhotoAnswer { cam_id, ret: 1 }).await?;
-        if !points.is_empty() {
+        if may() {
+            self.answer_photo(PhotoAnswer { cam_id, ret }).await?;
+        }
+        if !points.is_empty() && may() {
             self.add_points(vec![CameraSet { cam_id, points }]).await?;
         }
         Ok(())
@@ -110,6 +141,10 @@ impl fmt::Display for PhotosEnded {
             Self::ConnectionLost(reason) => write!(
                 f,
                 "the connection is lost ({reason}); read the status, which connects anew, then serve again"
+            ),
+            Self::Stopped => f.write_str(
+                "a stop or a pause was sent over this connection while a picture was under way; look at the machine, then \
+                 serve again",
             ),
             Self::Closed => f.write_str("the handle is closed"),
             Self::Request { cam_id, error } => write!(f, "camera {cam_id}: {error}"),

@@ -1,10 +1,10 @@
 //! The camera's side, on the robot's own connection.
 
-use r6_client::{Address, LostReason, PhotosEnded, Point, Refused, RequestError, Shot};
+use r6_client::{Address, Command, LostReason, PhotosEnded, Point, Refused, RequestError, Robot, Shot};
 use serde_json::json;
 use tokio::sync::Notify;
 
-use crate::controller::{Controller, settings, soon, values, verdict};
+use crate::controller::{Controller, Peer, Wires, command_word, settings, soon, values, verdict};
 
 const CUR_MODE: Address = Address::CurMode;
 
@@ -119,4 +119,84 @@ async fn a_picture_of_a_lost_connection_is_not_answered_on_the_next() {
         peer.send(values(&next, json!(["7"]))).await;
     });
     read.unwrap();
+}
+
+/// The next frame is the stop; and behind it there is nothing of a picture.
+async fn only_the_stop_leaves(robot: &Robot, peer: &mut Peer) {
+    let (sent, ()) = tokio::join!(robot.command(Command::ActionStop), async {
+        let request = peer.frame().await;
+        assert_eq!(command_word(&request), "actionStop");
+        peer.send(verdict(&request, &["actionStop", "ok"])).await;
+    });
+    sent.unwrap();
+}
+
+async fn nothing_has_left(robot: &Robot, peer: &mut Peer) {
+    let (read, ()) = tokio::join!(robot.query(&[CUR_MODE]), async {
+        let next = peer.frame().await;
+        assert_eq!(next["reqType"], json!("query"), "neither answer nor points");
+        peer.send(values(&next, json!(["7"]))).await;
+    });
+    read.unwrap();
+}
+
+#[tokio::test]
+async fn a_stop_while_a_picture_is_looked_at_ends_it_without_points() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let (looking, developed) = (Notify::new(), Notify::new());
+    let serving = robot.serve_photos(|_| async {
+        looking.notify_one();
+        developed.notified().await;
+        Shot::Points(vec![part()])
+    });
+    let other = robot.clone();
+    let (ended, mut peer) = tokio::join!(biased; soon(serving), async {
+        // The second request comes before the stop, too.
+        peer.send(format!("{PHOTO}{PHOTO}")).await;
+        soon(looking.notified()).await;
+        only_the_stop_leaves(&other, &mut peer).await;
+        developed.notify_one();
+        peer
+    });
+    assert_eq!(ended, PhotosEnded::Stopped);
+    assert!(ended.to_string().contains("stop"), "{ended}");
+    nothing_has_left(&robot, &mut peer).await;
+}
+
+#[tokio::test]
+async fn a_stop_between_pictures_does_not_end_it() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let serving = robot.serve_photos(|_| async { Shot::Failed });
+    let (ended, ()) = tokio::join!(biased; soon(serving), async {
+        only_the_stop_leaves(&robot, &mut peer).await;
+        peer.send(PHOTO).await;
+        assert_eq!(peer.frame().await["ret"], json!(0));
+        nothing_has_left(&robot, &mut peer).await;
+        robot.clone().close().await;
+    });
+    assert_eq!(ended, PhotosEnded::Closed);
+}
+
+#[tokio::test]
+async fn a_stop_between_the_answer_and_its_points_holds_the_points_back() {
+    let (_wires, robot, mut peer) = Wires::with_robot(settings()).await;
+    // Who is there is known, so that nothing but the stop holds the points back.
+    let (read, ()) = tokio::join!(
+        robot.query(&[Address::Version, Address::MachineName, Address::AxisNum]),
+        peer.introduces()
+    );
+    read.unwrap();
+    let serving = robot.serve_photos(|_| async { Shot::Points(vec![part()]) });
+    // The test is looked at first: its stop comes when the answer has left, and before its points do.
+    let (mut peer, ended) = tokio::join!(biased; async {
+        // Serving begins.
+        tokio::task::yield_now().await;
+        peer.send(PHOTO).await;
+        let answer = peer.frame().await;
+        assert_eq!((&answer["reqType"], &answer["ret"]), (&json!("photo"), &json!(1)));
+        only_the_stop_leaves(&robot, &mut peer).await;
+        peer
+    }, soon(serving));
+    assert_eq!(ended, PhotosEnded::Stopped);
+    nothing_has_left(&robot, &mut peer).await;
 }

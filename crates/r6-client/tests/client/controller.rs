@@ -1,11 +1,14 @@
 //! The other end of the connection, played by the test.
 
+use std::fmt;
+use std::io;
 use std::time::Duration;
 
-use r6_client::{Reconnect, Robot, RobotSettings};
+use r6_client::{Connect, Reconnect, Robot, RobotSettings};
 use serde_json::{Value, json};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, DuplexStream};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::mpsc;
 use tokio::time::timeout;
 
 /// Whatever has not happened after this long never will: the test fails instead of hanging.
@@ -19,9 +22,14 @@ pub struct Controller {
     listener: TcpListener,
 }
 
+/// What carries the bytes of a connection.
+trait Carrier: AsyncRead + AsyncWrite + Send + Unpin {}
+
+impl<S: AsyncRead + AsyncWrite + Send + Unpin> Carrier for S {}
+
 /// One accepted connection.
 pub struct Peer {
-    stream: TcpStream,
+    stream: Box<dyn Carrier>,
     received: Vec<u8>,
     /// `machineName` as told to a client that asks who is there.
     pub name: &'static str,
@@ -83,7 +91,11 @@ impl Peer {
     /// The controller's end of a connection.
     pub fn of(stream: TcpStream) -> Self {
         stream.set_nodelay(true).unwrap();
-        Self { stream, received: Vec::new(), name: "cell 4", introducing: false }
+        Self::over(stream)
+    }
+
+    fn over(stream: impl Carrier + 'static) -> Self {
+        Self { stream: Box::new(stream), received: Vec::new(), name: "cell 4", introducing: false }
     }
 
     /// The next frame from the client, besides its asking who is there: that is answered.
@@ -198,4 +210,39 @@ pub fn asked(request: &Value) -> Vec<&str> {
 /// The word of a command; empty for any other request.
 pub fn command_word(request: &Value) -> &str {
     request["cmdData"][0].as_str().unwrap_or_default()
+}
+
+/// Connections in memory: what one side writes the other can read at once, and a clock that jumps may be used with them.
+pub struct Wires(mpsc::UnboundedSender<Peer>);
+
+impl Wires {
+    /// And where the controller's ends come, one for each connection that is made.
+    pub fn new() -> (Self, mpsc::UnboundedReceiver<Peer>) {
+        let (made, accepted) = mpsc::unbounded_channel();
+        (Self(made), accepted)
+    }
+
+    /// A robot on the first of them, and the controller's end of it.
+    pub async fn with_robot(settings: RobotSettings) -> (mpsc::UnboundedReceiver<Peer>, Robot, Peer) {
+        let (wires, mut accepted) = Self::new();
+        let robot = Robot::connect_with(wires, settings).await.unwrap();
+        let peer = accepted.recv().await.unwrap();
+        (accepted, robot, peer)
+    }
+}
+
+impl fmt::Display for Wires {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a wire")
+    }
+}
+
+impl Connect for Wires {
+    type Stream = DuplexStream;
+
+    async fn connect(&mut self) -> io::Result<DuplexStream> {
+        let (ours, theirs) = tokio::io::duplex(4096);
+        self.0.send(Peer::over(theirs)).map_err(|_| io::ErrorKind::ConnectionRefused)?;
+        Ok(ours)
+    }
 }
