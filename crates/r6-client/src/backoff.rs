@@ -10,6 +10,14 @@ use crate::settings::Reconnect;
 /// switch do not return as one.
 const PART_OF_A_PERIOD: f64 = 0.375;
 
+/// A shorter period at which the robot is watched counts as this one: how often values are wanted says nothing about how many attempts
+/// to connect a controller bears, and people who look once a second are served soon enough by it.
+const SHORTEST_WATCHED: Duration = Duration::from_secs(1);
+
+/// A connection on which the controller answered and that lasted this long was a good one. One that ended sooner counts as a failed
+/// attempt: whoever says who he is and then closes would be asked again at once, for ever. It is as long as the longest usual wait.
+const LIVED: Duration = Duration::from_secs(5);
+
 /// Waits that double up to a cap, each jittered within its upper half.
 #[derive(Debug)]
 pub(crate) struct Backoff {
@@ -27,16 +35,19 @@ impl Backoff {
     }
 
     /// The wait before the next attempt. `polled` is the shortest period that anybody watches the robot at: whoever is watched
-    /// is not waited for longer than a part of it.
+    /// is not waited for longer than a part of it, but never less than the first wait of the settings.
     pub fn next_wait(&mut self, polled: Option<Duration>) -> Duration {
-        let wait = polled.map_or(self.next, |every| self.next.min(every.mul_f64(PART_OF_A_PERIOD)));
+        let watched = |every: Duration| every.max(SHORTEST_WATCHED).mul_f64(PART_OF_A_PERIOD).max(self.first);
+        let wait = polled.map_or(self.next, |every| self.next.min(watched(every)));
         self.next = self.next.saturating_mul(2).min(self.cap);
         wait.mul_f64(0.5 + 0.5 * self.draw())
     }
 
-    /// The controller answered: the next outage begins with the first wait again.
-    pub fn reset(&mut self) {
-        self.next = self.first;
+    /// A connection on which the controller answered has ended: if it was a good one, this outage begins with the first wait again.
+    pub fn had_answers_for(&mut self, lasted: Duration) {
+        if lasted >= LIVED {
+            self.next = self.first;
+        }
     }
 
     /// A number from 0 to 1 (splitmix64).
@@ -79,14 +90,32 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_begins_anew() {
+    fn a_connection_that_lived_begins_anew_and_a_short_one_does_not() {
         let settings = Reconnect { jitter_seed: Some(1), ..Reconnect::default() };
         let mut backoff = Backoff::new(settings, || 0);
         for _ in 0..5 {
             backoff.next_wait(None);
         }
-        backoff.reset();
+        backoff.had_answers_for(LIVED - Duration::from_millis(1));
+        assert!(backoff.next_wait(None) > settings.first_wait);
+        backoff.had_answers_for(LIVED);
         assert!(backoff.next_wait(None) <= settings.first_wait);
+    }
+
+    #[test]
+    fn a_fast_subscription_does_not_cut_the_waits_of_the_caller() {
+        let settings = Reconnect { jitter_seed: Some(1), ..Reconnect::default() };
+        for every in [20, 100, 1000].map(Duration::from_millis) {
+            let mut backoff = Backoff::new(settings, || 0);
+            let waits: Vec<_> = (0..20).map(|_| backoff.next_wait(Some(every))).collect();
+            assert!(waits.iter().all(|wait| *wait >= settings.first_wait / 2), "{every:?}: {waits:?}");
+            let second = Duration::from_secs(1).mul_f64(PART_OF_A_PERIOD) / 2;
+            assert!(waits.iter().skip(3).all(|wait| *wait >= second), "{every:?}: {waits:?}");
+        }
+        let wait = Duration::from_secs(30);
+        let patient = Reconnect { first_wait: wait, cap: wait, jitter_seed: Some(1) };
+        let waited = Backoff::new(patient, || 0).next_wait(Some(Duration::from_secs(1)));
+        assert!(waited >= wait / 2, "{waited:?}");
     }
 
     #[test]

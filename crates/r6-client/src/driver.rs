@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::sync::{mpsc, oneshot};
-use tokio::time::{sleep, timeout};
+use tokio::time::{Instant, sleep, timeout};
 
 use crate::backoff::Backoff;
 use crate::clock::Clock;
@@ -86,7 +86,11 @@ impl<C: Connect> Driver<C> {
         let mut link = Link::new(&self.settings, true, self.next_pack_id, &self.hub, self.clock.now());
         let mut stream = first;
         loop {
+            let begun = Instant::now();
             let ended = self.serve(&mut stream, &mut link).await;
+            if link.answered() {
+                self.backoff.had_answers_for(begun.elapsed());
+            }
             let reason = match &ended {
                 Ended::Lost(reason) => *reason,
                 Ended::Closed(_) => LostReason::ClosedHere,
@@ -151,9 +155,6 @@ impl<C: Connect> Driver<C> {
             }
             if let Err(reason) = alive {
                 return Ended::Lost(reason);
-            }
-            if link.answered() {
-                self.backoff.reset();
             }
         }
     }

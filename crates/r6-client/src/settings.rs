@@ -44,10 +44,14 @@ impl Default for RobotSettings {
 
 /// The waits before attempts to connect anew: doubled after each failure, jittered, capped.
 ///
-/// A wait is drawn from the upper half of its range, so that many clients of one switch do not return as one.
+/// A wait is drawn from the upper half of its range, so that many clients of one switch do not return as one. The first wait comes again
+/// after a connection on which the controller answered and that lasted 5 s; a shorter one counts as a failed attempt.
+///
+/// A robot that is watched ([`crate::Robot::subscribe`]) is connected to anew without being asked for, and waited for no longer than
+/// three eighths of the shortest period of its subscriptions, of which one below 1 s counts as 1 s; but never less than the first wait.
 #[derive(Clone, Copy, Debug)]
 pub struct Reconnect {
-    /// The wait before the first attempt. Default 100 ms.
+    /// The wait before the first attempt; no subscription makes a wait shorter. Default 100 ms.
     pub first_wait: Duration,
     /// No wait is longer. Default 5 s.
     pub cap: Duration,

@@ -11,6 +11,7 @@ mod motion;
 mod outcomes;
 mod queries;
 mod registers;
+mod reconnecting;
 mod replies;
 mod status;
 mod stopping;

@@ -1,0 +1,56 @@
+//! How often a controller that cannot be kept is asked again.
+
+use std::time::Duration;
+
+use r6_client::{Reconnect, RobotSettings};
+use r6_proto::address::Address;
+use tokio::time::{Instant, sleep};
+
+use crate::controller::Wires;
+
+fn defaults() -> RobotSettings {
+    let reconnect = Reconnect { jitter_seed: Some(1), ..Reconnect::default() };
+    RobotSettings { reconnect, ..RobotSettings::default() }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_peer_that_says_who_it_is_and_closes_is_not_hammered() {
+    let (mut wires, robot, first) = Wires::with_robot(defaults()).await;
+    drop(first);
+    let _watching = robot.subscribe(&[Address::CurMode], Duration::from_millis(20)).unwrap();
+    let begun = Instant::now();
+    let minute = Duration::from_secs(60);
+    let mut connections = 0;
+    while begun.elapsed() < minute {
+        let mut peer = wires.recv().await.unwrap();
+        connections += 1;
+        peer.introduces().await;
+        peer.introduces().await;
+    }
+    assert!(connections > 60, "it goes on trying: {connections}");
+    assert!(connections < 60 * 6, "{connections} connections in {minute:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn after_a_connection_that_lived_the_first_wait_comes_again() {
+    let settings = defaults();
+    let (mut wires, robot, first) = Wires::with_robot(settings.clone()).await;
+    drop(first);
+    // The period is so long that the wait of nobody is cut short by it.
+    let _watching = robot.subscribe(&[Address::CurMode], Duration::from_secs(60)).unwrap();
+    for _ in 0..6 {
+        let mut peer = wires.recv().await.unwrap();
+        peer.introduces().await;
+        peer.introduces().await;
+    }
+    let begun = Instant::now();
+    let mut peer = wires.recv().await.unwrap();
+    assert!(begun.elapsed() > Duration::from_secs(2), "{:?}", begun.elapsed());
+    peer.introduces().await;
+    peer.introduces().await;
+    sleep(Duration::from_secs(10)).await;
+    drop(peer);
+    let begun = Instant::now();
+    wires.recv().await.unwrap();
+    assert!(begun.elapsed() <= settings.reconnect.first_wait, "{:?}", begun.elapsed());
+}
