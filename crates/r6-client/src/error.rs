@@ -67,7 +67,7 @@ pub enum NotSent {
     },
     /// There is no connection. A query or a stop makes a new one; nothing else does.
     Disconnected,
-    /// The connection was made anew, and the state of the machine was not read since.
+    /// The connection was made anew, and the state of the machine, or who it is, was not read since.
     StateNotRead,
     /// The connection was made anew, and another controller is at its other end.
     AnotherRobot {
@@ -242,8 +242,8 @@ impl fmt::Display for NotSent {
                 f.write_str("the connection is lost; read the status, which connects anew, then decide whether to send it")
             }
             Self::StateNotRead => f.write_str(
-                "the connection was lost and made anew, and nobody has looked at the machine since; read the status \
-                 first, then decide whether to send it",
+                "the connection was lost and made anew, and nobody has looked at the machine since, or nothing could be read \
+                 of who it is; read the status first, then decide whether to send it",
             ),
             Self::AnotherRobot { expected, found } => write!(
                 f,

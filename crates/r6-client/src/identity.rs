@@ -47,7 +47,8 @@ pub struct Identity {
 /// What was found on a connection that was made anew, before anything else was sent on it, a stop apart.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// Who answered.
+    /// Who answered. Where nothing of it could be read, it is empty, and no command leaves until a query reads it, such as
+    /// [`Robot::status`].
     pub identity: Identity,
     /// Whether that is another controller than before: then no command leaves until [`Robot::accept_identity`].
     pub another: bool,
@@ -60,6 +61,15 @@ pub struct Found {
 }
 
 impl Identity {
+    /// Whether at least one value was read here and is the same there, and none is another.
+    pub(crate) fn agrees_with(&self, other: &Self) -> bool {
+        let firmware = self.firmware.as_ref().map(|mine| other.firmware.as_ref() == Some(mine));
+        let machine_name = self.machine_name.as_ref().map(|mine| other.machine_name.as_ref() == Some(mine));
+        let axis_count = self.axis_count.map(|mine| other.axis_count == Some(mine));
+        let read: Vec<bool> = [firmware, machine_name, axis_count].into_iter().flatten().collect();
+        !read.is_empty() && read.into_iter().all(|same| same)
+    }
+
     /// Takes what is not known from another.
     pub(crate) fn fill_in(&mut self, other: &Self) {
         let text = |mine: &mut Option<String>, other: &Option<String>| {

@@ -198,8 +198,8 @@ impl Link {
         if job.is_moot() {
             return;
         }
-        let unknown = !self.unread.is_empty() || (!self.first && self.is_introducing());
-        if job.work.needs_known_state() && unknown {
+        let unidentified = || !self.first && (self.is_introducing() || self.hub.is_unidentified());
+        if job.work.needs_known_state() && (!self.unread.is_empty() || unidentified()) {
             return job.not_sent(NotSent::StateNotRead);
         }
         match job.work.send(&mut self.session, now) {

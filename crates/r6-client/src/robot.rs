@@ -321,17 +321,22 @@ impl Hub {
         self.meter.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A controller has said who it is; `certain`: and all of that could be read. What could not is taken to be as it was.
+    /// A controller has said who it is; `certain`: and all of that could be read. What could not is taken to be as it was, if
+    /// something else could and is as it was. Whoever cannot be read at all is nobody yet.
     pub fn introduced(&self, mut found: Found, certain: bool, first: bool) {
         {
             let mut known = self.known();
             match &known.expected {
-                Some(expected) if !certain => found.identity.fill_in(expected),
+                Some(expected) if !certain && found.identity.agrees_with(expected) => {
+                    found.identity.fill_in(expected);
+                }
                 None if certain => known.expected = Some(found.identity.clone()),
                 Some(_) | None => {}
             }
-            found.another = known.expected.as_ref().is_some_and(|expected| *expected != found.identity);
-            known.present = Some(found.identity.clone());
+            let differs = known.expected.as_ref().is_some_and(|expected| *expected != found.identity);
+            let unread = !certain && found.identity == Identity::default();
+            found.another = differs && !unread;
+            known.present = (!differs || !unread).then(|| found.identity.clone());
         }
         if found.another {
             tracing::warn!(found = %found.identity, "another robot answers at this address");
@@ -339,6 +344,12 @@ impl Hub {
         if !first {
             self.push(Pushed::Reconnected(found));
         }
+    }
+
+    /// Whether it is known who is meant, and not who is there.
+    pub fn is_unidentified(&self) -> bool {
+        let known = self.known();
+        known.expected.is_some() && known.present.is_none()
     }
 
     /// Why no command may leave: whoever is there is not who is meant.

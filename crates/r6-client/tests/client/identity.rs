@@ -191,6 +191,81 @@ async fn two_robots_swapped_on_one_address_do_not_get_each_others_commands() {
     assert!(matches!(refused, Err(RequestError::NotSent(NotSent::AnotherRobot { .. }))), "{refused:?}");
 }
 
+/// The client asks who is there, and what it reads is nothing that can be understood, but for what `tells` has a value for; then mode
+/// and alarm are read.
+async fn tells_only(peer: &mut Peer, tells: impl Fn(&str) -> Option<&'static str>) {
+    loop {
+        let request = peer.any_frame().await;
+        let asked = asked(&request);
+        let data = match asked.as_slice() {
+            ["curMode", "curAlarm"] => serde_json::json!(["7", "0"]),
+            ["curMode"] => serde_json::json!(["7"]),
+            ["curAlarm" | "RemoteCmdLen"] => serde_json::json!(["0"]),
+            // Not one value for the one that was asked for.
+            [one] => tells(one).map_or(serde_json::json!(["?", "?"]), |value| serde_json::json!([value])),
+            _ => serde_json::json!(["?"]),
+        };
+        let last = asked.len() == 2;
+        peer.send(values(&request, data)).await;
+        if last {
+            return;
+        }
+    }
+}
+
+#[tokio::test]
+async fn whoever_cannot_be_read_is_not_taken_for_who_was_there() {
+    let (controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let mut pushed = robot.pushed();
+    commanded(&robot, &mut peer).await.unwrap();
+    drop(peer);
+    lost(&mut pushed).await;
+    let (result, mut peer) = tokio::join!(robot.query(&[Address::CurMode, Address::CurAlarm]), async {
+        let mut peer = controller.accept().await;
+        tells_only(&mut peer, |_| None).await;
+        peer
+    });
+    result.unwrap();
+    assert_eq!(reconnected(&mut pushed).await.identity, Identity::default());
+    assert_eq!(robot.identity(), None);
+    let error = soon(robot.command(Command::StartButton)).await.unwrap_err();
+    assert_eq!(error, NotSent::StateNotRead.into());
+    assert!(error.to_string().contains("who it is"), "{error}");
+    // Once it says who it is, it gets commands again.
+    let who = [Address::Version, Address::MachineName, Address::AxisNum];
+    let (result, ()) = tokio::join!(robot.query(&who), peer.introduces());
+    result.unwrap();
+    commanded(&robot, &mut peer).await.unwrap();
+}
+
+#[tokio::test]
+async fn one_value_that_cannot_be_read_is_taken_to_be_as_it_was_where_another_agrees() {
+    for (name, another) in [("cell 4", false), ("cell 5", true)] {
+        let (controller, robot, mut peer) = Controller::with_robot(settings()).await;
+        let mut pushed = robot.pushed();
+        commanded(&robot, &mut peer).await.unwrap();
+        drop(peer);
+        lost(&mut pushed).await;
+        let (result, mut peer) = tokio::join!(robot.query(&[Address::CurMode, Address::CurAlarm]), async {
+            let mut peer = controller.accept().await;
+            tells_only(&mut peer, |asked| (asked == "machineName").then_some(name)).await;
+            peer
+        });
+        result.unwrap();
+        assert_eq!(reconnected(&mut pushed).await.another, another);
+        if another {
+            let refused = soon(robot.command(Command::ClearAlarm)).await;
+            assert!(
+                matches!(refused, Err(RequestError::NotSent(NotSent::AnotherRobot { .. }))),
+                "{refused:?}"
+            );
+        } else {
+            assert_eq!(robot.identity(), Some(identity("cell 4")));
+            commanded(&robot, &mut peer).await.unwrap();
+        }
+    }
+}
+
 #[tokio::test]
 async fn a_stop_does_not_wait_until_it_is_known_who_is_there() {
     let (controller, robot, peer) = Controller::with_robot(settings()).await;
