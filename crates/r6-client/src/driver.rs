@@ -190,7 +190,7 @@ impl<C: Connect> Driver<C> {
     fn hand_over_unless_stale(&self, job: Job, link: &mut Link) {
         let waited = job.asked_at.elapsed();
         match job.work.sent().effect {
-            Effect::Changes | Effect::Moves if waited > self.settings.reply_timeout => {
+            Effect::Changes | Effect::Moves if waited > self.settings.reply_timeout || job.is_overdue() => {
                 job.not_sent(NotSent::Busy { waited });
             }
             Effect::Changes | Effect::Moves | Effect::Reads | Effect::Stops => {

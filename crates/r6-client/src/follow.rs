@@ -66,7 +66,7 @@ pub struct FollowOptions {
     /// are in its list at most. Default no. On a real arm try it at low speed, and look at the load of the servos (`curTorque-n`). On
     /// firmware that does not tell the length of its list (`RemoteCmdLen`) it has no effect.
     pub while_moving: bool,
-    /// How long a target counts when no other comes, not even the same again: a source that hangs must not keep the arm
+    /// How long a target counts, and a step towards it may still leave, when no other comes, not even the same again: a source that hangs must not keep the arm
     /// going. Above 0. Default 500 ms.
     pub fresh_within: Duration,
     /// How long after a step was accepted the arm may stand elsewhere than at its end. Default 1 s.
@@ -352,7 +352,10 @@ impl<'r> Following<'r> {
         }
         let place = Place::of(&instruction.action);
         self.sent += 1;
-        match self.robot.add_unguarded(false, vec![instruction]).await {
+        // A step that waits behind other requests must not leave for a target that is old by then.
+        let leave_by = self.came.checked_add(self.options.fresh_within);
+        let step = Work::AddRcc { replace: false, instructions: vec![instruction] };
+        match self.robot.accepted_by(leave_by, step, Lane::Ordinary).await {
             Ok(_) => {
                 self.accepted = self.sent;
                 self.commanded = end;

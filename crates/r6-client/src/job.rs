@@ -54,6 +54,8 @@ pub(crate) enum Answer {
 pub(crate) struct Job {
     pub work: Work,
     pub asked_at: tokio::time::Instant,
+    /// When it must have left; later it would be a surprise.
+    pub leave_by: Option<tokio::time::Instant>,
     /// When it was put into the output of its connection.
     pub sent_at: Instant,
     /// How the connection ended that it left on, if it did before.
@@ -183,6 +185,7 @@ impl Job {
         Self {
             work,
             asked_at: tokio::time::Instant::now(),
+            leave_by: None,
             sent_at: Instant::ORIGIN,
             lost: None,
             retried: false,
@@ -194,6 +197,11 @@ impl Job {
     /// Whether nobody waits for the answer any more. A stop is wanted all the same.
     pub fn is_moot(&self) -> bool {
         self.reply.is_closed() && self.work.sent().effect != Effect::Stops
+    }
+
+    /// Whether it must not leave any more.
+    pub fn is_overdue(&self) -> bool {
+        self.leave_by.is_some_and(|by| tokio::time::Instant::now() > by)
     }
 
     /// Gives the answer. A caller that is gone does not need it.

@@ -222,14 +222,21 @@ impl Link {
         self.session.poll_transmit().unwrap_or_default()
     }
 
-    /// Takes back what no longer has a caller and of which nothing has left; a stop is never taken back.
+    /// Takes back what no longer has a caller, or should have left before now, and of which nothing has left; a stop is never taken back.
     pub fn withdraw_moot(&mut self) {
+        let unwanted = |job: &Job| job.is_moot() || job.is_overdue();
         let moot: Vec<Ticket> =
-            self.in_flight.iter().filter(|(_, job)| job.is_moot()).map(|(ticket, _)| *ticket).collect();
+            self.in_flight.iter().filter(|(_, job)| unwanted(job)).map(|(ticket, _)| *ticket).collect();
         for ticket in moot {
-            if self.session.withdraw(ticket) {
-                self.in_flight.remove(&ticket);
+            if self.session.withdraw(ticket)
+                && let Some(job) = self.in_flight.remove(&ticket)
+            {
+                let waited = job.asked_at.elapsed();
+                job.not_sent(NotSent::Busy { waited });
             }
+        }
+        if self.output().is_empty() {
+            self.output_since = None;
         }
     }
 

@@ -239,8 +239,18 @@ impl Robot {
 
     /// Sends a request that the controller answers with yes or no.
     pub(crate) async fn accepted(&self, work: Work, lane: Lane) -> Result<Accepted, RequestError> {
+        self.accepted_by(None, work, lane).await
+    }
+
+    /// The same; it does not leave later than that, but is refused as [`NotSent::Busy`].
+    pub(crate) async fn accepted_by(
+        &self,
+        leave_by: Option<Instant>,
+        work: Work,
+        lane: Lane,
+    ) -> Result<Accepted, RequestError> {
         let request = work.sent();
-        match self.ask(work, lane).await? {
+        match self.ask_by(leave_by, work, lane).await? {
             Answer::Accepted(accepted) => Ok(accepted),
             Answer::Values { .. } | Answer::Mismatch { .. } | Answer::Left => {
                 Err(OutcomeUnknown::Unclear { request, answer: "a reply to a query".to_owned() }.into())
@@ -250,9 +260,19 @@ impl Robot {
 
     /// Gives a request to the driver and waits for its answer.
     pub(crate) async fn ask(&self, work: Work, lane: Lane) -> Result<Answer, RequestError> {
+        self.ask_by(None, work, lane).await
+    }
+
+    async fn ask_by(
+        &self,
+        leave_by: Option<Instant>,
+        work: Work,
+        lane: Lane,
+    ) -> Result<Answer, RequestError> {
         let request = work.sent();
         let (reply, answer) = oneshot::channel();
         let mut job = Job::new(work, reply);
+        job.leave_by = leave_by;
         job.background = lane == Lane::Background;
         let given = match lane {
             Lane::Urgent => self.lanes.urgent.send(Urgent::Job(job)).await.is_ok(),

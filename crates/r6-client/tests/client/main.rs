@@ -5,13 +5,14 @@ mod controller;
 
 mod camera;
 mod connection;
+mod following;
 mod identity;
 mod listening;
 mod motion;
 mod outcomes;
 mod queries;
-mod registers;
 mod reconnecting;
+mod registers;
 mod replies;
 mod status;
 mod stopping;
