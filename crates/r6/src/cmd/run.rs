@@ -53,8 +53,8 @@ repeat is streamed: in frames of at most 8 instructions and 2048 bytes, each sen
 again, as the controller has room, while the arm moves. With --wait that goes on until the arm \
 stands at the end, and a motion in which nothing goes on for 5 s ends; without, until the last \
 frame was accepted, and the arm finishes what is then in its list. A list that repeats has to fit \
-as a whole; --append sends all frames at once, without looking for room. A wait without a limit \
-waits for ever.
+as a whole, and so does what --append sends, all at once and without looking at what is left in \
+the list. A wait without a limit waits for ever.
 
 Ctrl-C and --timeout end the streaming: nothing more is sent, the arm finishes its list, and the \
 last line tells how much that is; with --stop-on-interrupt the arm is stopped instead. When a \

@@ -355,6 +355,20 @@ fn what_goes_beyond_the_limits_is_not_sent() {
 }
 
 #[test]
+fn more_than_there_is_room_for_is_not_appended() {
+    let mut cell = Cell::new("hc1", Clock::AsFastAsPossible);
+    let file = TempFile::new("long-append.toml", &through(&[[0.0; 6]; 25], 50));
+    for more in [&["--dry-run"][..], &[]] {
+        let outcome = cell.r6(&[&["run", file.path(), "--append"], more].concat());
+        assert_eq!((outcome.code, outcome.out.as_str()), (2, ""), "{outcome:?}");
+        assert!(outcome.err.contains("25 are more than the 24"), "{}", outcome.err);
+        assert!(outcome.err.contains("append fewer") && outcome.err.contains("--room 25"), "{}", outcome.err);
+    }
+    assert_eq!(cell.taken(), 0);
+    assert_eq!(r6(&["run", file.path(), "--append", "--dry-run", "--room", "25"]).code, 0);
+}
+
+#[test]
 fn a_guard_that_is_wrong_is_told_with_its_line() {
     let guard = TempFile::new("wrong-guard.toml", "max_speed = 20\nmax_axis_stp = 5\n");
     let outcome = r6(&["move", "axes", "1", "--guard", guard.path(), "--dry-run"]);

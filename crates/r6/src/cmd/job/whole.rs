@@ -36,9 +36,12 @@ pub fn prepare(batches: Vec<Batch>, envelope: Option<&Envelope>, room: usize) ->
         )));
     }
     if count > room {
-        output::note(format_args!(
-            "r6: --append sends all {count} instructions at once; {room} are counted on to fit"
-        ));
+        return Err(Failure::usage(format!(
+            "--append sends all instructions at once, and {count} are more than the {room} that are counted on to fit"
+        ))
+        .advise(format!(
+            "append fewer at a time; or, where this controller is known to take as many, say --room {count}"
+        )));
     }
     let mut parts = Vec::new();
     for batch in batches {
