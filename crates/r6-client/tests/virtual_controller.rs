@@ -186,17 +186,11 @@ async fn clones_share_one_connection() {
 #[tokio::test(start_paused = true)]
 async fn discovering_arms_no_watchdog() {
     let controller = VirtualController::start().await.unwrap();
-    let mut log = controller.handle().log();
     let heartbeat = r6_client::Heartbeat::Managed { every: Duration::from_secs(1) };
     let settings = RobotSettings { heartbeat, ..RobotSettings::default() };
     let found = r6_client::discover(&[&controller.address().to_string()], &settings).await;
     assert!(found[0].who.is_ok(), "{found:?}");
-    // Longer than the watchdog waits for the next heartbreak.
+    // One heartbreak would have armed the watchdog, which bites long before that.
     tokio::time::sleep(Duration::from_secs(30)).await;
     assert_eq!(controller.handle().snapshot().alarm, 0);
-    let mut lines = Vec::new();
-    while let Ok(line) = log.try_recv() {
-        lines.push(line.text);
-    }
-    assert!(!lines.is_empty() && !lines.iter().any(|line| line.contains("heartbreak")), "{lines:?}");
 }

@@ -19,7 +19,10 @@ fn reply(request: &Value) -> String {
         "axisNum" => "6",
         _ => "0",
     };
-    values(request, asked(request).into_iter().map(|name| Value::from(value(name))).collect::<Vec<_>>().into())
+    values(
+        request,
+        asked(request).into_iter().map(|name| Value::from(value(name))).collect::<Vec<_>>().into(),
+    )
 }
 
 /// Answers until the state has been asked for so often, and returns the last question unanswered.

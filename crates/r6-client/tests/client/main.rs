@@ -11,6 +11,7 @@ mod listening;
 mod motion;
 mod outcomes;
 mod queries;
+mod reconnecting;
 mod registers;
 mod reconnecting;
 mod replies;
