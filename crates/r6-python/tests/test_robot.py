@@ -93,9 +93,10 @@ def test_a_firmware_that_does_not_tell_registers_is_told(virtual_robot: r6.Robot
     virtual_robot.write_registers(820, [9], verify=False)
     with pytest.raises(r6.NoReading, match="820"):
         virtual_robot.read_registers(820)
-    for first, values in ((900, [1, 2]), (800, [])):
-        with pytest.raises(ValueError):
-            virtual_robot.write_registers(first, values)
+    with pytest.raises(ValueError, match="800 to 900"):
+        virtual_robot.write_registers(900, [1, 2], verify=False)
+    with pytest.raises(ValueError, match="1 or more"):
+        virtual_robot.read_registers(800, 0)
 
 
 def test_counters_outputs_inputs_and_speed(virtual_robot: r6.Robot, virtual_controller: r6.Simulator) -> None:
