@@ -13,7 +13,6 @@ mod outcomes;
 mod queries;
 mod reconnecting;
 mod registers;
-mod reconnecting;
 mod replies;
 mod status;
 mod stopping;
