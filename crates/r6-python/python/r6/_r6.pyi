@@ -434,7 +434,7 @@ class FollowOptions:
     the servos of a real arm (reported); its operator cut the speed to 20 %, made the steps larger, and sent each only while
     the arm stood. The defaults do just that.
 
-    ``interval`` (0.05): between two looks at target and arm. ``speed`` (20 %): of each step. ``smallest_step`` (1°): nearer
+    ``interval`` (0.05): between two looks at target and arm, 0.02 at least. ``speed`` (20 %): of each step. ``smallest_step`` (1°): nearer
     than this the arm stays where it is. ``largest_step`` (10°): no step takes an axis further; it bounds, too, how far the
     arm still goes when targets, program or link are gone: two such steps. Both are mm where an axis slides.
     ``while_moving`` (False): append a step while the arm makes the one before; on a real arm try it at low speed, and look
