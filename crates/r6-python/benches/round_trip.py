@@ -37,7 +37,7 @@ def by_hand(address: str) -> Callable[[], float]:
             "packID": number,
             "queryAddr": ADDRESSES,
         }
-        connection.sendall(json.dumps(request).encode())
+        connection.sendall(json.dumps(request, separators=(",", ":")).encode())
         received = b""
         while not received.endswith(b"}"):
             received += connection.recv(4096)
