@@ -6,7 +6,7 @@ use std::time::Instant;
 use r6_proto::frame::{FrameBuffer, Limits};
 
 use crate::measure::{Contender, Ratio, SLICE, compare};
-use crate::report::{Goal, Row};
+use crate::report::{Figure, Goal, Row};
 
 #[path = "../../../r6-proto/benches/codec/cases.rs"]
 mod cases;
@@ -52,7 +52,8 @@ pub fn rows() -> Vec<Row> {
         what,
         against: if other == SONIC_RS { "sonic-rs, typed structs" } else { "serde_json, typed structs" },
         goal: goal.map(Goal::AtLeastFast),
-        ratio: ratios[other - 1].inverse(),
+        figure: Figure::Ratio(ratios[other - 1].inverse()),
+        in_the_way: "",
     };
     for (case, (decoding, other, encoding)) in cases::all().into_iter().zip(GOALS) {
         let name = &case.name;
@@ -102,7 +103,8 @@ pub fn frames() -> Vec<Row> {
         what: format!("frames of a mixed stream, {what}"),
         against,
         goal,
-        ratio: ratio.clone(),
+        figure: Figure::Ratio(ratio.clone()),
+        in_the_way: "",
     };
     let whole = "the same, whole";
     vec![

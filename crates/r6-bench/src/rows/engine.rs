@@ -12,7 +12,7 @@ use tokio::runtime::Builder;
 
 use super::echo;
 use crate::measure::{Contender, SLICE, compare};
-use crate::report::{Goal, Row};
+use crate::report::{Figure, Goal, Row};
 
 /// Nanoseconds of one of a million in a second.
 const A_MILLIONTH: f64 = 1000.0;
@@ -118,6 +118,7 @@ pub fn rows() -> Vec<Row> {
             .to_owned(),
         against: "one million",
         goal: Some(Goal::AtLeastFast(1.0)),
-        ratio,
+        figure: Figure::Ratio(ratio),
+        in_the_way: "",
     }]
 }
