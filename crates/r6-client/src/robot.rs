@@ -13,6 +13,7 @@ use tokio::time::Instant;
 
 use crate::backoff::Backoff;
 use crate::board::Board;
+use crate::clock::Clock;
 use crate::connect::{Connect, Tcp, connect};
 use crate::driver::{Driver, Urgent};
 use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError};
@@ -301,6 +302,8 @@ fn seed_from_clock() -> u64 {
 /// What the driver tells the handles besides answers.
 #[derive(Debug)]
 pub(crate) struct Hub {
+    /// The clock of the handle: what its driver measures with.
+    pub clock: Clock,
     pushed: broadcast::Sender<Pushed>,
     known: Mutex<Known>,
     meter: Mutex<Meter>,
@@ -327,11 +330,13 @@ pub(crate) struct Known {
 
 impl Default for Hub {
     fn default() -> Self {
+        let clock = Clock::start();
         Self {
+            clock,
             pushed: broadcast::Sender::new(KEPT_FOR_SUBSCRIBERS),
             known: Mutex::default(),
             meter: Mutex::default(),
-            board: Board::default(),
+            board: Board::new(clock),
         }
     }
 }
@@ -405,7 +410,7 @@ impl Hub {
             let connection = known.connection + 1;
             *known = Known { connection, expected: known.expected.take(), ..Known::default() };
         }
-        self.meter().disconnected(Instant::now());
+        self.meter().disconnected(self.clock.now());
         self.board.connection_lost();
         self.push(Pushed::ConnectionLost(reason));
     }
