@@ -294,8 +294,9 @@ impl Robot {
 
     /// Whether a query of these is one frame, and its reply another.
     fn fits(&self, addresses: &[Address]) -> bool {
-        self.around_query() + addresses.iter().copied().map(needs).sum::<usize>()
-            <= self.settings().max_frame_bytes
+        let room = self.settings().max_frame_bytes.saturating_sub(self.around_query());
+        // Most are so few that it does not matter how long each is.
+        addresses.len() * MOST_NEEDED <= room || addresses.iter().copied().map(needs).sum::<usize>() <= room
     }
 
     /// Parts whose requests and replies stay below the longest frame.
@@ -380,6 +381,9 @@ impl Robot {
         }
     }
 }
+
+/// The longest name, `counter-999999999`, with what stands around it and its value, bytes.
+const MOST_NEEDED: usize = 17 + "\"\",".len() + BYTES_PER_VALUE;
 
 /// What an address and its value take of the longest frame, bytes.
 fn needs(address: Address) -> usize {

@@ -8,7 +8,8 @@ use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
 use r6_proto::message::{Command, PhotoAnswer};
 use tokio::runtime::Handle;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc, oneshot, watch};
+use tokio::sync::mpsc::{self, error::TrySendError};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, oneshot, watch};
 use tokio::time::Instant;
 
 use crate::backoff::Backoff;
@@ -283,7 +284,12 @@ impl Robot {
         job.background = lane == Lane::Background;
         let given = match lane {
             Lane::Urgent => self.lanes.urgent.send(Urgent::Job(job)).await.is_ok(),
-            Lane::Ordinary | Lane::Background => self.lanes.ordinary.send(job).await.is_ok(),
+            Lane::Ordinary | Lane::Background => match self.lanes.ordinary.try_send(job) {
+                Ok(()) => true,
+                // Whoever came first gets room first: nobody overtakes those who wait.
+                Err(TrySendError::Full(job)) => self.lanes.ordinary.send(job).await.is_ok(),
+                Err(TrySendError::Closed(_)) => false,
+            },
         };
         if !given {
             return Err(NotSent::Closed.into());

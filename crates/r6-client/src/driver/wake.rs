@@ -57,7 +57,6 @@ impl Waiter {
         clock: Clock,
     ) -> Woken {
         poll_fn(|cx| {
-            let deadline = link.deadline().map(|due| clock.at(Some(due)));
             if link.has_room(Lane::Urgent)
                 && let Some(job) = at_hand(urgent)
             {
@@ -68,7 +67,7 @@ impl Waiter {
             {
                 return Poll::Ready(Woken::Written(written));
             }
-            if self.is_due(deadline) {
+            if self.timer.is_elapsed() && self.is_due(deadline(link, clock)) {
                 return Poll::Ready(Woken::Time);
             }
             if link.has_room(Lane::Ordinary)
@@ -86,7 +85,7 @@ impl Waiter {
             {
                 return Poll::Ready(Woken::Urgent(job));
             }
-            if let Poll::Ready(()) = self.deadline(deadline, cx) {
+            if let Poll::Ready(()) = self.deadline(deadline(link, clock), cx) {
                 return Poll::Ready(Woken::Time);
             }
             if link.has_room(Lane::Ordinary)
@@ -99,13 +98,9 @@ impl Waiter {
         .await
     }
 
-    /// Whether the timer has told that the deadline is over.
-    fn is_due(&mut self, deadline: Option<Instant>) -> bool {
-        let Some(deadline) = deadline else { return false };
-        if deadline < self.timer.deadline() {
-            self.timer.as_mut().reset(deadline);
-        }
-        self.timer.is_elapsed() && deadline <= self.timer.deadline()
+    /// Whether the deadline was over when the timer went off.
+    fn is_due(&self, deadline: Option<Instant>) -> bool {
+        deadline.is_some_and(|deadline| deadline <= self.timer.deadline())
     }
 
     /// Ready once the deadline is over; never without one.
@@ -122,6 +117,11 @@ impl Waiter {
         }
         Poll::Pending
     }
+}
+
+/// When the link's next deadline is.
+fn deadline(link: &Link, clock: Clock) -> Option<Instant> {
+    link.deadline().map(|due| clock.at(Some(due)))
 }
 
 /// What a lane has now: a job, or `Some(None)` where none will ever come again.
