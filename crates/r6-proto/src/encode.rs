@@ -87,8 +87,8 @@ pub(crate) fn write_fixed(
     Ok(())
 }
 
-/// The same with a quote behind it.
-#[inline]
+/// The same with a quote behind it. Where it is called the decimals are known, and half of it falls away.
+#[inline(always)]
 fn write_closed_fixed(
     out: &mut Vec<u8>,
     field: &'static str,
@@ -119,7 +119,7 @@ pub(crate) fn write_quoted_fixed(
 }
 
 /// The value in steps of its last decimal.
-#[inline]
+#[inline(always)]
 fn scaled(field: &'static str, value: f64, decimals: Decimals) -> Result<i64, EncodeError> {
     // Not a number is not within either.
     if value.abs() <= LARGEST {
@@ -247,6 +247,7 @@ impl<'o> ObjectWriter<'o> {
     }
 
     /// A decimal number in quotes.
+    #[inline]
     pub fn quoted_fixed(&mut self, key: &Key, value: f64, decimals: Decimals) -> Result<(), EncodeError> {
         write_closed_fixed(self.quoted(key), key.name, value, decimals)
     }
