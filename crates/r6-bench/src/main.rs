@@ -43,6 +43,6 @@ fn main() -> ExitCode {
         eprintln!("{PAGE} cannot be written: {error}; run this from the root of the repository");
         return ExitCode::FAILURE;
     }
-    print!("{}", report::table(&table));
+    print!("{}\n{}", report::table(&table), report::reasons(&table));
     ExitCode::SUCCESS
 }

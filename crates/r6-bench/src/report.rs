@@ -11,27 +11,74 @@ pub struct Row {
     /// What it should be; `None` where it is only told.
     pub goal: Option<Goal>,
     /// What it was.
-    pub ratio: Ratio,
+    pub figure: Figure,
+    /// What a profile of this row shows to be in the way of its goal, in one sentence; told where the goal is missed.
+    pub in_the_way: &'static str,
 }
 
-/// What a ratio should be.
+/// How something came out.
+pub enum Figure {
+    /// Beside another.
+    Ratio(Ratio),
+    /// Counted or measured by itself, in this unit.
+    Amount(f64, &'static str),
+    /// It could not be measured here: why, and how it can.
+    NotMeasured(&'static str),
+}
+
+/// What a figure should be.
 #[derive(Clone, Copy)]
 pub enum Goal {
     /// Not more than so much of the other's time.
     AtMost(f64),
     /// At least so many times as fast.
     AtLeastFast(f64),
+    /// Not more than this amount.
+    AmountAtMost(f64),
 }
 
 impl Row {
-    /// Whether it holds. It fails only if the whole middle half of the rounds is beyond it.
+    /// Whether it holds. A ratio fails only if the whole middle half of the rounds is beyond the goal.
     fn holds(&self) -> Option<bool> {
-        let [low, _, _] = self.ratio.quartiles();
-        match self.goal? {
-            Goal::AtMost(limit) => Some(low <= limit),
-            Goal::AtLeastFast(times) => Some(1.0 / low >= times),
+        match (&self.figure, self.goal?) {
+            (Figure::Ratio(ratio), Goal::AtMost(limit)) => Some(ratio.quartiles()[0] <= limit),
+            (Figure::Ratio(ratio), Goal::AtLeastFast(times)) => Some(1.0 / ratio.quartiles()[0] >= times),
+            (Figure::Amount(amount, _), Goal::AmountAtMost(limit)) => Some(*amount <= limit),
+            // The goal of the one says nothing of the other.
+            (Figure::Ratio(_), Goal::AmountAtMost(_))
+            | (Figure::Amount(..), Goal::AtMost(_) | Goal::AtLeastFast(_)) => None,
+            (Figure::NotMeasured(_), _) => None,
         }
     }
+
+    fn goal(&self) -> String {
+        match (self.goal, &self.figure) {
+            (None, _) => "–".to_owned(),
+            (Some(Goal::AtMost(limit)), _) => format!("≤ {} ×", shown(limit)),
+            (Some(Goal::AtLeastFast(times)), _) => format!("≥ {} × as fast", shown(times)),
+            (Some(Goal::AmountAtMost(limit)), Figure::Amount(_, unit)) if limit > 0.0 => {
+                format!("≤ {limit}{unit}")
+            }
+            (Some(Goal::AmountAtMost(limit)), _) => format!("{limit}"),
+        }
+    }
+
+    fn measured(&self) -> String {
+        match &self.figure {
+            Figure::Ratio(ratio) => {
+                let quartiles = ratio.quartiles();
+                let fast = matches!(self.goal, Some(Goal::AtLeastFast(_)));
+                let [low, median, high] = if fast { inverse(quartiles) } else { quartiles }.map(shown);
+                format!("{median} × ({low}–{high})")
+            }
+            Figure::Amount(amount, unit) => format!("{}{unit}", (amount * 10.0).round() / 10.0),
+            Figure::NotMeasured(why) => format!("not measured: {why}"),
+        }
+    }
+}
+
+fn inverse([low, median, high]: [f64; 3]) -> [f64; 3] {
+    [1.0 / high, 1.0 / median, 1.0 / low]
 }
 
 /// The page about all rows.
@@ -41,9 +88,9 @@ pub fn page(rows: &[Row]) -> String {
         "# How fast it is beside others\n\nWritten by `make bench`, all rows in one run on one core. Each row is a ratio of two that took turns, {ROUNDS} rounds \
          of a fifth of a second each; the median of the rounds and, in brackets, their middle half. A goal is missed only if the \
          whole middle half is beyond it. Rounds in which the yardstick was more than 15 % off its own median do not count.\n\n\
-         Ratios travel between machines, times do not: {model}; {kernel}; {rust}.\n\n{}\n\
-         Why goals are missed where they are, and what was measured in more detail, is in [how to read it](#how-to-read-it).\n\n{HOW_TO_READ}",
-        table(rows)
+         Ratios travel between machines, times do not: {model}; {kernel}; {rust}.\n\n{}\n{}{HOW_TO_READ}",
+        table(rows),
+        reasons(rows)
     )
 }
 
@@ -70,26 +117,36 @@ pub fn table(rows: &[Row]) -> String {
     let mut text =
         String::from("| what | against | goal | measured (middle half) | |\n|---|---|---|---|---|\n");
     for row in rows {
-        let [low, median, high] = row.ratio.quartiles();
-        let measured = |ratios: [f64; 3]| {
-            let [low, median, high] = ratios.map(shown);
-            format!("{median} × ({low}–{high})")
-        };
-        let (goal, figure) = match row.goal {
-            None => ("–".to_owned(), measured([low, median, high])),
-            Some(Goal::AtMost(limit)) => (format!("≤ {} ×", shown(limit)), measured([low, median, high])),
-            Some(Goal::AtLeastFast(times)) => {
-                (format!("≥ {} × as fast", shown(times)), measured([1.0 / high, 1.0 / median, 1.0 / low]))
-            }
-        };
         let verdict = match row.holds() {
             None => "",
             Some(true) => "held",
             Some(false) => "missed",
         };
-        text += &format!("| {} | {} | {goal} | {figure} | {verdict} |\n", row.what, row.against);
+        let (what, against) = (&row.what, row.against);
+        text += &format!("| {what} | {against} | {} | {} | {verdict} |\n", row.goal(), row.measured());
     }
     text
+}
+
+/// What is in the way of the goals that are missed, as Markdown; rows with the same reason together.
+pub fn reasons(rows: &[Row]) -> String {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    for row in rows.iter().filter(|row| row.holds() == Some(false)) {
+        match reasons.iter_mut().find(|(reason, _)| *reason == row.in_the_way) {
+            Some((_, whats)) => whats.push(&row.what),
+            None => reasons.push((row.in_the_way, vec![&row.what])),
+        }
+    }
+    if reasons.is_empty() {
+        return String::new();
+    }
+    let mut text = String::from(
+        "## What is in the way\n\nOf each goal that is missed, as the profile of that row shows it:\n\n",
+    );
+    for (reason, whats) in reasons {
+        text += &format!("- {}: {reason}\n", whats.join("; "));
+    }
+    text + "\n"
 }
 
 /// A ratio with three figures.

@@ -1,11 +1,16 @@
 //! The rows of the table, in its order.
 
+mod allocations;
+pub mod at_rest;
 mod codec;
 mod controller;
 pub mod echo;
 mod engine;
 mod fleet;
+mod load;
+pub mod modbus;
 mod python;
+mod redis;
 mod round_trip;
 
 use crate::report::Row;
@@ -17,11 +22,15 @@ type Measured = (&'static str, fn() -> Vec<Row>);
 pub const ALL: &[Measured] = &[
     ("round-trip", round_trip::rows),
     ("handles", round_trip::handles),
+    ("modbus", modbus::rows),
     ("python", python::rows),
     ("engine", engine::rows),
     ("codec", codec::rows),
     ("frames", codec::frames),
+    ("allocations", allocations::rows),
     ("controller", controller::rows),
+    ("redis", redis::rows),
+    ("at-rest", at_rest::rows),
     ("simulated", controller::simulated),
     ("fleet", fleet::rows),
 ];

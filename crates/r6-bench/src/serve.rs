@@ -9,7 +9,7 @@ use std::thread;
 use r6_controller::Profile;
 use r6_sim::VirtualController;
 
-use crate::rows::echo;
+use crate::rows::{at_rest, echo};
 
 /// The servers.
 #[derive(Clone, Copy)]
@@ -20,11 +20,17 @@ pub enum Server {
     Echo,
     /// A virtual controller, its arm at rest.
     Controller,
+    /// A thousand of them.
+    AtRest,
 }
 
 impl Server {
-    const ALL: [(&'static str, Self); 3] =
-        [("canned", Self::Canned), ("echo", Self::Echo), ("controller", Self::Controller)];
+    const ALL: [(&'static str, Self); 4] = [
+        ("canned", Self::Canned),
+        ("echo", Self::Echo),
+        ("controller", Self::Controller),
+        ("at-rest", Self::AtRest),
+    ];
 
     /// Starts it in a process of its own.
     pub fn start(self) -> Running {
@@ -36,17 +42,21 @@ impl Server {
             .stdout(Stdio::piped())
             .spawn()
             .expect("this program starts");
-        let mut address = String::new();
+        let mut line = String::new();
         let output = child.stdout.take().expect("its output");
-        BufReader::new(output).read_line(&mut address).expect("it tells its address");
-        Running { address: address.trim().parse().expect("an address"), child }
+        BufReader::new(output).read_line(&mut line).expect("it tells where it listens");
+        let addresses: Vec<SocketAddr> =
+            line.split_whitespace().map(|word| word.parse().expect("an address")).collect();
+        Running { address: *addresses.first().expect("it listens"), addresses, child }
     }
 }
 
 /// A server that runs; it ends with this.
 pub struct Running {
-    /// Where it listens.
+    /// Where it listens; the first, where there are several.
     pub address: SocketAddr,
+    /// All of them.
+    pub addresses: Vec<SocketAddr>,
     child: Child,
 }
 
@@ -76,13 +86,14 @@ pub fn asked() -> Option<ExitCode> {
         Server::Canned => serve(canned),
         Server::Echo => serve(echo::serve),
         Server::Controller => controller(),
+        Server::AtRest => at_rest::serve(),
     }
     Some(ExitCode::SUCCESS)
 }
 
-/// Tells the address, and waits until whoever started this is gone.
-fn told(address: SocketAddr) {
-    println!("{address}");
+/// Tells the addresses, and waits until whoever started this is gone.
+pub fn told(addresses: &str) {
+    println!("{addresses}");
     std::io::stdin().read_to_end(&mut Vec::new()).ok();
 }
 
@@ -94,7 +105,7 @@ fn serve(each: fn(TcpStream)) {
             thread::spawn(move || each(stream));
         }
     });
-    told(address);
+    told(&address.to_string());
 }
 
 /// One reply for each query, each sent by itself, as a controller does.
@@ -119,5 +130,5 @@ fn controller() {
     let mut profile = Profile::named("hc1").expect("a profile that comes with the crate").clone();
     profile.max_connections = 64;
     let controller = VirtualController::builder().profile(profile).start_blocking().expect("it starts");
-    told(controller.address());
+    told(&controller.address().to_string());
 }

@@ -13,7 +13,7 @@ use tokio::time::Instant;
 use crate::clock::Clock;
 use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::poll_plan::{Next, PollPlan, next_due, slack};
-use crate::query::{NoReading, QueryResult};
+use crate::query::{AskedAt, NoReading, QueryResult};
 use crate::subscription::{MAX_ADDRESSES, MAX_POLLED, MAX_SUBSCRIPTIONS, NotSubscribed};
 
 /// The last value of an address.
@@ -73,12 +73,6 @@ pub(crate) struct Seen {
     pub failure: Option<RequestError>,
 }
 
-impl Default for Board {
-    fn default() -> Self {
-        Self { clock: Clock::start(), shared: Mutex::default(), changed: Notify::new() }
-    }
-}
-
 impl Shared {
     /// The shortest period of each address that anybody wants; values that nobody wants any more are forgotten.
     fn plan_anew(&mut self, now: r6_proto::time::Instant) {
@@ -114,6 +108,11 @@ impl Shared {
 }
 
 impl Board {
+    /// Nobody wants anything yet.
+    pub fn new(clock: Clock) -> Self {
+        Self { clock, shared: Mutex::default(), changed: Notify::new() }
+    }
+
     fn shared(&self) -> MutexGuard<'_, Shared> {
         // Nothing that holds it can panic halfway, and nobody holds it across an await.
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
@@ -225,12 +224,14 @@ impl Board {
     }
 
     /// A poll was answered; each value comes with the time at which it was asked for.
-    pub fn answered(&self, poll: &Poll, result: &QueryResult, asked_at: &[Instant]) {
+    pub fn answered(&self, poll: &Poll, result: &QueryResult, asked_at: &AskedAt) {
         let now = self.clock.now();
         let mut shared = self.shared();
-        for ((address, value), at) in result.rows().iter().zip(asked_at) {
-            if shared.plan.every(*address).is_some() {
-                shared.values.insert(*address, Last { value: value.clone(), at: *at });
+        for (position, (address, value)) in result.rows().iter().enumerate() {
+            if let Some(at) = asked_at.of(position)
+                && shared.plan.every(*address).is_some()
+            {
+                shared.values.insert(*address, Last { value: value.clone(), at });
             }
         }
         shared.failure = None;
@@ -290,7 +291,7 @@ mod tests {
     const SLOW: Duration = Duration::from_secs(1000);
 
     fn board() -> (Board, u64, watch::Receiver<()>) {
-        let board = Board::default();
+        let board = Board::new(Clock::start());
         let poller = || tokio::spawn(std::future::pending::<()>()).abort_handle();
         let (id, news) = board.add(&[Address::CurMode], SLOW, poller).unwrap();
         (board, id, news)
@@ -304,13 +305,13 @@ mod tests {
     async fn a_poll_waits_for_its_time_and_for_a_lost_connection() {
         let (board, _id, mut news) = board();
         let poll = board.due().await.unwrap();
-        board.answered(&poll, &mode(7), &[Instant::now()]);
+        board.answered(&poll, &mode(7), &AskedAt::Once(Instant::now()));
         assert!(news.has_changed().unwrap());
         news.mark_unchanged();
         let begun = Instant::now();
         let next = board.due().await.unwrap();
         assert!(begun.elapsed() > SLOW / 2, "{:?}", begun.elapsed());
-        board.answered(&next, &mode(7), &[Instant::now()]);
+        board.answered(&next, &mode(7), &AskedAt::Once(Instant::now()));
         news.mark_unchanged();
         let begun = Instant::now();
         let (poll, ()) = tokio::join!(board.due(), async { board.connection_lost() });
@@ -323,7 +324,7 @@ mod tests {
         let (board, _id, _news) = board();
         let poll = board.due().await.unwrap();
         board.connection_lost();
-        board.answered(&poll, &mode(7), &[Instant::now()]);
+        board.answered(&poll, &mode(7), &AskedAt::Once(Instant::now()));
         let begun = Instant::now();
         board.due().await.unwrap();
         assert_eq!(begun.elapsed(), Duration::ZERO);
@@ -338,7 +339,7 @@ mod tests {
         let (mut told_slow, mut told_quick) = (0, 0);
         for _ in 0..100 {
             let poll = board.due().await.unwrap();
-            board.answered(&poll, &mode(7), &[Instant::now()]);
+            board.answered(&poll, &mode(7), &AskedAt::Once(Instant::now()));
             told_slow += u32::from(slow.has_changed().unwrap());
             told_quick += u32::from(quick.has_changed().unwrap());
             slow.mark_unchanged();
@@ -352,7 +353,7 @@ mod tests {
         let (board, id, _news) = board();
         let poll = board.due().await.unwrap();
         board.remove(id);
-        board.answered(&poll, &mode(7), &[Instant::now()]);
+        board.answered(&poll, &mode(7), &AskedAt::Once(Instant::now()));
         assert!(board.due().await.is_none());
         assert!(board.shared().values.is_empty());
     }

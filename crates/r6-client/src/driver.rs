@@ -51,6 +51,7 @@ pub(crate) struct Driver<C> {
     pub ordinary: mpsc::Receiver<Job>,
     pub hub: Arc<Hub>,
     pub backoff: Backoff,
+    /// The hub's.
     clock: Clock,
     /// Jobs for the next connection: the one that asked for it, and queries that the last one lost. On a connection, what
     /// waits until the controller has said who it is.
@@ -67,7 +68,7 @@ impl<C: Connect> Driver<C> {
         hub: Arc<Hub>,
         backoff: Backoff,
     ) -> Self {
-        let clock = Clock::start();
+        let clock = hub.clock;
         Self {
             target,
             settings,
@@ -132,10 +133,11 @@ impl<C: Connect> Driver<C> {
         }
         loop {
             self.hand_over_held(link);
-            link.introduce(self.clock.now());
+            if link.is_introducing() {
+                link.introduce(self.clock.now());
+            }
             let (urgent, ordinary) = (&mut self.urgent, &mut self.ordinary);
             let woken = waiter.woken(stream, link, urgent, ordinary, self.clock).await;
-            let now = self.clock.now();
             let mut alive = Ok(());
             match woken {
                 Woken::Urgent(Some(Urgent::Job(job))) => self.hand_over_unless_another(job, link),
@@ -146,12 +148,12 @@ impl<C: Connect> Driver<C> {
                 Woken::Written(Ok(bytes)) => link.written(bytes),
                 Woken::Read(Ok(0)) => return Ended::Lost(LostReason::ClosedByPeer),
                 Woken::Read(Ok(bytes)) => {
-                    alive = link.received(waiter.bytes(bytes), now);
+                    alive = link.received(waiter.bytes(bytes), self.clock.now());
                 }
                 Woken::Written(Err(error)) | Woken::Read(Err(error)) => {
                     return Ended::Lost(LostReason::Io(error.kind()));
                 }
-                Woken::Time => alive = link.tick(now),
+                Woken::Time => alive = link.tick(self.clock.now()),
             }
             if let Err(reason) = alive {
                 return Ended::Lost(reason);
@@ -177,8 +179,7 @@ impl<C: Connect> Driver<C> {
 
     /// No command leaves before it is known who is there, so that he can be known again on the next connection.
     fn hand_over_once_known(&mut self, job: Job, link: &mut Link) {
-        let unknown = link.is_first() && self.hub.known().present.is_none();
-        if unknown && job.work.needs_known_state() {
+        if job.work.needs_known_state() && link.is_first() && self.hub.known().present.is_none() {
             link.begin_introduction();
             self.held.push_front(job);
             return;
@@ -188,23 +189,26 @@ impl<C: Connect> Driver<C> {
 
     /// A command that waited long must not leave as a surprise; a query may.
     fn hand_over_unless_stale(&self, job: Job, link: &mut Link) {
-        let waited = job.asked_at.elapsed();
         match job.work.sent().effect {
-            Effect::Changes | Effect::Moves if waited > self.settings.reply_timeout || job.is_overdue() => {
-                job.not_sent(NotSent::Busy { waited });
+            Effect::Changes | Effect::Moves => {
+                let waited = job.asked_at.elapsed();
+                if waited > self.settings.reply_timeout || job.is_overdue() {
+                    return job.not_sent(NotSent::Busy { waited });
+                }
             }
-            Effect::Changes | Effect::Moves | Effect::Reads | Effect::Stops => {
-                self.hand_over_unless_another(job, link);
-            }
+            Effect::Reads | Effect::Stops => {}
         }
+        self.hand_over_unless_another(job, link);
     }
 
     /// What was meant for one robot is not sent to another.
     fn hand_over_unless_another(&self, job: Job, link: &mut Link) {
-        match self.hub.stranger().filter(|_| job.work.needs_known_state()) {
-            Some(another) => job.not_sent(another),
-            None => link.hand_over(job, self.clock.now()),
+        if job.work.needs_known_state()
+            && let Some(another) = self.hub.stranger()
+        {
+            return job.not_sent(another);
         }
+        link.hand_over(job, self.clock.now());
     }
 
     /// Waits until a query or a stop wants a connection, then makes one. `Err`: it is time to end.

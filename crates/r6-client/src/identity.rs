@@ -149,8 +149,8 @@ impl Introduction {
         let mut missing = Vec::new();
         let lacking = matches!(answer, Ok(Answer::Mismatch { answered: 0, .. }));
         match answer {
-            Ok(Answer::Values { values, .. }) => {
-                for (address, value) in asked.into_iter().zip(values) {
+            Ok(Answer::Values { rows, .. }) => {
+                for (address, (_, value)) in asked.into_iter().zip(rows) {
                     match value {
                         Ok(reading) => self.read.push((address, reading)),
                         Err(_unreadable) => missing.push(address),
@@ -256,6 +256,8 @@ impl Robot {
 mod tests {
     use std::time::Duration;
 
+    use r6_proto::time::Instant;
+
     use super::*;
 
     fn text(text: &str) -> Reading {
@@ -263,7 +265,9 @@ mod tests {
     }
 
     fn answer(values: Vec<Reading>) -> Result<Answer, RequestError> {
-        Ok(Answer::Values { values: values.into_iter().map(Ok).collect(), after: Duration::ZERO })
+        // Which address each is the value of, the introduction knows.
+        let rows = values.into_iter().map(|value| (Address::Version, Ok(value))).collect();
+        Ok(Answer::Values { rows, asked_at: Instant::ORIGIN, after: Duration::ZERO })
     }
 
     fn short(answered: usize) -> Result<Answer, RequestError> {

@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use r6_proto::address::Address;
 use r6_proto::client::{ClientSession, SendError, Ticket};
-use r6_proto::error::FieldError;
 use r6_proto::message::command::Outcome;
 use r6_proto::message::{
     Body, Command, CommandName, CommandReply, Instruction, Message, PhotoAnswer, Point, QueryReply, Reading,
@@ -15,6 +14,7 @@ use tokio::sync::oneshot;
 
 use crate::error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 use crate::pushed::LostReason;
+use crate::query::NoReading;
 use crate::robot::Accepted;
 
 /// The points that one camera found.
@@ -39,8 +39,8 @@ pub(crate) enum Work {
 /// What came back.
 #[derive(Debug)]
 pub(crate) enum Answer {
-    /// One value for each address.
-    Values { values: Vec<Result<Reading, FieldError>>, after: Duration },
+    /// Each address with its value; when they were asked for, and how long that took.
+    Values { rows: Vec<(Address, Result<Reading, NoReading>)>, asked_at: Instant, after: Duration },
     /// Another number of values than addresses: nobody knows which is which.
     Mismatch { answered: usize, after: Duration },
     /// The controller took it.
@@ -110,10 +110,17 @@ impl Work {
     }
 
     /// What the reply says.
-    pub fn answer(&self, message: &Message<'_>, after: Duration) -> Result<Answer, RequestError> {
+    pub fn answer(
+        &self,
+        message: &Message<'_>,
+        asked_at: Instant,
+        after: Duration,
+    ) -> Result<Answer, RequestError> {
         let request = self.sent();
         match (self, &message.body) {
-            (Self::Query(addresses), Body::QueryReply(reply)) => Ok(values(addresses, reply, after)),
+            (Self::Query(addresses), Body::QueryReply(reply)) => {
+                Ok(values(addresses, reply, asked_at, after))
+            }
             (_, Body::CommandReply(reply)) => self.verdict(reply, after),
             (_, Body::Rejected(rejection)) => {
                 Err(OutcomeUnknown::Unreadable { request, error: rejection.error.clone() }.into())
@@ -143,14 +150,17 @@ impl Work {
     }
 }
 
-fn values(addresses: &[Address], reply: &QueryReply<'_>, after: Duration) -> Answer {
+fn values(addresses: &[Address], reply: &QueryReply<'_>, asked_at: Instant, after: Duration) -> Answer {
     match reply.aligned(addresses.len()) {
         Ok(values) => Answer::Values {
-            values: addresses
+            rows: addresses
                 .iter()
                 .zip(values.iter())
-                .map(|(address, value)| Reading::of(*address, value))
+                .map(|(address, value)| {
+                    (*address, Reading::of(*address, value).map_err(NoReading::Unreadable))
+                })
                 .collect(),
+            asked_at,
             after,
         },
         Err(mismatch) => Answer::Mismatch { answered: mismatch.answered, after },

@@ -1,6 +1,6 @@
 //! One connection, without the socket: which jobs are under way on it, and what its session says about them.
 
-use std::collections::BTreeMap;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -44,7 +44,7 @@ const LONGEST_HEARTBEAT: Duration = Duration::from_secs(5);
 #[derive(Debug)]
 pub(crate) struct Link {
     session: ClientSession,
-    in_flight: BTreeMap<Ticket, Job>,
+    in_flight: InFlight,
     /// A job that is done once its bytes have left.
     leaving: Option<Job>,
     /// Whether any byte of `leaving` was given to the socket.
@@ -69,6 +69,33 @@ pub(crate) struct Link {
     /// The introduction's query that is under way.
     introducing: Option<Ticket>,
     hub: Arc<Hub>,
+}
+
+/// The jobs that wait for their replies, the longest waiting first: few, and the first is nearly always the next to be answered.
+#[derive(Debug, Default)]
+struct InFlight(VecDeque<(Ticket, Job)>);
+
+impl InFlight {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    fn jobs(&self) -> impl Iterator<Item = &(Ticket, Job)> {
+        self.0.iter()
+    }
+
+    fn push(&mut self, ticket: Ticket, job: Job) {
+        self.0.push_back((ticket, job));
+    }
+
+    fn take(&mut self, ticket: Ticket) -> Option<Job> {
+        let at = self.0.iter().position(|(waiting, _)| *waiting == ticket)?;
+        self.0.remove(at).map(|(_, job)| job)
+    }
 }
 
 /// The two lanes.
@@ -106,7 +133,7 @@ impl Link {
         });
         Self {
             session,
-            in_flight: BTreeMap::new(),
+            in_flight: InFlight::default(),
             leaving: None,
             leaving_began: false,
             output_since: None,
@@ -174,7 +201,7 @@ impl Link {
                 Ok(ticket) => {
                     self.introducing = Some(ticket);
                     self.output_since.get_or_insert(now);
-                    self.hub.meter().asked(tokio::time::Instant::now());
+                    self.hub.meter().asked(now);
                 }
                 // Too long for the frames of these settings: then in smaller parts, or not at all.
                 Err(error) => {
@@ -206,8 +233,8 @@ impl Link {
             Err(error) => return job.not_sent(NotSent::Wire(error)),
             Ok(Some(ticket)) => {
                 job.sent_at = now;
-                self.in_flight.insert(ticket, job);
-                self.hub.meter().asked(tokio::time::Instant::now());
+                self.in_flight.push(ticket, job);
+                self.hub.meter().asked(now);
             }
             Ok(None) => {
                 self.leaving = Some(job);
@@ -226,10 +253,10 @@ impl Link {
     pub fn withdraw_moot(&mut self) {
         let unwanted = |job: &Job| job.is_moot() || job.is_overdue();
         let moot: Vec<Ticket> =
-            self.in_flight.iter().filter(|(_, job)| unwanted(job)).map(|(ticket, _)| *ticket).collect();
+            self.in_flight.jobs().filter(|(_, job)| unwanted(job)).map(|(ticket, _)| *ticket).collect();
         for ticket in moot {
             if self.session.withdraw(ticket)
-                && let Some(job) = self.in_flight.remove(&ticket)
+                && let Some(job) = self.in_flight.take(ticket)
             {
                 let waited = job.asked_at.elapsed();
                 job.not_sent(NotSent::Busy { waited });
@@ -311,17 +338,17 @@ impl Link {
                         self.introducing = None;
                         if let Some(introduction) = &mut self.introduction {
                             let asked = introduction.next().unwrap_or_default().to_vec();
-                            introduction.answered(Work::Query(asked).answer(&message, after));
+                            introduction.answered(Work::Query(asked).answer(&message, now - after, after));
                         }
-                    } else if let Some(job) = self.in_flight.remove(&ticket) {
-                        let answer = job.work.answer(&message, after);
+                    } else if let Some(job) = self.in_flight.take(ticket) {
+                        let answer = job.work.answer(&message, now - after, after);
                         if !job.background {
-                            self.unread.retain(|address| !reads(*address, &job.work, &answer));
+                            self.unread.retain(|address| !reads(*address, &answer));
                         }
                         job.finish(answer);
                     }
                     let waiting = !self.in_flight.is_empty() || self.introducing.is_some();
-                    hub.meter().replied(tokio::time::Instant::now(), after, waiting);
+                    hub.meter().replied(now, after, waiting);
                 }
                 Event::TimedOut(ticket) => {
                     self.silent += 1;
@@ -331,7 +358,7 @@ impl Link {
                         if self.introduction.as_mut().is_some_and(Introduction::timed_out) {
                             lost = Some(LostReason::Unresponsive);
                         }
-                    } else if let Some(job) = self.in_flight.remove(&ticket) {
+                    } else if let Some(job) = self.in_flight.take(ticket) {
                         let (request, after) = (job.work.sent(), self.reply_timeout);
                         tracing::info!(request = request.word, ?after, "no reply in time");
                         let heard = heard_since(job.sent_at, self.heard, self.unusable.as_ref());
@@ -386,7 +413,7 @@ impl Link {
         self.session.handle_disconnect();
         while let Some(event) = self.session.poll_event(now) {
             let Event::Lost { ticket, left } = event else { continue };
-            let Some(mut job) = self.in_flight.remove(&ticket) else { continue };
+            let Some(mut job) = self.in_flight.take(ticket) else { continue };
             if left {
                 job.lost = Some(reason);
                 self.hub.meter().request_lost();
@@ -426,9 +453,9 @@ fn heard_since(
 }
 
 /// Whether this answer tells the value of the address.
-fn reads(wanted: Address, work: &Work, answer: &Result<Answer, RequestError>) -> bool {
-    let (Work::Query(addresses), Ok(Answer::Values { values, .. })) = (work, answer) else { return false };
-    addresses.iter().zip(values).any(|(address, value)| *address == wanted && value.is_ok())
+fn reads(wanted: Address, answer: &Result<Answer, RequestError>) -> bool {
+    let Ok(Answer::Values { rows, .. }) = answer else { return false };
+    rows.iter().any(|(address, value)| *address == wanted && value.is_ok())
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
 
-use tokio::time::Instant;
+use r6_proto::time::Instant;
 
 use crate::robot::Robot;
 use crate::settings::Liveness;
@@ -145,19 +145,19 @@ impl Meter {
     }
 
     pub fn state(&self, now: Instant, liveness: Liveness) -> LinkState {
-        let silent_for = self.silent_since.map(|since| now.saturating_duration_since(since));
+        let silent_for = self.silent_since.map(|since| now.since(since));
         match silent_for {
             Some(silent) if silent > liveness.dead_after => LinkState::Dead,
             Some(silent) if silent > liveness.suspect_after || self.disconnected => LinkState::Suspect,
             Some(_) | None => match self.last_reply {
-                Some(at) if now.saturating_duration_since(at) <= liveness.suspect_after => LinkState::Alive,
+                Some(at) if now.since(at) <= liveness.suspect_after => LinkState::Alive,
                 Some(_) | None => LinkState::Unknown,
             },
         }
     }
 
     fn quality(&self, now: Instant, liveness: Liveness) -> LinkQuality {
-        let since = |at: Instant| now.saturating_duration_since(at);
+        let since = |at: Instant| now.since(at);
         let recent = self.took.iter().filter(|(at, _)| since(*at) <= WINDOW).map(|(_, took)| *took);
         LinkQuality {
             state: self.state(now, liveness),
@@ -188,7 +188,7 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn link_quality(&self) -> LinkQuality {
-        self.hub().meter().quality(Instant::now(), self.settings().liveness)
+        self.hub().meter().quality(self.hub().clock.now(), self.settings().liveness)
     }
 }
 
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn quantiles_are_exact() {
         let mut meter = Meter::default();
-        let now = Instant::now();
+        let now = Instant::ORIGIN;
         assert_eq!(meter.quality(now, LIVENESS).latency, None);
         // In no order: 1 to 100 ms.
         for ms in (1..=100).map(|n| n * 37 % 101) {
@@ -247,7 +247,7 @@ mod tests {
     #[test]
     fn old_replies_do_not_count_and_few_are_kept() {
         let mut meter = Meter::default();
-        let begun = Instant::now();
+        let begun = Instant::ORIGIN + MS;
         meter.replied(begun, MS * 900, false);
         meter.replied(begun + WINDOW, MS * 20, false);
         let at = |now| meter.quality(now, LIVENESS).latency.unwrap();
@@ -262,7 +262,7 @@ mod tests {
     #[test]
     fn only_replies_prove_life() {
         let mut meter = Meter::default();
-        let begun = Instant::now();
+        let begun = Instant::ORIGIN + MS;
         let state = |meter: &Meter, ms: u32| meter.state(begun + MS * ms, LIVENESS);
         assert_eq!(state(&meter, 0), LinkState::Unknown, "an open socket proves nothing");
         meter.asked(begun);
@@ -286,7 +286,7 @@ mod tests {
     #[test]
     fn a_lost_connection_is_suspect_at_once_and_dead_in_time() {
         let mut meter = Meter::default();
-        let begun = Instant::now();
+        let begun = Instant::ORIGIN + MS;
         meter.replied(begun, MS, false);
         meter.disconnected(begun);
         assert_eq!(meter.state(begun, LIVENESS), LinkState::Suspect);

@@ -52,6 +52,25 @@ pub struct QueryResult {
     took: Duration,
 }
 
+/// When the values of a query were asked for: they are no older.
+#[derive(Debug)]
+pub(crate) enum AskedAt {
+    /// All at once.
+    Once(Instant),
+    /// Each at its own time, in the order of the addresses.
+    Each(Vec<Instant>),
+}
+
+impl AskedAt {
+    /// The time of the value at this position.
+    pub fn of(&self, position: usize) -> Option<Instant> {
+        match self {
+            Self::Once(at) => Some(*at),
+            Self::Each(times) => times.get(position).copied(),
+        }
+    }
+}
+
 /// Why an address has no value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NoReading {
@@ -180,35 +199,66 @@ impl Robot {
         &self,
         lane: Lane,
         addresses: &[Address],
-    ) -> Result<(QueryResult, Vec<Instant>), RequestError> {
-        let mut asked_at = vec![Instant::now(); addresses.len()];
+    ) -> Result<(QueryResult, AskedAt), RequestError> {
+        let (connection, all) = {
+            let known = self.hub().known();
+            let missing = |address: &Address| known.unsupported.contains(address);
+            (known.connection, known.unsupported.is_empty() || !addresses.iter().any(missing))
+        };
+        if !all || addresses.is_empty() || !self.fits(addresses) {
+            return self.query_in_parts(lane, addresses, connection, None).await;
+        }
+        // Nearly every query is this one: all in one frame, and all of it answered.
+        match self.ask(Work::Query(addresses.to_vec()), lane).await? {
+            Answer::Values { rows, asked_at, after } => {
+                self.remember_supported(connection, addresses.iter().copied());
+                let result = QueryResult { rows, took: after };
+                self.remember(connection, &result);
+                Ok((result, AskedAt::Once(self.hub().clock.at(Some(asked_at)))))
+            }
+            other => self.query_in_parts(lane, addresses, connection, Some(other)).await,
+        }
+    }
+
+    /// The same in as many frames as it takes; `answer` is that to all addresses at once, if there was one.
+    async fn query_in_parts(
+        &self,
+        lane: Lane,
+        addresses: &[Address],
+        connection: u64,
+        mut answer: Option<Answer>,
+    ) -> Result<(QueryResult, AskedAt), RequestError> {
+        let mut times = vec![Instant::now(); addresses.len()];
         let mut rows: Vec<_> =
             addresses.iter().map(|address| (*address, Err(NoReading::Unsupported))).collect();
-        let (connection, wanted) = {
+        let wanted: Part = {
             let known = self.hub().known();
-            let supported = |(at, address): (usize, &Address)| {
-                (!known.unsupported.contains(address)).then_some((at, *address))
-            };
-            (known.connection, addresses.iter().enumerate().filter_map(supported).collect())
+            // What was answered was asked for, whatever has become known since.
+            let wanted = |address: &Address| answer.is_some() || !known.unsupported.contains(address);
+            let all = addresses.iter().copied().enumerate();
+            all.filter(|(_, address)| wanted(address)).collect()
         };
         let mut took = Duration::ZERO;
         let mut parts: Vec<Part> = self.split(wanted);
         parts.reverse();
         while let Some(part) = parts.pop() {
-            let asked: Vec<Address> = part.iter().map(|(_, address)| *address).collect();
-            match self.ask(Work::Query(asked), lane).await? {
-                Answer::Values { values, after } => {
+            let answered = match answer.take() {
+                Some(answer) => answer,
+                None => {
+                    let asked = part.iter().map(|(_, address)| *address).collect();
+                    self.ask(Work::Query(asked), lane).await?
+                }
+            };
+            match answered {
+                Answer::Values { rows: read, asked_at, after } => {
                     took = took.max(after);
-                    let left = Instant::now() - after;
-                    for ((at, _), value) in part.iter().zip(values) {
-                        if let Some(asked_at) = asked_at.get_mut(*at) {
-                            *asked_at = left;
-                        }
-                        if let Some((_, row)) = rows.get_mut(*at) {
-                            *row = value.map_err(NoReading::Unreadable);
+                    let asked_at = self.hub().clock.at(Some(asked_at));
+                    for ((at, _), read) in part.iter().zip(read) {
+                        if let (Some(time), Some(row)) = (times.get_mut(*at), rows.get_mut(*at)) {
+                            (*time, *row) = (asked_at, read);
                         }
                     }
-                    self.remember_supported(connection, &part);
+                    self.remember_supported(connection, part.iter().map(|(_, address)| *address));
                 }
                 Answer::Mismatch { answered, after } => {
                     took = took.max(after);
@@ -238,16 +288,21 @@ impl Robot {
             }
         }
         let result = QueryResult { rows, took };
-        self.remember_firmware(connection, &result);
-        self.remember_identity(connection, &result);
-        Ok((result, asked_at))
+        self.remember(connection, &result);
+        Ok((result, AskedAt::Each(times)))
+    }
+
+    /// Whether a query of these is one frame, and its reply another.
+    fn fits(&self, addresses: &[Address]) -> bool {
+        let room = self.settings().max_frame_bytes.saturating_sub(self.around_query());
+        // Most are so few that it does not matter how long each is.
+        addresses.len() * MOST_NEEDED <= room || addresses.iter().copied().map(needs).sum::<usize>() <= room
     }
 
     /// Parts whose requests and replies stay below the longest frame.
     fn split(&self, addresses: Part) -> Vec<Part> {
         let longest = self.settings().max_frame_bytes;
         let around = self.around_query();
-        let needs = |address: Address| address.name_len() + "\"\",".len() + BYTES_PER_VALUE;
         if around + addresses.iter().map(|(_, address)| needs(*address)).sum::<usize>() <= longest {
             return if addresses.is_empty() { Vec::new() } else { vec![addresses] };
         }
@@ -269,14 +324,18 @@ impl Robot {
     }
 
     /// What was answered once is there: no odd reply hides it later.
-    fn remember_supported(&self, connection: u64, part: &[(usize, Address)]) {
+    fn remember_supported(&self, connection: u64, addresses: impl Iterator<Item = Address>) {
+        let mut told = addresses.filter(|address| may_be_missing(*address)).peekable();
+        if told.peek().is_none() {
+            return;
+        }
         let mut known = self.hub().known();
         if known.connection != connection {
             return;
         }
-        for (_, address) in part {
-            if may_be_missing(*address) && known.supported.len() < MAX_SUPPORTED {
-                known.supported.insert(*address);
+        for address in told {
+            if known.supported.len() < MAX_SUPPORTED {
+                known.supported.insert(address);
             }
         }
     }
@@ -292,6 +351,12 @@ impl Robot {
         if known.connection == connection && !had_a_value && known.unsupported.len() < MAX_REMEMBERED {
             known.unsupported.insert(address);
         }
+    }
+
+    /// Keeps what a query tells of the controller besides its values.
+    fn remember(&self, connection: u64, result: &QueryResult) {
+        self.remember_firmware(connection, result);
+        self.remember_identity(connection, result);
     }
 
     /// On a first connection a query may tell who is there; on others that is known before any query is sent. Who was taken for
@@ -315,6 +380,14 @@ impl Robot {
             known.firmware = Some(result.text(Address::Version).map(str::to_owned));
         }
     }
+}
+
+/// The longest name, `counter-999999999`, with what stands around it and its value, bytes.
+const MOST_NEEDED: usize = 17 + "\"\",".len() + BYTES_PER_VALUE;
+
+/// What an address and its value take of the longest frame, bytes.
+fn needs(address: Address) -> usize {
+    address.name_len() + "\"\",".len() + BYTES_PER_VALUE
 }
 
 /// Two parts, neither empty: what every controller has and what some lack, or else two halves.

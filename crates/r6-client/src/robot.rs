@@ -8,11 +8,13 @@ use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
 use r6_proto::message::{Command, PhotoAnswer};
 use tokio::runtime::Handle;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc, oneshot, watch};
+use tokio::sync::mpsc::{self, error::TrySendError};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, oneshot, watch};
 use tokio::time::Instant;
 
 use crate::backoff::Backoff;
 use crate::board::Board;
+use crate::clock::Clock;
 use crate::connect::{Connect, Tcp, connect};
 use crate::driver::{Driver, Urgent};
 use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError};
@@ -282,7 +284,12 @@ impl Robot {
         job.background = lane == Lane::Background;
         let given = match lane {
             Lane::Urgent => self.lanes.urgent.send(Urgent::Job(job)).await.is_ok(),
-            Lane::Ordinary | Lane::Background => self.lanes.ordinary.send(job).await.is_ok(),
+            Lane::Ordinary | Lane::Background => match self.lanes.ordinary.try_send(job) {
+                Ok(()) => true,
+                // Whoever came first gets room first: nobody overtakes those who wait.
+                Err(TrySendError::Full(job)) => self.lanes.ordinary.send(job).await.is_ok(),
+                Err(TrySendError::Closed(_)) => false,
+            },
         };
         if !given {
             return Err(NotSent::Closed.into());
@@ -301,6 +308,8 @@ fn seed_from_clock() -> u64 {
 /// What the driver tells the handles besides answers.
 #[derive(Debug)]
 pub(crate) struct Hub {
+    /// The clock of the handle: what its driver measures with.
+    pub clock: Clock,
     pushed: broadcast::Sender<Pushed>,
     known: Mutex<Known>,
     meter: Mutex<Meter>,
@@ -327,11 +336,13 @@ pub(crate) struct Known {
 
 impl Default for Hub {
     fn default() -> Self {
+        let clock = Clock::start();
         Self {
+            clock,
             pushed: broadcast::Sender::new(KEPT_FOR_SUBSCRIBERS),
             known: Mutex::default(),
             meter: Mutex::default(),
-            board: Board::default(),
+            board: Board::new(clock),
         }
     }
 }
@@ -405,7 +416,7 @@ impl Hub {
             let connection = known.connection + 1;
             *known = Known { connection, expected: known.expected.take(), ..Known::default() };
         }
-        self.meter().disconnected(Instant::now());
+        self.meter().disconnected(self.clock.now());
         self.board.connection_lost();
         self.push(Pushed::ConnectionLost(reason));
     }

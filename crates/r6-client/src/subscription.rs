@@ -178,7 +178,7 @@ impl Subscription {
         let hub = self.robot.hub();
         let settings = self.robot.settings();
         let now = Instant::now();
-        let link = hub.meter().state(now, settings.liveness);
+        let link = hub.meter().state(hub.clock.of(now), settings.liveness);
         let Seen { rows, failure } = hub.board.seen(&self.addresses);
         let values = rows
             .into_iter()

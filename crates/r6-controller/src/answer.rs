@@ -1,11 +1,13 @@
 //! The value of each query address (manual 4.1.1 and later).
 
+use std::cell::OnceCell;
+
 use r6_proto::message::reading::Counter;
 use r6_proto::reply::DataWriter;
 use r6_proto::{AXES, Address, AxisIndex};
 
 use r6_motion::drive::torques;
-use r6_motion::{AxisMotions, MotionState};
+use r6_motion::{Axes, AxisMotions};
 
 use crate::io::Io;
 use crate::machine::Machine;
@@ -13,22 +15,34 @@ use crate::machine::Machine;
 /// Rated torque on the wire (manual 4.1.1 #16).
 pub const RATED_TORQUE: f64 = 2580.0;
 
-impl Machine {
+/// What the addresses of one query are answered with: where the arm is is found out once, and only if it is asked for.
+pub(crate) struct Answers<'m> {
+    machine: &'m Machine,
+    place: OnceCell<(Axes, [f64; AXES])>,
+    pose: OnceCell<[f64; 6]>,
+}
+
+impl<'m> Answers<'m> {
+    pub fn of(machine: &'m Machine) -> Self {
+        Self { machine, place: OnceCell::new(), pose: OnceCell::new() }
+    }
+
     /// Appends the value of an address; nothing where this firmware has none, so that the values no longer line up
     /// with the addresses (captured, unit C).
-    pub(crate) fn answer(&self, address: Address, data: &mut DataWriter<'_, '_>) {
-        if !self.profile.answers(address) {
+    pub fn append(&self, address: Address, data: &mut DataWriter<'_, '_>) {
+        let machine = self.machine;
+        if !machine.profile.answers(address) {
             return;
         }
         match address {
-            Address::Version => data.text(&self.profile.version),
-            Address::CurMold => data.text(&self.mold),
+            Address::Version => data.text(&machine.profile.version),
+            Address::CurMold => data.text(&machine.mold),
             Address::CounterList => {
-                let ids: Vec<String> = self.counters.keys().map(u32::to_string).collect();
+                let ids: Vec<String> = machine.counters.keys().map(u32::to_string).collect();
                 data.texts(ids.iter().map(String::as_str));
             }
             Address::Counter(id) => {
-                if let Some(counter) = self.counters.get(&id) {
+                if let Some(counter) = machine.counters.get(&id) {
                     data.counter(&Counter {
                         id: i64::from(id),
                         target: counter.target,
@@ -37,65 +51,71 @@ impl Machine {
                     });
                 }
             }
-            Address::CurMode => data.integer(self.mode.number()),
-            Address::BoardIoNum => data.integer(i64::from(self.io_boards)),
-            Address::Input(board) => data.integer(i64::from(Io::word(&self.io.inputs, board))),
-            Address::Output(board) => data.integer(i64::from(Io::word(&self.io.outputs, board))),
-            Address::M(board) => data.integer(i64::from(Io::word(&self.io.m, board))),
-            Address::AxisNum => data.integer(i64::try_from(self.model.axis_count()).unwrap_or(0)),
+            Address::CurMode => data.integer(machine.mode.number()),
+            Address::BoardIoNum => data.integer(i64::from(machine.io_boards)),
+            Address::Input(board) => data.integer(i64::from(Io::word(&machine.io.inputs, board))),
+            Address::Output(board) => data.integer(i64::from(Io::word(&machine.io.outputs, board))),
+            Address::M(board) => data.integer(i64::from(Io::word(&machine.io.m, board))),
+            Address::AxisNum => data.integer(i64::try_from(machine.model.axis_count()).unwrap_or(0)),
             // Nobody documents faxis: taken as the filtered position, and the planned motion is filtered already.
             Address::Axis(axis) | Address::Faxis(axis) => data.decimal(self.axis_position(axis)),
             Address::World(component) => data.decimal(self.world_component(component)),
-            Address::CurAlarm => data.integer(i64::from(self.alarm)),
-            Address::CurCycle => data.decimal(self.cycle_time().as_secs_f64()),
-            Address::LastCycle => data.decimal(self.last_cycle.as_secs_f64()),
-            Address::MachineName => data.text(&self.machine_name),
+            Address::CurAlarm => data.integer(i64::from(machine.alarm)),
+            Address::CurCycle => data.decimal(machine.cycle_time().as_secs_f64()),
+            Address::LastCycle => data.decimal(machine.last_cycle.as_secs_f64()),
+            Address::MachineName => data.text(&machine.machine_name),
             Address::CurTorque(axis) => data.integer(whole(self.torque(axis))),
             Address::CurSpeed(axis) => data.integer(whole(self.motor_speed(axis))),
-            Address::CurAccount => data.text(&self.account),
-            Address::Origin => data.flag(self.homed),
-            Address::MoldList => data.texts(self.library.names()),
-            Address::IsMoving => data.flag(self.is_moving()),
-            Address::Addr(register) => data.integer(self.registers.get(&register).copied().unwrap_or(0)),
-            Address::RemoteCmdLen => data.integer(i64::try_from(self.list.len()).unwrap_or(i64::MAX)),
+            Address::CurAccount => data.text(&machine.account),
+            Address::Origin => data.flag(machine.homed),
+            Address::MoldList => data.texts(machine.library.names()),
+            Address::IsMoving => data.flag(machine.is_moving()),
+            Address::Addr(register) => data.integer(machine.registers.get(&register).copied().unwrap_or(0)),
+            Address::RemoteCmdLen => data.integer(i64::try_from(machine.list.len()).unwrap_or(i64::MAX)),
             Address::ToolCoord => {
                 // A collaborative desk cannot be chosen by anything that a manual knows: none.
-                let (tool, bench) = (self.tool.to_string(), self.bench.to_string());
+                let (tool, bench) = (machine.tool.to_string(), machine.bench.to_string());
                 data.texts([tool.as_str(), bench.as_str(), "0"]);
             }
         }
     }
 
+    /// The axes and how fast they turn.
+    fn place(&self) -> &(Axes, [f64; AXES]) {
+        self.place.get_or_init(|| self.machine.axes_now())
+    }
+
     /// Degrees, or mm on a linear axis.
     fn axis_position(&self, axis: AxisIndex) -> f64 {
-        at(self.motion().axes.degrees(), axis)
+        at(self.place().0.degrees(), axis)
     }
 
     /// X, Y, Z in mm, U, V, W in degrees, then the seventh and eighth axis.
     fn world_component(&self, component: AxisIndex) -> f64 {
-        let motion = self.motion();
-        let pose = self.pose_of(&motion.axes).components();
-        pose.get(component.index()).copied().unwrap_or_else(|| at(motion.axes.degrees(), component))
+        let (axes, _) = self.place();
+        let pose = self.pose.get_or_init(|| self.machine.pose_of(axes).components());
+        pose.get(component.index()).copied().unwrap_or_else(|| at(axes.degrees(), component))
     }
 
     /// RPM of the motor, from the axis speed and the gear ratio.
     fn motor_speed(&self, axis: AxisIndex) -> f64 {
-        at(&self.model.motor_rpm(&self.motion().axis_speeds), axis)
+        at(&self.machine.model.motor_rpm(&self.place().1), axis)
     }
 
     /// In units of 1/2580 of the rated torque. While no program runs and nothing moves the brakes hold the arm, and the
     /// drives show 0 (idle `"0"` reported, unit A; that a running program at rest shows gravity is chosen).
     fn torque(&self, axis: AxisIndex) -> f64 {
-        if !self.runs() && !self.is_moving() {
+        let machine = self.machine;
+        if !machine.runs() && !machine.is_moving() {
             return 0.0;
         }
-        let MotionState { axes, axis_speeds: speeds, .. } = self.motion();
-        let accelerations = match self.run_under_way() {
-            Some(run) => run.movement.accelerations_at(run.seconds(self.now)),
+        let (axes, speeds) = *self.place();
+        let accelerations = match machine.run_under_way() {
+            Some(run) => run.movement.accelerations_at(run.seconds(machine.now)),
             None => [0.0; AXES],
         };
         let motion = AxisMotions { axes, speeds, accelerations };
-        at(&torques(&self.model, &motion), axis) * RATED_TORQUE
+        at(&torques(&machine.model, &motion), axis) * RATED_TORQUE
     }
 }
 

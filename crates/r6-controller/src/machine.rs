@@ -328,6 +328,17 @@ impl Machine {
         }
     }
 
+    /// Where the axes are and how fast they turn, now: what [`Self::motion`] tells of them, without the pose, which takes longer.
+    pub(crate) fn axes_now(&self) -> (Axes, [f64; AXES]) {
+        match self.run_under_way() {
+            Some(_) => {
+                let motion = self.motion();
+                (motion.axes, motion.axis_speeds)
+            }
+            None => (self.axes, [0.0; AXES]),
+        }
+    }
+
     /// The pose of these axes as `world-n` shows it: of the tool in use, in the work frame in use.
     #[must_use]
     pub fn pose_of(&self, axes: &Axes) -> Pose {

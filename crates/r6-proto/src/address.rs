@@ -365,12 +365,12 @@ impl Address {
     #[inline]
     pub(crate) fn write_item(self, first: bool, out: &mut Vec<u8>) {
         let stem = STEMS.get(self.row()).copied().unwrap_or(Short::EMPTY).behind_comma(first);
-        let digits = self.index().map_or(Some(Short::EMPTY), Short::of_integer);
-        match digits.and_then(|digits| stem.joined(digits)) {
-            Some(item) => item.append_closed_to(out),
-            None => {
-                out.extend_from_slice(if first { b"\"" } else { b",\"" });
-                self.write_name(out);
+        stem.append_to(out);
+        match self.index() {
+            None => out.push(b'"'),
+            Some(index @ 0..=9) => out.extend_from_slice(&[b'0' | index.to_le_bytes()[0], b'"']),
+            Some(index) => {
+                crate::encode::write_integer(out, i64::from(index));
                 out.push(b'"');
             }
         }

@@ -5,11 +5,13 @@
 //! belong to the next request: the session says so ([`Event::OutOfStep`]) and the connection has to be made anew.
 
 mod matcher;
+mod repeated;
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use self::matcher::{Assigned, Matcher, hash_of_query};
+use self::repeated::LastQuery;
 use crate::dialect::{DsIdForm, Envelope};
 use crate::encode::write_integer;
 use crate::error::{EncodeError, JsonError};
@@ -226,6 +228,7 @@ pub struct ClientSession {
     next_ticket: u64,
     /// A `packID`, while a request is being written.
     digits: Vec<u8>,
+    last_query: LastQuery,
     in_flight: VecDeque<InFlight>,
     timed_out: VecDeque<Ticket>,
     lost: VecDeque<(Ticket, bool)>,
@@ -260,6 +263,7 @@ impl ClientSession {
             transmitted_before: 0,
             next_ticket: settings.first_pack_id,
             digits: Vec::new(),
+            last_query: LastQuery::default(),
             in_flight: VecDeque::new(),
             timed_out: VecDeque::new(),
             lost: VecDeque::new(),
@@ -286,13 +290,17 @@ impl ClientSession {
         let before = self.output.len();
         self.digits.clear();
         write_integer(&mut self.digits, i64::try_from(ticket.0).unwrap_or(i64::MAX));
-        let digits = std::str::from_utf8(&self.digits).unwrap_or_default();
-        let envelope = Envelope {
-            ds_id: self.settings.ds_id,
-            type_key: self.settings.type_key,
-            pack_id: waits.then_some(digits),
+        let addresses = match request {
+            Request::Query(addresses) if self.last_query.asks(addresses) => {
+                self.last_query.append(&self.digits, &mut self.output)
+            }
+            Request::Query(_)
+            | Request::Command(_)
+            | Request::AddRcc { .. }
+            | Request::AddPoints(_)
+            | Request::Heartbreak
+            | Request::PhotoAnswer(_) => self.encode(request)?,
         };
-        request.encode(&envelope, &mut self.output).map_err(SendError::Encode)?;
         let bytes = self.output.len() - before;
         if bytes > self.settings.max_frame_bytes {
             self.output.truncate(before);
@@ -300,15 +308,13 @@ impl ClientSession {
         }
         self.next_ticket += 1;
         if waits {
-            let (word, addresses) = match request {
-                Request::Query(addresses) => {
-                    ("query", hash_of_query(self.output.get(before..).unwrap_or_default(), addresses))
-                }
-                Request::Command(command) => (command.name().word(), 0),
-                Request::AddRcc { .. }
+            let word = match request {
+                Request::Command(command) => command.name().word(),
+                Request::Query(_)
+                | Request::AddRcc { .. }
                 | Request::AddPoints(_)
                 | Request::Heartbreak
-                | Request::PhotoAnswer(_) => (request.request_type().word(), 0),
+                | Request::PhotoAnswer(_) => request.request_type().word(),
             };
             self.in_flight.push_back(InFlight {
                 ticket,
@@ -322,6 +328,25 @@ impl ClientSession {
             });
         }
         Ok(ticket)
+    }
+
+    /// Appends the frame of a request whose `packID` is in `digits`; the number of a query's addresses.
+    fn encode(&mut self, request: &Request<'_>) -> Result<u64, SendError> {
+        let before = self.output.len();
+        let digits = std::str::from_utf8(&self.digits).unwrap_or_default();
+        let envelope = Envelope {
+            ds_id: self.settings.ds_id,
+            type_key: self.settings.type_key,
+            pack_id: request.expects_reply().then_some(digits),
+        };
+        request.encode(&envelope, &mut self.output).map_err(SendError::Encode)?;
+        let Request::Query(addresses) = request else { return Ok(0) };
+        let frame = self.output.get(before..).unwrap_or_default();
+        let number = hash_of_query(frame, addresses);
+        if frame.len() <= self.settings.max_frame_bytes {
+            self.last_query.keep(addresses, frame, digits.len(), number);
+        }
+        Ok(number)
     }
 
     /// Forgets what was transmitted, once it is at least half of the output: each byte is moved at most once.

@@ -6,6 +6,7 @@ use crate::text;
 mod short;
 
 pub(crate) use short::Short;
+use short::{append_closed_few, append_fixed};
 
 /// Beyond this no coordinate, speed or time of a robot lies, and six decimals still fit a 64-bit integer.
 const LARGEST: f64 = 1e9;
@@ -34,10 +35,11 @@ pub(crate) fn write_integer(out: &mut Vec<u8>, value: i64) {
 }
 
 /// Appends a whole number and a quote behind it.
+#[inline]
 fn write_closed_integer(out: &mut Vec<u8>, value: i64) {
-    match u32::try_from(value).ok().and_then(Short::of_integer) {
-        Some(short) => short.append_closed_to(out),
-        None => {
+    match u32::try_from(value) {
+        Ok(few @ 0..1_000) => append_closed_few(out, few),
+        Ok(_) | Err(_) => {
             write_integer(out, value);
             out.push(b'"');
         }
@@ -79,15 +81,14 @@ pub(crate) fn write_fixed(
     decimals: Decimals,
 ) -> Result<(), EncodeError> {
     let scaled = scaled(field, value, decimals)?;
-    match Short::of_fixed(scaled, decimals) {
-        Some(short) => short.append_to(out),
-        None => write_long_fixed(out, scaled, decimals),
+    if !append_fixed(out, scaled, decimals, false) {
+        write_long_fixed(out, scaled, decimals);
     }
     Ok(())
 }
 
-/// The same with a quote behind it.
-#[inline]
+/// The same with a quote behind it. Where it is called the decimals are known, and half of it falls away.
+#[inline(always)]
 fn write_closed_fixed(
     out: &mut Vec<u8>,
     field: &'static str,
@@ -95,12 +96,9 @@ fn write_closed_fixed(
     decimals: Decimals,
 ) -> Result<(), EncodeError> {
     let scaled = scaled(field, value, decimals)?;
-    match Short::of_fixed(scaled, decimals) {
-        Some(short) => short.append_closed_to(out),
-        None => {
-            write_long_fixed(out, scaled, decimals);
-            out.push(b'"');
-        }
+    if !append_fixed(out, scaled, decimals, true) {
+        write_long_fixed(out, scaled, decimals);
+        out.push(b'"');
     }
     Ok(())
 }
@@ -121,7 +119,7 @@ pub(crate) fn write_quoted_fixed(
 }
 
 /// The value in steps of its last decimal.
-#[inline]
+#[inline(always)]
 fn scaled(field: &'static str, value: f64, decimals: Decimals) -> Result<i64, EncodeError> {
     // Not a number is not within either.
     if value.abs() <= LARGEST {
@@ -131,7 +129,7 @@ fn scaled(field: &'static str, value: f64, decimals: Decimals) -> Result<i64, En
     }
 }
 
-/// A number that is too long for a [`Short`], digit by digit.
+/// A number that is too long for [`append_fixed`], digit by digit.
 #[cold]
 fn write_long_fixed(out: &mut Vec<u8>, scaled: i64, decimals: Decimals) {
     let magnitude = scaled.unsigned_abs();
@@ -249,6 +247,7 @@ impl<'o> ObjectWriter<'o> {
     }
 
     /// A decimal number in quotes.
+    #[inline]
     pub fn quoted_fixed(&mut self, key: &Key, value: f64, decimals: Decimals) -> Result<(), EncodeError> {
         write_closed_fixed(self.quoted(key), key.name, value, decimals)
     }

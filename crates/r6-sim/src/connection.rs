@@ -2,7 +2,10 @@
 
 mod faulty;
 
+use std::future::{pending, poll_fn};
 use std::io;
+use std::pin::Pin;
+use std::task::Poll;
 use std::time::Duration;
 
 use r6_controller::fault::link::Link;
@@ -12,7 +15,7 @@ use tokio::sync::Notify;
 use tracing::{debug, trace};
 
 use crate::camera::Camera;
-use crate::handle::ControllerHandle;
+use crate::handle::{ControllerHandle, Next};
 use crate::wire::Wire;
 
 /// One read of the socket.
@@ -64,14 +67,6 @@ struct Conversation<'c, W> {
     link: Option<Link>,
     /// The changes of the link's faults that are in `link`.
     link_changes: u64,
-}
-
-/// Whether there is a frame.
-enum Next {
-    Frame,
-    Nothing,
-    /// First look at the faults of the link: they have changed.
-    LinkChanged,
 }
 
 impl<'c, W: Wire> Conversation<'c, W> {
@@ -126,10 +121,10 @@ impl<'c, W: Wire> Conversation<'c, W> {
     /// Serves the connection while its link is whole; `None` if that may have changed.
     async fn run_whole(&mut self) -> io::Result<Option<End>> {
         loop {
-            loop {
+            let (over, due) = loop {
                 match self.next_frame() {
                     Next::Frame => {}
-                    Next::Nothing => break,
+                    Next::Nothing { over, due } => break (over, due),
                     Next::LinkChanged => {
                         self.look_at_link();
                         return Ok(None);
@@ -138,15 +133,13 @@ impl<'c, W: Wire> Conversation<'c, W> {
                 self.controller.kept(self.id).await;
                 trace!(connection = self.id.number(), frame = %String::from_utf8_lossy(&self.frame), "sent");
                 write(&mut self.stream, &self.frame).await?;
-            }
-            if self.is_over() {
+            };
+            if over {
                 return Ok(Some(End::Reset));
             }
-            let due = self.controller.next_transmit(self.id);
             if self.half_closed && due.is_none() {
                 return Ok(Some(End::Closed));
             }
-            let delay = due.unwrap_or(Duration::MAX);
             // What is due was looked for just now, so whoever sends much delays nothing by being looked at first.
             tokio::select! {
                 biased;
@@ -157,7 +150,7 @@ impl<'c, W: Wire> Conversation<'c, W> {
                     self.controller.handle_input(self.id, bytes);
                 }
                 () = self.notice.notified() => {}
-                () = tokio::time::sleep(delay), if due.is_some() => {}
+                () = after(due) => {}
             }
         }
     }
@@ -168,20 +161,8 @@ impl<'c, W: Wire> Conversation<'c, W> {
 
     /// Copies the next frame that is due into `self.frame`.
     fn next_frame(&mut self) -> Next {
-        let (id, frame) = (self.id, &mut self.frame);
-        frame.clear();
-        self.controller.look(|controller, now| {
-            if controller.link_changes() != self.link_changes {
-                return Next::LinkChanged;
-            }
-            match controller.poll_transmit(now, id) {
-                None => Next::Nothing,
-                Some(next) => {
-                    frame.extend_from_slice(next);
-                    Next::Frame
-                }
-            }
-        })
+        self.frame.clear();
+        self.controller.next_frame(self.id, self.link_changes, &mut self.frame)
     }
 
     /// Tells the link which faults are in force now.
@@ -196,9 +177,25 @@ impl<'c, W: Wire> Conversation<'c, W> {
     }
 }
 
+/// Waits so long; without a time, for ever.
+async fn after(delay: Option<Duration>) {
+    match delay {
+        Some(delay) => tokio::time::sleep(delay).await,
+        None => pending().await,
+    }
+}
+
 /// Writes to a peer that reads.
 async fn write<W: Wire>(stream: &mut W, bytes: &[u8]) -> io::Result<()> {
-    tokio::time::timeout(WRITE_TIMEOUT, stream.write_all(bytes)).await?
+    // Nearly every frame leaves at once; then no time has to be measured.
+    let written = poll_fn(|cx| match Pin::new(&mut *stream).poll_write(cx, bytes) {
+        Poll::Ready(written) => Poll::Ready(written),
+        Poll::Pending => Poll::Ready(Ok(0)),
+    });
+    match bytes.get(written.await?..) {
+        Some([]) | None => Ok(()),
+        Some(rest) => tokio::time::timeout(WRITE_TIMEOUT, stream.write_all(rest)).await?,
+    }
 }
 
 /// Closes our half, and waits a little for the peer to close its own: a socket that is dropped with bytes that nobody read

@@ -63,6 +63,21 @@ struct State {
     observers: Vec<Observer>,
 }
 
+/// What there is to write to a connection.
+pub(crate) enum Next {
+    /// A frame.
+    Frame,
+    /// Nothing now.
+    Nothing {
+        /// Whether the connection has to be reset.
+        over: bool,
+        /// How long it is, in real time, until a frame leaves that is held back now.
+        due: Option<Duration>,
+    },
+    /// First look at the faults of the link: they have changed.
+    LinkChanged,
+}
+
 /// Who is told of everything.
 struct Observer(Box<Observe>);
 
@@ -270,6 +285,26 @@ impl ControllerHandle {
         {
             warn!(%error, "the last state was not kept");
         }
+    }
+
+    /// Has the next frame that is due for a connection written to `frame`, unless the faults of the link are not those that were in
+    /// force at change number `link_changes`.
+    ///
+    /// That a frame leaves changes nothing that anybody waits for, so nothing is passed on but to observers, who see everything.
+    pub(crate) fn next_frame(&self, id: ConnectionId, link_changes: u64, frame: &mut Vec<u8>) -> Next {
+        let mut state = self.state();
+        let State { observers, controller, pace, .. } = &mut *state;
+        if controller.link_changes() != link_changes {
+            return Next::LinkChanged;
+        }
+        let now = pace.now();
+        let Some(bytes) = controller.poll_transmit(now, id) else {
+            let due = controller.next_transmit(id).map(|due| pace.until(due));
+            return Next::Nothing { over: controller.is_over(id), due };
+        };
+        frame.extend_from_slice(bytes);
+        observers.iter_mut().for_each(|Observer(observe)| observe(now, controller, &[]));
+        Next::Frame
     }
 
     /// Does something with the controller, then passes on what follows from it: log lines, wake-ups, timers, writes.

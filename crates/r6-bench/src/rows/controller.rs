@@ -1,80 +1,27 @@
 //! What the virtual controller costs its machine.
 
-use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpStream};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use r6_controller::{Controller, ControllerSettings, Profile, RobotModel, StartState};
 
 use super::echo;
-use crate::measure::{Contender, SLICE, compare, processor_time, processor_time_of};
-use crate::report::{Goal, Row};
-use crate::serve::{Running, Server};
-
-/// Connections, and frames that are under way on each.
-const CONNECTIONS: usize = 16;
-const IN_FLIGHT: usize = 16;
-
-/// Programs that keep many requests under way.
-struct Load {
-    server: Running,
-    streams: Vec<TcpStream>,
-    batch: Vec<u8>,
-}
-
-impl Load {
-    fn on(server: Server) -> Self {
-        let server = server.start();
-        let streams = (0..CONNECTIONS).map(|_| connect(server.address)).collect();
-        Self { server, streams, batch: echo::query_bytes().repeat(IN_FLIGHT).into_bytes() }
-    }
-
-    /// Nanoseconds of the server's processor time for each frame, over a slice.
-    fn cost(&mut self) -> Vec<f64> {
-        let before = processor_time_of(self.server.process());
-        let begun = Instant::now();
-        let mut frames = 0_u32;
-        let mut buffer = [0; 1 << 16];
-        while begun.elapsed() < SLICE {
-            for stream in &mut self.streams {
-                stream.write_all(&self.batch).expect("it is read");
-            }
-            for stream in &mut self.streams {
-                // A reply has one object and no brace in its texts.
-                let mut waiting = IN_FLIGHT;
-                while waiting > 0 {
-                    let count = stream.read(&mut buffer).expect("replies");
-                    assert!(count > 0, "all is answered");
-                    waiting -= buffer[..count].iter().filter(|byte| **byte == b'}').count();
-                    frames += u32::try_from(buffer[..count].iter().filter(|byte| **byte == b'}').count())
-                        .unwrap_or(0);
-                }
-            }
-        }
-        let spent = processor_time_of(self.server.process()) - before;
-        vec![spent.as_secs_f64() * 1e9 / f64::from(frames)]
-    }
-}
-
-fn connect(address: SocketAddr) -> TcpStream {
-    let stream = TcpStream::connect(address).expect("it listens");
-    stream.set_nodelay(true).expect("small frames leave at once");
-    stream
-}
+use super::load::Load;
+use crate::measure::{Contender, compare, processor_time};
+use crate::report::{Figure, Goal, Row};
+use crate::serve::Server;
 
 /// Its frames per second of processor time, many under way, beside a server that only copies.
 pub fn rows() -> Vec<Row> {
-    let (mut canned, mut controller) = (Load::on(Server::Canned), Load::on(Server::Controller));
-    // Once for warmth.
-    canned.cost();
-    controller.cost();
+    let (canned, controller) = (Server::Canned.start(), Server::Controller.start());
+    let (mut canned, mut controller) = (Load::of_queries(&canned), Load::of_queries(&controller));
     let mut contenders: Vec<Contender<'_>> = vec![Box::new(|| canned.cost()), Box::new(|| controller.cost())];
     let ratio = compare(&mut contenders).remove(0).remove(0);
     vec![Row {
         what: "virtual controller, 16 connections × 16 queries under way, frames per second of its processor time".to_owned(),
         against: "server that sends canned bytes, a reply at a time",
         goal: Some(Goal::AtLeastFast(0.6)),
-        ratio,
+        figure: Figure::Ratio(ratio),
+        in_the_way: "what is not the kernel's is mostly reading the twelve names and writing twelve numbers with six decimals",
     }]
 }
 
@@ -96,7 +43,8 @@ pub fn simulated() -> Vec<Row> {
         what: "simulated seconds per second, one moving robot polled at 10 Hz".to_owned(),
         against: "real time",
         goal: Some(Goal::AtLeastFast(10_000.0)),
-        ratio,
+        figure: Figure::Ratio(ratio),
+        in_the_way: "",
     }]
 }
 

@@ -11,7 +11,12 @@ use tokio::runtime::{Builder, Runtime};
 
 use super::echo;
 use crate::measure::{Contender, SLICE, compare, repeated};
-use crate::report::{Goal, Row};
+use crate::report::{Figure, Goal, Row};
+
+/// From `strace` and `perf` over these rows.
+const IN_THE_WAY: &str = "nine tenths of it are the kernel's; over the bare socket's two system calls the SDK makes two more, an `epoll_wait` for \
+     the reply, as any tokio socket, and one that tokio makes before it goes on with the thread that waits for an answer; the rest is \
+     the hop to the task that keeps stops and heartbeats going while nobody awaits, and reading twelve values";
 
 const FLOOR: &str = "blocking socket, same bytes";
 
@@ -35,11 +40,11 @@ fn socket(address: SocketAddr) -> impl FnMut() {
     }
 }
 
-fn runtime() -> Runtime {
+pub fn runtime() -> Runtime {
     Builder::new_current_thread().enable_all().build().expect("a runtime")
 }
 
-async fn query(robot: &Robot, addresses: &[Address]) {
+pub async fn query(robot: &Robot, addresses: &[Address]) {
     let result = robot.query(addresses).await.expect("an answer");
     assert_eq!(result.decimal(addresses[0]), Some(FIRST));
 }
@@ -74,7 +79,8 @@ pub fn rows() -> Vec<Row> {
         what: format!("round trip of a 12-address query, {what}"),
         against: FLOOR,
         goal: Some(Goal::AtMost(goal)),
-        ratio,
+        figure: Figure::Ratio(ratio),
+        in_the_way: IN_THE_WAY,
     };
     vec![
         row("blocking, p50", 1.05, ratios[0][0].clone()),
@@ -85,7 +91,8 @@ pub fn rows() -> Vec<Row> {
             what: "the same bytes over a bare tokio socket, p50".to_owned(),
             against: FLOOR,
             goal: None,
-            ratio: ratios[2][0].clone(),
+            figure: Figure::Ratio(ratios[2][0].clone()),
+            in_the_way: "",
         },
     ]
 }
@@ -114,7 +121,7 @@ fn bare_tokio<'c>(address: SocketAddr) -> Contender<'c> {
 }
 
 /// One task that does something again and again for a slice, as an async program does: percentiles 50 and 99.
-async fn slice_async(mut once: impl AsyncFnMut()) -> Vec<f64> {
+pub async fn slice_async(mut once: impl AsyncFnMut()) -> Vec<f64> {
     let mut durations = Vec::with_capacity(1 << 16);
     let begun = Instant::now();
     let mut last = begun;
@@ -168,6 +175,7 @@ pub fn handles() -> Vec<Row> {
         what: "64 handles sharing one robot, time per query".to_owned(),
         against: "one handle",
         goal: Some(Goal::AtMost(1.0)),
-        ratio,
+        figure: Figure::Ratio(ratio),
+        in_the_way: "",
     }]
 }

@@ -3,10 +3,10 @@
 use std::future::{Future, poll_fn};
 use std::io;
 use std::pin::Pin;
-use std::task::{Context, Poll, ready};
+use std::task::{Context, Poll};
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::sync::mpsc;
+use tokio::sync::mpsc::{self, error::TryRecvError};
 use tokio::time::{Instant, Sleep, sleep_until};
 
 use crate::clock::Clock;
@@ -58,7 +58,7 @@ impl Waiter {
     ) -> Woken {
         poll_fn(|cx| {
             if link.has_room(Lane::Urgent)
-                && let Poll::Ready(job) = urgent.poll_recv(cx)
+                && let Some(job) = at_hand(urgent)
             {
                 return Poll::Ready(Woken::Urgent(job));
             }
@@ -67,7 +67,25 @@ impl Waiter {
             {
                 return Poll::Ready(Woken::Written(written));
             }
-            if let Poll::Ready(()) = self.deadline(clock.at(link.deadline()), cx) {
+            if self.timer.is_elapsed() && self.is_due(deadline(link, clock)) {
+                return Poll::Ready(Woken::Time);
+            }
+            if link.has_room(Lane::Ordinary)
+                && let Some(job) = at_hand(ordinary)
+            {
+                return Poll::Ready(Woken::Ordinary(job));
+            }
+            let mut buffer = ReadBuf::new(self.buffer.as_mut_slice());
+            if let Poll::Ready(read) = Pin::new(&mut *stream).poll_read(cx, &mut buffer) {
+                return Poll::Ready(Woken::Read(read.map(|()| buffer.filled().len())));
+            }
+            // Nothing is at hand. Only now the others are told whom to wake, which costs more than to look.
+            if link.has_room(Lane::Urgent)
+                && let Poll::Ready(job) = urgent.poll_recv(cx)
+            {
+                return Poll::Ready(Woken::Urgent(job));
+            }
+            if let Poll::Ready(()) = self.deadline(deadline(link, clock), cx) {
                 return Poll::Ready(Woken::Time);
             }
             if link.has_room(Lane::Ordinary)
@@ -75,15 +93,19 @@ impl Waiter {
             {
                 return Poll::Ready(Woken::Ordinary(job));
             }
-            let mut buffer = ReadBuf::new(self.buffer.as_mut_slice());
-            let read = ready!(Pin::new(&mut *stream).poll_read(cx, &mut buffer));
-            Poll::Ready(Woken::Read(read.map(|()| buffer.filled().len())))
+            Poll::Pending
         })
         .await
     }
 
-    /// Ready once the deadline is over.
-    fn deadline(&mut self, deadline: Instant, cx: &mut Context<'_>) -> Poll<()> {
+    /// Whether the deadline was over when the timer went off.
+    fn is_due(&self, deadline: Option<Instant>) -> bool {
+        deadline.is_some_and(|deadline| deadline <= self.timer.deadline())
+    }
+
+    /// Ready once the deadline is over; never without one.
+    fn deadline(&mut self, deadline: Option<Instant>, cx: &mut Context<'_>) -> Poll<()> {
+        let Some(deadline) = deadline else { return Poll::Pending };
         if deadline < self.timer.deadline() {
             self.timer.as_mut().reset(deadline);
         }
@@ -94,6 +116,20 @@ impl Waiter {
             self.timer.as_mut().reset(deadline);
         }
         Poll::Pending
+    }
+}
+
+/// When the link's next deadline is.
+fn deadline(link: &Link, clock: Clock) -> Option<Instant> {
+    link.deadline().map(|due| clock.at(Some(due)))
+}
+
+/// What a lane has now: a job, or `Some(None)` where none will ever come again.
+fn at_hand<T>(lane: &mut mpsc::Receiver<T>) -> Option<Option<T>> {
+    match lane.try_recv() {
+        Ok(job) => Some(Some(job)),
+        Err(TryRecvError::Empty) => None,
+        Err(TryRecvError::Disconnected) => Some(None),
     }
 }
 

@@ -1,16 +1,17 @@
 //! Where the messages of one connection are dealt with.
 
+use r6_proto::RequestType;
 use r6_proto::message::{
     AddPoints, AddRcc, Body, CommandWords, Header, Instruction, Message, Query, Rejection,
 };
 use r6_proto::reply::{ReplyWriter, Verdict};
 use r6_proto::server::{Inbox, InputError, Outbox};
 use r6_proto::time::Instant;
-use r6_proto::{Address, RequestType};
 
 use super::ConnectionId;
 use super::cameras::Cameras;
 use super::scenario::{Asked, Strikes};
+use crate::answer::Answers;
 use crate::log::{Level, Log};
 use crate::machine::{Machine, NotTaken};
 use crate::profile::Profile;
@@ -161,16 +162,19 @@ impl<'c> Desk<'c> {
     }
 
     fn query(&mut self, header: &Header<'_>, query: &Query<'_>, outbox: &mut Outbox) {
-        self.explain(query.resolved().filter_map(|(_, address)| address.err()));
+        let mut known = 0;
         self.reply(header, RequestType::Query, outbox, |writer, machine, out| {
+            let answers = Answers::of(machine);
             writer.query(query.addresses, out, |data| {
-                for word in query.addresses.iter() {
-                    if let Some(address) = known(word) {
-                        machine.answer(address, data);
-                    }
+                for address in query.resolved().filter_map(|(_, address)| address.ok()) {
+                    known += 1;
+                    answers.append(address, data);
                 }
             });
         });
+        if known < query.addresses.len() {
+            self.explain(query.resolved().filter_map(|(_, address)| address.err()));
+        }
     }
 
     fn command(&mut self, header: &Header<'_>, words: &CommandWords<'_>, outbox: &mut Outbox) {
@@ -310,10 +314,6 @@ impl<'c> Desk<'c> {
             RequestType::Heartbreak | RequestType::Photo => {}
         }
     }
-}
-
-fn known(word: r6_proto::value::Value<'_>) -> Option<Address> {
-    Address::parse(&word.text()).ok()
 }
 
 /// What a message asks for; `None` for what is no request.

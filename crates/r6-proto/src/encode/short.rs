@@ -37,14 +37,6 @@ impl Short {
         }
     }
 
-    /// The text and another behind it; `None` if they are too long.
-    #[inline(always)]
-    pub fn joined(self, other: Self) -> Option<Self> {
-        let length = self.length + other.length;
-        (length <= Self::MOST)
-            .then(|| Self { bytes: self.bytes | other.bytes << (8 * self.length % 128), length })
-    }
-
     /// The text without the comma that it begins with, where it is the first of its list.
     #[inline(always)]
     pub const fn behind_comma(self, first: bool) -> Self {
@@ -64,44 +56,6 @@ impl Short {
         Some(Self { bytes: u128::from(digits), length })
     }
 
-    /// A number in steps of its last decimal; `None` if it has more than seven digits before the point.
-    #[inline(always)]
-    pub fn of_fixed(scaled: i64, decimals: Decimals) -> Option<Self> {
-        let magnitude = scaled.unsigned_abs();
-        // Two constants, for each of which the division becomes a multiplication.
-        let (before, behind) = if decimals.most == 3 {
-            (magnitude / 1_000, magnitude % 1_000 * 1_000)
-        } else {
-            (magnitude / 1_000_000, magnitude % 1_000_000)
-        };
-        let before = u32::try_from(before).ok().filter(|before| *before <= MOST_IN_SEVEN)?;
-        let (digits, length) = whole(before);
-        let negative = usize::from(scaled < 0);
-        let sign = if scaled < 0 { u64::from(b'-') } else { 0 };
-        let head = digits << (8 * negative) | sign;
-        // Six digits: the first two of eight are 0.
-        let behind = eight_digits(u32::try_from(behind).unwrap_or(0)) >> 16;
-        let used = 8 - behind.leading_zeros() as usize / 8;
-        let kept = used.max(decimals.least);
-        let tail_length = if kept > 0 { 1 + kept } else { 0 };
-        let tail = (behind | ZEROS) << 8 | u64::from(b'.');
-        // Nothing may stand behind the last byte that counts: more is joined to it there. It is at most the seventh.
-        let tail = tail & !(u64::MAX << (8 * tail_length));
-        let point = negative + length;
-        Some(Self { bytes: u128::from(head) | u128::from(tail) << (8 * point), length: point + tail_length })
-    }
-
-    /// Appends the text and a quote behind it.
-    #[inline(always)]
-    pub fn append_closed_to(self, out: &mut Vec<u8>) {
-        if self.length < Self::MOST {
-            self.with(b'"').append_to(out);
-        } else {
-            self.append_to(out);
-            out.push(b'"');
-        }
-    }
-
     /// Appends the text.
     #[inline(always)]
     pub fn append_to(self, out: &mut Vec<u8>) {
@@ -109,6 +63,88 @@ impl Short {
         out.extend_from_slice(&self.bytes.to_le_bytes());
         out.truncate(end);
     }
+}
+
+/// Appends a number in steps of its last decimal, and a quote behind it if it is to be `closed`; `false`, and nothing, if it has more
+/// than seven digits before the point.
+#[inline(always)]
+pub(crate) fn append_fixed(out: &mut Vec<u8>, scaled: i64, decimals: Decimals, closed: bool) -> bool {
+    let magnitude = scaled.unsigned_abs();
+    // Two constants, for each of which the division becomes a multiplication.
+    let (before, behind, zeros) = if decimals.most == 3 {
+        (magnitude / 1_000, three(magnitude % 1_000), ZEROS >> 40)
+    } else {
+        let behind = magnitude % 1_000_000;
+        (magnitude / 1_000_000, three(behind / 1_000) | three(behind % 1_000) << 24, ZEROS >> 16)
+    };
+    let (digits, length) = match u32::try_from(before) {
+        Ok(before @ 0..1_000) => few(before),
+        Ok(before @ ..=MOST_IN_SEVEN) => whole(before),
+        Ok(_) | Err(_) => return false,
+    };
+    let negative = usize::from(scaled < 0);
+    let head = digits << (8 * negative) | if scaled < 0 { u64::from(b'-') } else { 0 };
+    let point = negative + length;
+    let used = 8 - (behind ^ zeros).leading_zeros() as usize / 8;
+    let kept = used.max(decimals.least);
+    let tail = behind << 8 | u64::from(b'.');
+    let tail_length = if kept > 0 { 1 + kept } else { 0 };
+    // Written over each other from the left to the right; what stands behind the last byte that counts is cut off.
+    let begin = out.len();
+    out.extend_from_slice(&[0; ROOM]);
+    if let Some(room) = out.last_chunk_mut::<ROOM>() {
+        put(room, 0, head);
+        put(room, point, tail);
+        put(room, point + tail_length, u64::from(b'"'));
+    }
+    out.truncate(begin + point + tail_length + usize::from(closed));
+    true
+}
+
+/// Appends a number below a thousand and a quote behind it.
+#[inline(always)]
+pub(crate) fn append_closed_few(out: &mut Vec<u8>, value: u32) {
+    let (digits, length) = few(value);
+    let end = out.len() + length + 1;
+    out.extend_from_slice(&(digits | u64::from(b'"') << (8 * length)).to_le_bytes());
+    out.truncate(end);
+}
+
+/// A sign and seven digits, a point and six more, a quote, and the seven bytes that the last word is longer than that.
+const ROOM: usize = 24;
+
+/// Writes eight bytes, the lowest first.
+#[inline(always)]
+fn put(room: &mut [u8; ROOM], at: usize, bytes: u64) {
+    if let Some(place) = room.get_mut(at..at + 8) {
+        place.copy_from_slice(&bytes.to_le_bytes());
+    }
+}
+
+/// The three digits of each number below a thousand, the first lowest.
+static THREES: [u32; 1_000] = {
+    let mut threes = [0; 1_000];
+    let mut slots = threes.as_mut_slice();
+    let mut value: u32 = 0;
+    while let [slot, later @ ..] = slots {
+        let digits = value / 100 | value / 10 % 10 << 8 | value % 10 << 16;
+        *slot = digits | 0x0030_3030;
+        value += 1;
+        slots = later;
+    }
+    threes
+};
+
+#[inline(always)]
+fn three(value: u64) -> u64 {
+    usize::try_from(value).ok().and_then(|at| THREES.get(at)).copied().map_or(0, u64::from)
+}
+
+/// The digits of a number below a thousand without leading zeros, the first of them lowest, and how many there are.
+#[inline(always)]
+fn few(value: u32) -> (u64, usize) {
+    let leading = usize::from(value < 100) + usize::from(value < 10);
+    (three(u64::from(value)) >> (8 * leading), 3 - leading)
 }
 
 const MOST_IN_EIGHT: u32 = 99_999_999;
@@ -163,12 +199,39 @@ mod tests {
     }
 
     #[test]
-    fn a_decimal_that_fills_the_register_is_whole() {
-        let fixed = |scaled| Short::of_fixed(scaled, Decimals::SIX).map(text);
-        assert_eq!(fixed(-9_999_999_999_999), Some("-9999999.999999".to_owned()));
-        assert_eq!(fixed(-1), Some("-0.000001".to_owned()));
-        assert_eq!(fixed(0), Some("0.000000".to_owned()));
-        assert_eq!(fixed(10_000_000_000_000), None);
+    fn a_decimal_that_fills_its_room_is_whole() {
+        let fixed = |scaled| {
+            let mut out = b"[".to_vec();
+            let appended = append_fixed(&mut out, scaled, Decimals::SIX, true);
+            (appended, String::from_utf8(out).unwrap())
+        };
+        assert_eq!(fixed(-9_999_999_999_999), (true, "[-9999999.999999\"".to_owned()));
+        assert_eq!(fixed(-1), (true, "[-0.000001\"".to_owned()));
+        assert_eq!(fixed(0), (true, "[0.000000\"".to_owned()));
+        assert_eq!(fixed(10_000_000_000_000), (false, "[".to_owned()));
+    }
+
+    #[test]
+    fn every_thousandth_is_written_as_the_standard_library_does() {
+        let decimals = Decimals { least: 3, most: 3 };
+        for thousandths in (0..1_000_000_i64).chain((1_000_000..9_999_999_999).step_by(9_999_991)) {
+            for scaled in [thousandths, -thousandths] {
+                let mut out = Vec::new();
+                assert!(append_fixed(&mut out, scaled, decimals, false));
+                let sign = if scaled < 0 { "-" } else { "" };
+                let expected = format!("{sign}{}.{:03}", thousandths / 1_000, thousandths % 1_000);
+                assert_eq!(String::from_utf8(out).unwrap(), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn every_number_below_a_thousand_is_closed() {
+        for value in 0..1_000 {
+            let mut out = Vec::new();
+            append_closed_few(&mut out, value);
+            assert_eq!(String::from_utf8(out).unwrap(), format!("{value}\""));
+        }
     }
 
     #[test]

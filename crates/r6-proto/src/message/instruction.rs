@@ -492,12 +492,9 @@ impl Manner {
 
     fn encode(&self, object: &mut ObjectWriter<'_>) -> Result<(), EncodeError> {
         if let Some(mask) = self.mask {
-            let out = object.key(key!("ckStatus"));
-            out.extend_from_slice(b"\"0x");
-            for nibble in [mask.bits() >> 4, mask.bits() & 0xF] {
-                out.push(if nibble < 10 { b'0' + nibble } else { b'A' + nibble - 10 });
-            }
-            out.push(b'"');
+            let digit = |nibble| if nibble < 10 { b'0' + nibble } else { b'A' + nibble - 10 };
+            let [high, low] = [mask.bits() >> 4, mask.bits() & 0xF].map(digit);
+            object.key(key!("ckStatus")).extend_from_slice(&[b'"', b'0', b'x', high, low, b'"']);
         }
         if let Some(speed) = self.speed {
             // What rounds to 0 would be another speed than the one that was meant.

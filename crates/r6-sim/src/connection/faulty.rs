@@ -41,7 +41,7 @@ impl<W: Wire> Conversation<'_, W> {
         while link.takes_frames() {
             match self.next_frame() {
                 Next::Frame => {}
-                Next::Nothing => return,
+                Next::Nothing { .. } => return,
                 Next::LinkChanged => {
                     self.change(link);
                     continue;

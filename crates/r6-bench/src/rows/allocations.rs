@@ -1,0 +1,28 @@
+//! How often memory is asked for. Counted in a process of its own, `r6-bench-allocations`: counting has its price, too.
+
+use std::env;
+use std::process::Command;
+
+use crate::report::{Figure, Goal, Row};
+
+/// The program that counts, beside this one.
+const COUNTER: &str = "r6-bench-allocations";
+
+/// A row for each line that it prints: the count for each frame, and of what.
+pub fn rows() -> Vec<Row> {
+    let program = env::current_exe().expect("this program has a path").with_file_name(COUNTER);
+    let output = Command::new(&program).output().expect("it was built together with this");
+    assert!(output.status.success(), "{COUNTER}: {}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    let row = |line: &str| {
+        let (count, what) = line.split_once(' ').expect("a count and what it is of");
+        Row {
+            what: format!("allocations per frame in steady state, {what}"),
+            against: "–",
+            goal: Some(Goal::AmountAtMost(0.0)),
+            figure: Figure::Amount(count.parse().expect("a number"), ""),
+            in_the_way: "",
+        }
+    };
+    text.lines().map(row).collect()
+}
