@@ -55,8 +55,8 @@ fn settings(input: &mut Input<'_>) -> ControllerSettings {
 
 fn carry_out(operation: &Operation<'_>, cell: &mut Cell, settings: &ControllerSettings) {
     match operation {
-        Operation::List { frame, elsewhere: false } => cell.send(frame.as_bytes()),
-        Operation::List { frame, elsewhere: true } => cell.send_elsewhere(frame.as_bytes()),
+        Operation::List { frame, elsewhere: false, .. } => cell.send(frame.as_bytes()),
+        Operation::List { frame, elsewhere: true, .. } => cell.send_elsewhere(frame.as_bytes()),
         Operation::Command(words) => {
             cell.send(format!(r#"{{"reqType":"command","cmdData":[{words}]}}"#).as_bytes());
         }

@@ -5,6 +5,7 @@
 
 use r6::program_file::{FileError, ProgramFile};
 use r6_controller::{Controller, ControllerSettings, Library, Profile, Program, RobotModel, Scenario};
+use r6_proto::message::Instruction;
 use r6_proto::time::Instant;
 use r6_proto::{Body, Decoder};
 
@@ -100,7 +101,10 @@ fn program_file(text: &str, read: Result<ProgramFile, FileError>) {
             let mut decoder = Decoder::new();
             let message = decoder.decode(&frame).unwrap_or_else(|error| panic!("{error}"));
             let Body::AddRcc(list) = message.body else { panic!("{}", frame.escape_ascii()) };
-            assert_eq!(list.instructions.len(), part.instructions.len());
+            let actions = |steps: &[Instruction]| -> Vec<_> {
+                steps.iter().map(|step| (step.oneshot, step.action.number())).collect()
+            };
+            assert_eq!(actions(list.instructions), actions(&part.instructions));
             cell.send(&frame);
             cell.pass(0.1);
         }

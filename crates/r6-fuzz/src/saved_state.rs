@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use r6_controller::{Controller, ControllerSettings, Profile, RobotModel, SavedState, StartState};
 use r6_proto::time::Instant;
+use serde_json::Value;
 
 use crate::controller::cell::Cell;
 
@@ -33,6 +34,7 @@ pub fn run(bytes: &[u8]) {
     let again = controller.machine().saved();
     let text = again.to_json();
     assert_eq!(SavedState::from_json(&text).as_ref(), Ok(&again), "what it saves, it does not read");
+    nothing_is_lost(&written, &text);
     let restored = Controller::restored(settings.clone(), &again, Instant::ORIGIN).machine().saved();
     assert_eq!(restored, again, "a second power cut changes what the first one left");
 
@@ -47,6 +49,24 @@ pub fn run(bytes: &[u8]) {
     let mut cell = Cell::around(controller, now);
     cell.ask_everything();
     cell.work();
+}
+
+/// What was written comes back: all of it, but for a program in use that is not there, and what that one brings along.
+fn nothing_is_lost(written: &str, again: &str) {
+    let [written, again] =
+        [written, again].map(|text| serde_json::from_str::<Value>(text).expect("it was read before"));
+    for member in ["mode", "registers", "tool", "bench", "tools", "benches"] {
+        assert_eq!(written[member], again[member], "`{member}` is another after a power cut");
+    }
+    for member in ["counters", "stacks", "programs"] {
+        for (name, value) in written[member].as_object().into_iter().flatten() {
+            assert_eq!(
+                Some(value),
+                again[member].get(name),
+                "`{member}.{name}` is another after a power cut"
+            );
+        }
+    }
 }
 
 /// A controller that would run at once if no state were kept.

@@ -122,7 +122,9 @@ impl Pair {
     }
 
     fn receive(&mut self, mut bytes: &[u8]) {
-        self.last_byte = self.now;
+        if !bytes.is_empty() {
+            self.last_byte = self.now;
+        }
         let (inbox, _) = self.session.split();
         loop {
             let taken = inbox.push(self.now, bytes);
@@ -148,6 +150,8 @@ impl Pair {
         let given_up = self.session.split().0.handle_timeout(self.now);
         let plain = if stalled { self.plain.abandon_partial() } else { None };
         assert_eq!(given_up, plain);
+        let due = self.session.poll_timeout();
+        assert!(due.is_none_or(|due| due > self.now), "what was due is still due: {due:?}");
     }
 
     fn transmit(&mut self) {

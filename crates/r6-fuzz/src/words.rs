@@ -17,7 +17,7 @@ const MORE: &str = "dsID cmdType reqType packID queryAddr queryData cmdData cmdR
     base name version port key_order reply_type counter_form max_connections action_stop_ms add_rcc_unarmed hc1 legacy \
     r6-host at every after spread chance from lasts remote register-follow tools benches stacks counters registers programs \
     mold mode auto stop manual spacing count target current \
-    GET POST PUT /v1/controllers /v1/controllers/1 /v1/controllers/2/actions /v1/controllers/1/programs/a /v1/openapi.json \
+    GET POST PUT DELETE HEAD OPTIONS %ff %00 %2F .. /v1/controllers /v1/controllers/1 /v1/controllers/2/actions /v1/controllers/1/programs/a /v1/openapi.json \
     Host: Origin: Sec-Fetch-Site: Content-Type: application/json localhost 127.0.0.1:9770 press turn_key jog home \
     emergency_stop release_emergency_stop clear_alarm raise_alarm set_input switch_program button start pause single_cycle \
     single_step key axis J1 by speed_percent X010 EUX010";

@@ -19,7 +19,7 @@ pub struct Cell {
 }
 
 /// So many events in one stretch of time are enough: a program of steps that take no time has a thousand a second.
-const MOST_EVENTS: u32 = 20_000;
+const MOST_EVENTS: u32 = 3_000;
 
 impl Cell {
     /// The controller with two connections.

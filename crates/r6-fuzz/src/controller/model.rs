@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use r6_controller::{ControllerSettings, OperationMode, PanelAction, RobotModel};
+use r6_controller::{ControllerSettings, ControllerSnapshot, OperationMode, PanelAction, RobotModel};
 use r6_proto::time::Instant;
 
 use super::cell::Cell;
@@ -37,6 +37,8 @@ pub struct Model {
     tainted: bool,
     /// Since when nothing may begin to move: a stop, an emergency stop, the key, a power cut.
     stopped: Option<Instant>,
+    /// Since when there is an alarm.
+    alarm_since: Option<Instant>,
     /// Where the arm rests since then.
     rests_at: Option<[f64; r6_proto::AXES]>,
 }
@@ -51,6 +53,7 @@ impl Model {
             before: None,
             tainted: false,
             stopped: None,
+            alarm_since: None,
             rests_at: None,
         }
     }
@@ -144,15 +147,26 @@ impl Model {
         assert!(!seen.emergency_stop || seen.alarm == 7, "an emergency stop shows alarm {}", seen.alarm);
         assert!(seen.homed || !runs, "it runs and is not homed");
         assert!((0.0..=100.0).contains(&seen.global_speed_percent));
-        if let Some(due) = cell.controller.poll_timeout() {
-            assert!(
-                due > cell.now || cell.controller.machine().next_event().is_none_or(|next| next >= cell.now)
-            );
+        // A shell that waits for what is due would not wait at all.
+        cell.controller.handle_timeout(cell.now);
+        let due = cell.controller.poll_timeout();
+        assert!(due.is_none_or(|due| due > cell.now), "at {} something is due at {due:?}", cell.now);
+        self.hold_at_rest(&seen, cell.now);
+    }
+
+    /// What an emergency stop, an alarm and a stop have in common: once their time is over the arm rests, and stays where it is.
+    fn hold_at_rest(&mut self, seen: &ControllerSnapshot, now: Instant) {
+        if seen.alarm == 0 {
+            self.alarm_since = None;
+        } else {
+            let since = *self.alarm_since.get_or_insert(now);
+            let over = now >= since + self.stop_time + REST_ROUNDING;
+            assert!(!over || !seen.moving, "with alarm {} it moves", seen.alarm);
         }
         if let Some(stopped) = self.stopped
-            && cell.now >= stopped + self.stop_time + REST_ROUNDING
+            && now >= stopped + self.stop_time + REST_ROUNDING
         {
-            assert!(!seen.moving, "{} after a stop it moves", cell.now.since(stopped).as_secs_f64());
+            assert!(!seen.moving, "{} after a stop it moves", now.since(stopped).as_secs_f64());
             let rests_at = *self.rests_at.get_or_insert(seen.axes);
             assert_eq!(seen.axes, rests_at, "after a stop it is elsewhere");
         }

@@ -27,6 +27,8 @@ pub enum Operation<'b> {
     List {
         /// The frame.
         frame: String,
+        /// How many instructions it has.
+        steps: usize,
         /// On the other one.
         elsewhere: bool,
     },
@@ -100,7 +102,7 @@ impl<'b> Operation<'b> {
     /// The next operation of an input.
     pub fn read(input: &mut Input<'b>) -> Self {
         match input.byte() % 16 {
-            0..=2 => Self::List { frame: list(input), elsewhere: false },
+            0..=2 => list(input, false),
             3..=5 => Self::Command(input.pick(&COMMANDS)),
             6 => Self::Frame(input.pick(&FRAMES)),
             7 => Self::Pass(f64::from(input.byte()) / 1000.0),
@@ -118,7 +120,7 @@ impl<'b> Operation<'b> {
                 let frame = input.pick(&FRAMES).as_bytes();
                 Self::Bytes(Bytes(Cow::Owned(crate::mutation::change(frame, input))))
             }
-            _ => Self::List { frame: list(input), elsewhere: true },
+            _ => list(input, true),
         }
     }
 
@@ -127,7 +129,9 @@ impl<'b> Operation<'b> {
         const STARTS: [&str; 4] =
             ["startButton", "actionSingleCycle", "clearAlarmRunNext", "clearAlarmContinue"];
         match self {
-            Self::List { .. } | Self::Bytes(_) => true,
+            // An empty list only clears.
+            Self::List { steps, .. } => *steps > 0,
+            Self::Bytes(_) => true,
             Self::Command(words) => STARTS.iter().any(|word| words.contains(word)),
             Self::Panel(action) => matches!(
                 action,
@@ -194,14 +198,15 @@ fn panel(input: &mut Input<'_>) -> PanelAction {
 }
 
 /// An AddRCC frame of up to five instructions.
-fn list(input: &mut Input<'_>) -> String {
+fn list<'b>(input: &mut Input<'b>, elsewhere: bool) -> Operation<'b> {
     let replace = input.byte() & 3 != 0;
     let steps: Vec<_> = (0..input.below(6)).map(|_| step(input)).collect();
-    format!(
+    let frame = format!(
         r#"{{"reqType":"AddRCC","packID":"5","emptyList":"{}","instructions":[{}]}}"#,
         u8::from(replace),
         steps.join(",")
-    )
+    );
+    Operation::List { frame, steps: steps.len(), elsewhere }
 }
 
 fn step(input: &mut Input<'_>) -> String {
