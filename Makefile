@@ -4,7 +4,7 @@ CARGO ?= cargo
 BUILT := $(or $(CARGO_TARGET_DIR),target)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test bench microbench fmt docs clean
+.PHONY: help run test bench fuzz microbench fmt docs clean
 
 help: ## Show this list
 	@echo "Targets (ARGS=\"...\" is passed on to run and bench):"
@@ -21,6 +21,9 @@ test: ## Run every check: format, lints, docs, dependencies, tests
 bench: ## Measure r6 beside others, as ratios; ARGS="round-trip codec" chooses rows, without it docs/BENCHMARKS.md is written
 	@$(CARGO) build --profile bench --locked --package r6-bench
 	@"$(BUILT)/release/r6-bench" $(ARGS)
+
+fuzz: ## Look for inputs that break a promise: SECONDS=60 for each, TARGET=name, JOBS=1 at the same time, RECORD=1 into docs/RELIABILITY.md
+	@tools/fuzz --seconds "$(or $(SECONDS),60)" --target "$(TARGET)" --jobs "$(or $(JOBS),1)" $(if $(RECORD),--record)
 
 microbench: ## Run the benchmarks of single functions; ARGS go to criterion, such as a part of a name
 	@$(CARGO) bench --locked --workspace --bench '*' -- $(ARGS)

@@ -394,7 +394,10 @@ impl ClientSession {
     /// mean. Give it the others once that has returned `None`.
     #[must_use = "bytes that were not taken have to be given again"]
     pub fn handle_input(&mut self, now: Instant, bytes: &[u8]) -> usize {
-        self.last_byte = now;
+        // A read of nothing is no sign of life.
+        if !bytes.is_empty() {
+            self.last_byte = now;
+        }
         self.frames.push(bytes)
     }
 

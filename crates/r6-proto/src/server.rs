@@ -96,7 +96,10 @@ impl Inbox {
     /// [`Self::next_message`] has returned `None`.
     #[must_use = "bytes that were not taken have to be pushed again"]
     pub fn push(&mut self, now: Instant, bytes: &[u8]) -> usize {
-        self.last_byte = now;
+        // A read of nothing is no sign of life.
+        if !bytes.is_empty() {
+            self.last_byte = now;
+        }
         self.frames.push(bytes)
     }
 

@@ -17,12 +17,19 @@ mod problem;
 mod routes;
 mod server;
 
+use std::net::SocketAddr;
+
 pub use dto::{ActionDto, AxisDto, ButtonDto, ControllerDto, ControllersDto, KeyDto, PoseDto, SnapshotDto};
 pub use problem::ProblemDto;
 pub(crate) use server::serve;
 
 /// Where `r6 up` offers the panel and `r6 panel` looks for it, unless told otherwise.
 pub const DEFAULT_PORT: u16 = 9770;
+
+/// The panel of these controllers as a service, for a server of one's own: it believes that it listens at this address.
+pub fn router(controllers: &[crate::ControllerHandle], address: SocketAddr) -> axum::Router {
+    routes::router(controllers.into(), address)
+}
 
 /// The OpenAPI description of the panel, as `GET /v1/openapi.json` gives it.
 #[must_use]

@@ -11,12 +11,12 @@ mod recording;
 mod robot;
 mod signals;
 mod text_file;
-mod units;
 mod words;
 
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use r6::units;
 
 use crate::exit::{Exit, Failure};
 use crate::robot::RobotArgs;

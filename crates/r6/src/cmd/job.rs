@@ -2,7 +2,6 @@
 
 mod ended;
 mod events;
-pub mod frames;
 mod guard;
 mod progress;
 mod streamed;
@@ -15,13 +14,13 @@ use clap::Args;
 use r6_client::{Envelope, Motion, Robot, RunOptions, Unmet};
 
 use crate::cmd::job::ended::Ended;
-use crate::cmd::job::frames::Batch;
 use crate::cmd::job::guard::GuardArgs;
 pub use crate::cmd::job::progress::clear_progress;
 use crate::exit::{Exit, Failure};
 use crate::output::{self, status};
 use crate::robot::{self, RobotArgs};
 use crate::units;
+use r6::program_file::Batch;
 
 /// What to do with instructions.
 #[derive(Debug, Args)]

@@ -1,12 +1,12 @@
 //! `r6 move`: one motion.
 
 use clap::{Args, Subcommand};
+use r6::program_file::{Batch, eight, first_axes};
 use r6_client::RunOptions;
+use r6_proto::AxisMask;
 use r6_proto::message::Instruction;
-use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, CurveMove, Manner, Move};
-use r6_proto::{AXES, AxisIndex, AxisMask};
+use r6_proto::message::instruction::{Action, BlendLevel, CurveMove, Manner, Move};
 
-use crate::cmd::job::frames::Batch;
 use crate::cmd::job::{self, JobArgs};
 use crate::exit::{Exit, Failure};
 use crate::robot::RobotArgs;
@@ -127,11 +127,6 @@ impl How {
     }
 }
 
-/// The mask of the first so many axes.
-pub fn first_axes(count: usize) -> AxisMask {
-    AxisIndex::ALL.into_iter().take(count).fold(AxisMask::NONE, AxisMask::with)
-}
-
 /// Makes the motion.
 pub async fn run(args: MoveArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     let (action, job) = match &args.path {
@@ -163,14 +158,4 @@ pub async fn run(args: MoveArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     };
     let batch = Batch { replace: !job.append, instructions: vec![Instruction { oneshot: true, action }] };
     job::carry_out(job, vec![batch], RunOptions::default(), &robot).await
-}
-
-/// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported (unit A),
-/// and the mask keeps the others where they are.
-pub fn eight(given: &[f64]) -> Coordinates {
-    let mut values = [0.0; AXES];
-    for (slot, value) in values.iter_mut().zip(given) {
-        *slot = *value;
-    }
-    Coordinates::from_slice(&values)
 }

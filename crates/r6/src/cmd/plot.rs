@@ -13,13 +13,14 @@ use r6_proto::message::Instruction;
 
 use self::inputs::InputChange;
 use self::playback::Cell;
-use crate::cmd::run::{self, Program};
+use crate::cmd::run;
 use crate::cmd::{job, sim};
 use crate::exit::{Exit, Failure};
 use crate::output::drawing::{self, Picture};
 use crate::output::{self, plot};
 use crate::recording::Recording;
 use crate::units;
+use r6::program_file::ProgramFile;
 
 /// After how long a terminal is told how far it is.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -141,9 +142,9 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
 }
 
 /// Reads the program; a list that repeats is run once.
-fn program(file: &Path) -> Result<Program, Failure> {
+fn program(file: &Path) -> Result<ProgramFile, Failure> {
     let mut program = run::read(file)?;
-    program.show_remarks(file);
+    run::show_remarks(&program, file);
     if job::repeats(&program.batches) {
         output::note("r6: this list repeats until it is stopped; it is drawn once");
         program.run_once();

@@ -1,23 +1,16 @@
 //! `r6 run`: sends the instructions of a file.
 
-mod json_program;
-pub mod lines;
-mod toml_program;
-
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use r6::program_file::{MAX_FILE_BYTES, ProgramFile};
 use r6_client::RunOptions;
 
-use crate::cmd::job::frames::Batch;
 use crate::cmd::job::{self, JobArgs};
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::robot::RobotArgs;
-
-/// The largest program file that is read: far more than any list of instructions, and little enough for memory.
-const MAX_FILE_BYTES: u64 = 16 * 1024 * 1024;
 
 /// As [`RunOptions::room`] has it.
 const USUAL_ROOM: u16 = 24;
@@ -101,28 +94,11 @@ pub struct RunArgs {
     job: JobArgs,
 }
 
-/// What a file says.
-#[derive(Debug, PartialEq)]
-pub struct Program {
-    /// Its frames.
-    pub batches: Vec<Batch>,
-    /// What the reader of the file should know: odd spellings, unknown keys.
-    pub remarks: Vec<String>,
-}
-
-impl Program {
-    /// Prints what the reader of the file should know.
-    pub fn show_remarks(&self, file: &Path) {
-        let name = name(file);
-        for remark in &self.remarks {
-            output::note(format_args!("r6: {name}: {remark}"));
-        }
-    }
-
-    /// Lets a list that repeats run only once.
-    pub fn run_once(&mut self) {
-        let steps = self.batches.iter_mut().flat_map(|batch| &mut batch.instructions);
-        steps.for_each(|step| step.oneshot = true);
+/// Prints what the reader of the file should know.
+pub fn show_remarks(program: &ProgramFile, file: &Path) {
+    let name = name(file);
+    for remark in &program.remarks {
+        output::note(format_args!("r6: {name}: {remark}"));
     }
 }
 
@@ -138,7 +114,7 @@ fn is_stdin(file: &Path) -> bool {
 /// Reads the file and sends what it says.
 pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     let mut program = read(&args.file)?;
-    program.show_remarks(&args.file);
+    show_remarks(&program, &args.file);
     if args.job.append
         && let Some(first) = program.batches.first_mut()
     {
@@ -162,14 +138,14 @@ pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
 ///
 /// # Errors
 /// It cannot be read, or is wrong: where, and what.
-pub fn read(file: &Path) -> Result<Program, Failure> {
+pub fn read(file: &Path) -> Result<ProgramFile, Failure> {
     let name = name(file);
     let text = if is_stdin(file) { read_stdin()? } else { read_text(file)? };
     let program = match file.extension().and_then(|extension| extension.to_str()) {
-        _ if is_stdin(file) && begins_as_json(&text) => json_program::read(&text),
-        _ if is_stdin(file) => toml_program::read(&text),
-        Some("json") => json_program::read(&text),
-        Some("toml") => toml_program::read(&text),
+        _ if is_stdin(file) && begins_as_json(&text) => ProgramFile::from_json(&text),
+        _ if is_stdin(file) => ProgramFile::from_toml(&text),
+        Some("json") => ProgramFile::from_json(&text),
+        Some("toml") => ProgramFile::from_toml(&text),
         Some(_) | None => {
             return Err(Failure::usage(format!("{name}: a program ends in .json or .toml")));
         }
@@ -216,24 +192,6 @@ fn read_text(file: &Path) -> Result<String, Failure> {
         )));
     }
     std::fs::read_to_string(file).map_err(unreadable)
-}
-
-/// What is wrong with a file, and where.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct FileError {
-    /// Line and column, counted from 1; `None` where the whole file is meant.
-    at: Option<(usize, usize)>,
-    what: String,
-    advice: Option<String>,
-}
-
-impl std::fmt::Display for FileError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.at {
-            Some((line, column)) => write!(f, "{line}:{column}: {}", self.what),
-            None => write!(f, " {}", self.what),
-        }
-    }
 }
 
 #[cfg(test)]

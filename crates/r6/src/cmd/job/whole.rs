@@ -7,7 +7,6 @@ use r6_proto::message::Action;
 
 use crate::cmd::job::ended::{ELSEWHERE, Ended, GivenUp};
 use crate::cmd::job::events::Accepted;
-use crate::cmd::job::frames::Batch;
 use crate::cmd::job::progress::{clear_progress, show_progress};
 use crate::cmd::job::streamed::stands;
 use crate::cmd::job::target::{Missed, Target};
@@ -15,6 +14,7 @@ use crate::cmd::job::{JobArgs, guard, not_ready, repeats, say_how_to_follow};
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::signals::Ending;
+use r6::program_file::Batch;
 
 /// How soon after the answer a motion without delay is seen: controllers answer within 26 ms and start at once.
 const START_WITHIN: Duration = Duration::from_secs(1);

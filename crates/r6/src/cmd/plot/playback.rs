@@ -11,10 +11,10 @@ use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Manner, Mo
 use r6_proto::time::Instant;
 
 use super::inputs::InputChange;
-use crate::cmd::job::frames::Batch;
-use crate::cmd::r#move::first_axes;
 use crate::exit::Failure;
 use crate::recording::{Alarm, Ending, Recorder, Recording};
+use r6::program_file::Batch;
+use r6::program_file::first_axes;
 
 /// The most instructions that are played: far more than the longest program known, and little enough to draw.
 pub const MAX_INSTRUCTIONS: usize = 10_000;

@@ -5,8 +5,8 @@ use r6_proto::message::{Action, AddRcc, CommandWords, ExtraKind, Message, TypeKe
 use r6_proto::{Body, RequestType};
 
 use super::{Finding, excerpt};
-use crate::cmd::job::frames::MAX_FRAME_BYTES;
 use crate::output::{self, action};
+use r6::program_file::MAX_FRAME_BYTES;
 
 /// Judges `dsID` and the type.
 pub fn header(message: &Message<'_>, finding: &mut Finding) {

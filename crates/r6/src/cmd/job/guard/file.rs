@@ -7,9 +7,9 @@ use r6_client::{AxisIndex, Envelope};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::cmd::run::lines;
 use crate::exit::Failure;
 use crate::text_file;
+use r6::program_file::lines;
 
 /// The longest file: limits are a few lines.
 const MAX_FILE_BYTES: usize = 64 * 1024;

@@ -1,0 +1,188 @@
+//! The client session: each reply belongs to at most one request, a late one to none, nothing grows without bound, and no motion
+//! leaves twice.
+//!
+//! An input is a byte for the settings and then operations, each a byte and what it needs: requests that are sent, bytes that leave,
+//! replies of a peer that answers well, badly, twice or late, and time that passes.
+
+mod ledger;
+
+use std::time::Duration;
+
+use ledger::Ledger;
+use r6_proto::client::{ClientSession, ClientSettings, Event, MAX_OUTPUT_BYTES};
+use r6_proto::message::instruction::{Coordinates, Manner, Move};
+use r6_proto::message::{Action, Body, Instruction, PhotoAnswer, Point, TypeKey};
+use r6_proto::request::CameraPoints;
+use r6_proto::time::Instant;
+use r6_proto::{Address, Command, Request, RequestType};
+
+use crate::input::Input;
+use crate::messages::look_at_everything;
+
+/// An input has no more operations: so each is tried in microseconds.
+const MOST_OPERATIONS: usize = 200;
+
+/// Queries that can be told apart.
+const QUERIES: [&[Address]; 4] =
+    [&[Address::CurMode], &[Address::CurAlarm], &[Address::CurMode, Address::CurAlarm], &[]];
+
+/// Tries one input.
+pub fn run(bytes: &[u8]) {
+    let mut input = Input::new(bytes);
+    let settings = input.byte();
+    let settings = ClientSettings {
+        max_in_flight: [64, 1, 4, 0][usize::from(settings & 3)],
+        max_frame_bytes: [2048, 120][usize::from(settings >> 2 & 1)],
+        type_key: if settings & 8 == 0 { TypeKey::ReqType } else { TypeKey::CmdType },
+        first_pack_id: [1, 0, 1 << 40, 9][usize::from(settings >> 4 & 3)],
+        ..ClientSettings::default()
+    };
+    let mut peer =
+        Peer { ledger: Ledger::new(settings), session: ClientSession::new(settings), now: Instant::ORIGIN };
+    for _ in 0..MOST_OPERATIONS {
+        if input.is_empty() {
+            break;
+        }
+        peer.step(&mut input);
+        peer.hold();
+    }
+    peer.session.handle_disconnect();
+    peer.listen();
+    peer.ledger.all_have_ended();
+    assert_eq!(peer.session.poll_timeout().filter(|due| *due <= peer.now), None);
+}
+
+/// A session, and who is at the other end.
+struct Peer {
+    session: ClientSession,
+    ledger: Ledger,
+    now: Instant,
+}
+
+impl Peer {
+    fn step(&mut self, input: &mut Input<'_>) {
+        match input.byte() % 16 {
+            0..=2 => self.send(input),
+            3 | 4 => self.transmit(usize::from(input.number())),
+            5 => self.transmit(usize::MAX),
+            6..=8 => {
+                let reply = self.ledger.reply(input);
+                self.receive(&reply);
+            }
+            9 => {
+                let reply = self.ledger.reply(input);
+                self.receive(&crate::mutation::change(&reply, input));
+            }
+            10 => self.receive(input.piece()),
+            11 => self.pass(Duration::from_millis(u64::from(input.number()))),
+            12 => self.pass(Duration::from_millis(u64::from(input.byte()))),
+            13 => {
+                if let Some(ticket) = self.ledger.waiting(input)
+                    && self.session.withdraw(ticket)
+                {
+                    self.ledger.withdrawn(ticket);
+                }
+            }
+            14 => {
+                let reply = self.ledger.last_reply().to_vec();
+                self.receive(&reply);
+            }
+            _ => self.receive(br#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":0}"#),
+        }
+    }
+
+    fn send(&mut self, input: &mut Input<'_>) {
+        let target = Coordinates::from_slice(&[input.decimal(180.0); 6]);
+        let step = Instruction {
+            oneshot: true,
+            action: Action::AxisMove(Move {
+                target,
+                manner: Manner { speed: Some(10.0), ..Manner::default() },
+            }),
+        };
+        let steps = vec![step; input.below(9)];
+        let points = [Point { x: input.decimal(1000.0), ..Point::default() }];
+        let cameras = [CameraPoints { cam_id: 0, points: &points }];
+        let request = match input.below(8) {
+            0 | 1 => Request::Query(input.pick(&QUERIES)),
+            2 => Request::Command(&Command::ActionStop),
+            3 => Request::Command(&Command::StartButton),
+            4 => Request::AddRcc { empty_list: input.flag(), instructions: &steps },
+            5 => Request::AddPoints(&cameras),
+            6 => Request::Heartbreak,
+            _ => Request::PhotoAnswer(PhotoAnswer { cam_id: 0, ret: 1 }),
+        };
+        let before = self.session.poll_transmit().map_or(0, <[u8]>::len);
+        match self.session.send(self.now, &request) {
+            Ok(ticket) => self.ledger.sent(ticket, &request, self.now),
+            Err(error) => {
+                assert!(!error.to_string().is_empty());
+                let after = self.session.poll_transmit().map_or(0, <[u8]>::len);
+                assert_eq!(before, after, "what was not sent left bytes behind: {error}");
+            }
+        }
+    }
+
+    fn transmit(&mut self, most: usize) {
+        let Some(bytes) = self.session.poll_transmit() else { return };
+        let leaves = &bytes[..bytes.len().min(most)];
+        let count = leaves.len();
+        self.ledger.left(leaves);
+        self.session.transmitted(count);
+    }
+
+    fn receive(&mut self, mut bytes: &[u8]) {
+        loop {
+            let taken = self.session.handle_input(self.now, bytes);
+            bytes = &bytes[taken..];
+            self.listen();
+            if bytes.is_empty() {
+                return;
+            }
+            assert!(taken > 0, "a session that has told everything takes bytes");
+        }
+    }
+
+    fn pass(&mut self, time: Duration) {
+        self.now += time;
+        self.session.handle_timeout(self.now);
+        self.listen();
+        assert!(self.session.poll_timeout().is_none_or(|due| due > self.now), "what was due is still due");
+    }
+
+    fn listen(&mut self) {
+        let now = self.now;
+        while let Some(event) = self.session.poll_event(now) {
+            match event {
+                Event::Reply { ticket, message, after } => {
+                    look_at_everything(&message);
+                    let request = self.ledger.answered(ticket, &message);
+                    assert_eq!(after, now.since(request.sent_at));
+                    let fits = match &message.body {
+                        Body::QueryReply(_) => request.kind == RequestType::Query,
+                        Body::CommandReply(reply) => {
+                            request.kind != RequestType::Query
+                                && reply.command().is_none_or(|word| word == request.word)
+                        }
+                        Body::Rejected(_) => true,
+                        _ => false,
+                    };
+                    assert!(fits, "{message:?} answers {request:?}");
+                }
+                Event::TimedOut(ticket) => self.ledger.timed_out(ticket, now),
+                Event::Lost { ticket, left } => self.ledger.lost(ticket, left),
+                Event::Photo { message, .. } | Event::Stray { message, .. } => look_at_everything(&message),
+                Event::BadFrame(error) => assert!(!error.to_string().is_empty()),
+                Event::NotJson(error) => assert!(!error.to_string().is_empty()),
+                Event::OutOfStep => self.ledger.out_of_step(),
+            }
+        }
+    }
+
+    /// What holds between any two operations.
+    fn hold(&self) {
+        let output = self.session.poll_transmit().map_or(0, <[u8]>::len);
+        assert!(output <= MAX_OUTPUT_BYTES + 65_536, "{output} bytes wait to leave");
+        self.ledger.hold();
+    }
+}

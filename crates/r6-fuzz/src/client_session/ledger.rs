@@ -1,0 +1,214 @@
+//! What became of each request, kept apart from the session.
+
+use std::collections::BTreeMap;
+
+use r6_proto::client::{ClientSettings, Ticket};
+use r6_proto::frame::{FrameBuffer, Limits};
+use r6_proto::message::{Body, Message};
+use r6_proto::time::Instant;
+use r6_proto::{Decoder, Request, RequestType};
+
+use crate::input::Input;
+
+/// A request that was sent.
+#[derive(Clone, Debug)]
+pub struct Sent {
+    pub kind: RequestType,
+    /// The command's word, or that of AddPoints or AddRCC.
+    pub word: &'static str,
+    pub sent_at: Instant,
+    addresses: Vec<String>,
+    state: State,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Waits,
+    Answered,
+    TimedOut,
+    Lost,
+    Withdrawn,
+}
+
+/// All requests, and all bytes that left.
+pub struct Ledger {
+    settings: ClientSettings,
+    requests: BTreeMap<Ticket, Sent>,
+    /// A request has timed out: whatever comes without a number may answer it.
+    late: bool,
+    out_of_step: bool,
+    last_reply: Vec<u8>,
+    wire: FrameBuffer,
+    /// How often each motion left, by its number.
+    motions: BTreeMap<i64, u32>,
+}
+
+impl Ledger {
+    pub fn new(settings: ClientSettings) -> Self {
+        Self {
+            settings,
+            requests: BTreeMap::new(),
+            late: false,
+            out_of_step: false,
+            last_reply: Vec::new(),
+            wire: FrameBuffer::new(Limits::default()),
+            motions: BTreeMap::new(),
+        }
+    }
+
+    pub fn sent(&mut self, ticket: Ticket, request: &Request<'_>, now: Instant) {
+        if !request.expects_reply() {
+            return;
+        }
+        let (word, addresses) = match request {
+            Request::Query(addresses) => ("query", addresses.iter().map(ToString::to_string).collect()),
+            Request::Command(command) => (command.name().word(), Vec::new()),
+            _ => (request.request_type().word(), Vec::new()),
+        };
+        let sent = Sent { kind: request.request_type(), word, sent_at: now, addresses, state: State::Waits };
+        assert!(
+            self.requests.insert(ticket, sent).is_none(),
+            "two requests have the number {}",
+            ticket.number()
+        );
+    }
+
+    /// One of the requests that wait.
+    pub fn waiting(&self, input: &mut Input<'_>) -> Option<Ticket> {
+        let waiting: Vec<_> = self
+            .requests
+            .iter()
+            .filter(|(_, sent)| sent.state == State::Waits)
+            .map(|(ticket, _)| *ticket)
+            .collect();
+        if waiting.is_empty() { None } else { Some(input.pick(&waiting)) }
+    }
+
+    /// A reply to any request there ever was, in one of the forms that firmware gives it.
+    pub fn reply(&mut self, input: &mut Input<'_>) -> Vec<u8> {
+        let newest_first: Vec<_> = self.requests.iter().rev().collect();
+        if newest_first.is_empty() {
+            return Vec::new();
+        }
+        let (ticket, sent) = input.pick(&newest_first);
+        let form = input.byte();
+        let mut number = ticket.number();
+        if form & 0x30 == 0x30 {
+            number = number.wrapping_add(u64::from(input.byte()));
+        }
+        let pack_id = if form & 1 == 0 { format!(r#""packID":"{number}","#) } else { String::new() };
+        let names: Vec<_> = sent.addresses.iter().map(|name| format!("\"{name}\"")).collect();
+        let values = vec!["\"0\""; names.len()];
+        let reply = match sent.kind {
+            RequestType::Query => {
+                let echo = if form & 2 == 0 {
+                    format!(r#""queryAddr":[{}],"#, names.join(","))
+                } else {
+                    String::new()
+                };
+                format!(r#"{{{pack_id}{echo}"queryData":[{}],"reqType":"query"}}"#, values.join(","))
+            }
+            RequestType::Command
+            | RequestType::AddPoints
+            | RequestType::AddRcc
+            | RequestType::Heartbreak
+            | RequestType::Photo => {
+                let word = if form & 2 == 0 { format!("\"{}\",", sent.word) } else { String::new() };
+                let kind = if form & 4 == 0 { sent.kind.word() } else { "command" };
+                format!(r#"{{"cmdReply":[{word}"ok"],{pack_id}"reqType":"{kind}"}}"#)
+            }
+        };
+        self.last_reply = reply.into_bytes();
+        self.last_reply.clone()
+    }
+
+    pub fn last_reply(&self) -> &[u8] {
+        &self.last_reply
+    }
+
+    /// Bytes have left: no motion twice, whatever happened before.
+    pub fn left(&mut self, mut bytes: &[u8]) {
+        let mut decoder = Decoder::new();
+        while !bytes.is_empty() {
+            let taken = self.wire.push(bytes);
+            bytes = &bytes[taken..];
+            while let Some(frame) = self.wire.next() {
+                let frame = frame.unwrap_or_else(|error| panic!("what leaves is no frame: {error}"));
+                let message = decoder.decode(frame.bytes).unwrap_or_else(|error| panic!("{error}"));
+                if let (Body::AddRcc(_), Some(pack_id)) = (&message.body, message.header.pack_id) {
+                    let number = pack_id.integer().expect("a number of ours");
+                    let times = self.motions.entry(number).or_insert(0);
+                    *times += 1;
+                    assert_eq!(*times, 1, "motion {number} left twice");
+                    let sent =
+                        self.requests.iter().find(|(ticket, _)| i64::try_from(ticket.number()) == Ok(number));
+                    assert!(
+                        sent.is_some_and(|(_, sent)| sent.state != State::Withdrawn),
+                        "motion {number} was taken back, and left"
+                    );
+                }
+            }
+        }
+    }
+
+    fn end(&mut self, ticket: Ticket, state: State) -> &Sent {
+        let number = ticket.number();
+        let sent = self.requests.get_mut(&ticket).unwrap_or_else(|| panic!("nobody sent {number}"));
+        assert_eq!(sent.state, State::Waits, "request {number} has ended, and ends again as {state:?}");
+        sent.state = state;
+        sent
+    }
+
+    pub fn answered(&mut self, ticket: Ticket, message: &Message<'_>) -> Sent {
+        let echo: Option<Vec<String>> = match &message.body {
+            Body::QueryReply(reply) => {
+                reply.addresses.map(|echo| echo.iter().map(|name| name.text().into_owned()).collect())
+            }
+            _ => None,
+        };
+        match message.header.pack_id {
+            Some(pack_id) => {
+                let number = pack_id.integer().and_then(|number| u64::try_from(number).ok());
+                assert_eq!(number, Some(ticket.number()), "a reply with another number");
+            }
+            None => assert!(!self.late && !self.out_of_step, "a reply that may be late was matched"),
+        }
+        let sent = self.end(ticket, State::Answered);
+        if let Some(echo) = echo {
+            assert_eq!(echo.concat(), sent.addresses.concat(), "a reply to another query");
+        }
+        sent.clone()
+    }
+
+    pub fn timed_out(&mut self, ticket: Ticket, now: Instant) {
+        let timeout = self.settings.reply_timeout;
+        let sent = self.end(ticket, State::TimedOut);
+        assert!(now.since(sent.sent_at) >= timeout, "it timed out too soon");
+        self.late = true;
+    }
+
+    pub fn lost(&mut self, ticket: Ticket, left: bool) {
+        let motion = self.motions.contains_key(&i64::try_from(ticket.number()).unwrap_or(i64::MAX));
+        let sent = self.end(ticket, State::Lost);
+        assert!(left || !motion, "{} left, and is said not to have", sent.word);
+    }
+
+    pub fn withdrawn(&mut self, ticket: Ticket) {
+        self.end(ticket, State::Withdrawn);
+    }
+
+    pub fn out_of_step(&mut self) {
+        assert!(self.late, "out of step although nothing timed out");
+        assert!(!std::mem::replace(&mut self.out_of_step, true), "out of step is said once");
+    }
+
+    pub fn hold(&self) {
+        let waiting = self.requests.values().filter(|sent| sent.state == State::Waits).count();
+        assert!(waiting <= self.settings.max_in_flight, "{waiting} requests wait");
+    }
+
+    pub fn all_have_ended(&self) {
+        let waiting = self.requests.values().find(|sent| sent.state == State::Waits);
+        assert!(waiting.is_none(), "{waiting:?} never ended");
+    }
+}

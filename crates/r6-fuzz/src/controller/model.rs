@@ -1,0 +1,180 @@
+//! What a controller may do, in a few rules that a person can read: the reference that it is held to after each operation.
+
+use std::time::Duration;
+
+use r6_controller::{ControllerSettings, ControllerSnapshot, OperationMode, PanelAction, RobotModel};
+use r6_proto::time::Instant;
+
+use super::cell::Cell;
+use super::operation::Operation;
+
+/// How far beyond a limit rounding may take an axis, degrees or mm.
+const ROUNDING: f64 = 1e-6;
+
+/// By how much a speed may exceed its limit: the plan is sampled.
+const SPEED_ROUNDING: f64 = 1.000_1;
+
+/// How much later than promised an arm may be at rest.
+const REST_ROUNDING: Duration = Duration::from_millis(2);
+
+/// What was so before an operation.
+#[derive(Clone, Copy, Debug)]
+struct Before {
+    mode: OperationMode,
+    alarm: u32,
+    list: usize,
+    now: Instant,
+    sent: usize,
+}
+
+/// The rules, and what they have to remember.
+pub struct Model {
+    robot: RobotModel,
+    max_connections: usize,
+    stop_time: Duration,
+    before: Option<Before>,
+    /// The beginning of a frame may have come: nobody can tell what the next bytes mean.
+    tainted: bool,
+    /// Since when nothing may begin to move: a stop, an emergency stop, the key, a power cut.
+    stopped: Option<Instant>,
+    /// Since when there is an alarm.
+    alarm_since: Option<Instant>,
+    /// Where the arm rests since then.
+    rests_at: Option<[f64; r6_proto::AXES]>,
+}
+
+impl Model {
+    /// The rules for a controller with these settings.
+    pub fn new(settings: &ControllerSettings) -> Self {
+        Self {
+            robot: settings.model.clone(),
+            max_connections: settings.profile.max_connections,
+            stop_time: settings.profile.action_stop_time,
+            before: None,
+            tainted: false,
+            stopped: None,
+            alarm_since: None,
+            rests_at: None,
+        }
+    }
+
+    /// Looks at what is so before an operation.
+    pub fn before(&mut self, operation: &Operation<'_>, cell: &mut Cell) {
+        let seen = cell.controller.snapshot(cell.now);
+        let (mode, alarm, list) = (seen.mode, seen.alarm, seen.list_length);
+        self.before = Some(Before { mode, alarm, list, now: cell.now, sent: cell.transcript.len() });
+        match operation {
+            Operation::Bytes(_) => self.tainted = true,
+            Operation::Reconnect | Operation::Lose | Operation::PowerCut => self.tainted = false,
+            _ => {}
+        }
+        if self.may_start(operation) {
+            self.stopped = None;
+            self.rests_at = None;
+        }
+    }
+
+    fn may_start(&self, operation: &Operation<'_>) -> bool {
+        let is_frame =
+            matches!(operation, Operation::Command(_) | Operation::Frame(_) | Operation::AskEverything);
+        operation.may_start() || (self.tainted && is_frame)
+    }
+
+    /// Looks at what has become of it.
+    pub fn after(&mut self, operation: &Operation<'_>, cell: &mut Cell) {
+        let Some(before) = self.before else { return };
+        let seen = cell.controller.snapshot(cell.now);
+        let runs = |mode: OperationMode| {
+            matches!(mode, OperationMode::Running | OperationMode::SingleCycle | OperationMode::SingleStep)
+        };
+        if !self.may_start(operation) {
+            assert!(
+                runs(before.mode) || !runs(seen.mode),
+                "{operation:?} began a program: {before:?} {seen:?}"
+            );
+        }
+        if before.alarm != 0 && !self.tainted && !operation.may_clear_alarm() {
+            let stays = seen.alarm == before.alarm || seen.alarm == 7;
+            assert!(stays, "{operation:?} changed the alarm: {before:?} {}", seen.alarm);
+        }
+        // Nothing but AddRCC fills the list.
+        let adds = matches!(operation, Operation::List { .. });
+        assert!(adds || self.tainted || seen.list_length <= before.list, "{operation:?} filled the list");
+        let stops = match operation {
+            Operation::Panel(PanelAction::EmergencyStop | PanelAction::TurnKey(_)) | Operation::PowerCut => {
+                true
+            }
+            // A connection that is not served, or in the middle of another frame, carries no stop.
+            _ => operation.is_stop() && said_ok(&cell.transcript[before.sent..]),
+        };
+        if stops {
+            assert!(!runs(seen.mode), "{operation:?} left it running: {:?}", seen.mode);
+            self.stopped.get_or_insert(before.now);
+        }
+        if let Operation::Panel(PanelAction::TurnKey(key)) = operation {
+            let wanted = match key {
+                r6_controller::Key::Manual => OperationMode::Manual,
+                r6_controller::Key::Stop => OperationMode::Stop,
+                r6_controller::Key::Auto => OperationMode::Auto,
+            };
+            assert_eq!(seen.mode, wanted, "the key tells the mode");
+        }
+        if matches!(operation, Operation::Panel(PanelAction::EmergencyStop)) {
+            assert!(seen.emergency_stop && seen.alarm == 7);
+        }
+    }
+
+    /// What holds at any time.
+    pub fn hold(&mut self, cell: &mut Cell) {
+        let seen = cell.controller.snapshot(cell.now);
+        for (axis, (position, drive)) in seen.axes.iter().zip(self.robot.drives()).enumerate() {
+            let within = drive.soft.min - ROUNDING..=drive.soft.max + ROUNDING;
+            assert!(within.contains(position), "axis {axis} at {position}, beyond {:?}", drive.soft);
+        }
+        let motion = cell.controller.machine().motion();
+        for (axis, (speed, drive)) in motion.axis_speeds.iter().zip(self.robot.drives()).enumerate() {
+            let most = drive.max_speed * SPEED_ROUNDING + ROUNDING;
+            assert!(speed.abs() <= most, "axis {axis} at {speed} a second, above {}", drive.max_speed);
+        }
+        assert!(seen.world.iter().all(|number| number.is_finite()));
+        assert!(seen.list_length <= r6_controller::instruction_list::MAX_INSTRUCTIONS);
+        assert!(seen.connections <= self.max_connections, "{} connections are served", seen.connections);
+        let runs = matches!(
+            seen.mode,
+            OperationMode::Running | OperationMode::SingleCycle | OperationMode::SingleStep
+        );
+        assert!(seen.alarm == 0 || !runs, "it runs with alarm {}", seen.alarm);
+        assert!(!seen.emergency_stop || seen.alarm == 7, "an emergency stop shows alarm {}", seen.alarm);
+        assert!(seen.homed || !runs, "it runs and is not homed");
+        assert!((0.0..=100.0).contains(&seen.global_speed_percent));
+        // A shell that waits for what is due would not wait at all.
+        cell.controller.handle_timeout(cell.now);
+        let due = cell.controller.poll_timeout();
+        assert!(due.is_none_or(|due| due > cell.now), "at {} something is due at {due:?}", cell.now);
+        self.hold_at_rest(&seen, cell.now);
+    }
+
+    /// What an emergency stop, an alarm and a stop have in common: once their time is over the arm rests, and stays where it is.
+    fn hold_at_rest(&mut self, seen: &ControllerSnapshot, now: Instant) {
+        if seen.alarm == 0 {
+            self.alarm_since = None;
+        } else {
+            let since = *self.alarm_since.get_or_insert(now);
+            let over = now >= since + self.stop_time + REST_ROUNDING;
+            assert!(!over || !seen.moving, "with alarm {} it moves", seen.alarm);
+        }
+        if let Some(stopped) = self.stopped
+            && now >= stopped + self.stop_time + REST_ROUNDING
+        {
+            assert!(!seen.moving, "{} after a stop it moves", now.since(stopped).as_secs_f64());
+            let rests_at = *self.rests_at.get_or_insert(seen.axes);
+            assert_eq!(seen.axes, rests_at, "after a stop it is elsewhere");
+        }
+    }
+}
+
+/// Whether a command was answered with ok.
+fn said_ok(frames: &[u8]) -> bool {
+    const OK: &[u8] = br#""ok"]"#;
+    frames.windows(OK.len()).any(|part| part == OK)
+}

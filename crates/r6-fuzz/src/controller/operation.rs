@@ -1,0 +1,265 @@
+//! What can happen to a controller.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use r6_controller::{Button, Key, PanelAction};
+use r6_proto::AxisIndex;
+
+use crate::input::Input;
+
+/// An input has no more operations: so each is tried in milliseconds.
+pub const MOST_OPERATIONS: usize = 40;
+
+/// Bytes that a connection carries.
+pub struct Bytes<'b>(pub Cow<'b, [u8]>);
+
+impl fmt::Debug for Bytes<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.0.escape_ascii())
+    }
+}
+
+/// One thing that happens.
+#[derive(Debug)]
+pub enum Operation<'b> {
+    /// An AddRCC arrives, on the first connection or on the other.
+    List {
+        /// The frame.
+        frame: String,
+        /// How many instructions it has.
+        steps: usize,
+        /// On the other one.
+        elsewhere: bool,
+    },
+    /// A command arrives: its word and arguments, as they stand in the frame.
+    Command(&'static str),
+    /// Another frame arrives that starts nothing.
+    Frame(&'static str),
+    /// Any bytes arrive.
+    Bytes(Bytes<'b>),
+    /// A person does something.
+    Panel(PanelAction),
+    /// Time passes, s.
+    Pass(f64),
+    /// The connection ends and is made anew.
+    Reconnect,
+    /// The connection is gone, and nobody notices.
+    Lose,
+    /// The mains fail and come back.
+    PowerCut,
+    /// A camera is asked for a photo.
+    Photo(i64),
+    /// Every address is asked for.
+    AskEverything,
+}
+
+/// Commands, as they stand in a frame.
+const COMMANDS: [&str; 24] = [
+    r#""actionStop""#,
+    r#""startButton""#,
+    r#""actionPause""#,
+    r#""stopButton""#,
+    r#""actionSingleCycle""#,
+    r#""clearAlarm""#,
+    r#""clearAlarmRunNext""#,
+    r#""clearAlarmContinue""#,
+    r#""modifyGSPD","0""#,
+    r#""modifyGSPD","700""#,
+    r#""modifyGSPD","1000""#,
+    r#""switchMold","register-follow""#,
+    r#""switchMold","remote""#,
+    r#""switchMold","palletise""#,
+    r#""rewriteDataList","800","6","1","1000","-2000","3000","0","0","0""#,
+    r#""rewriteDataList","850","6","0","90000","0","0","0","0","0""#,
+    r#""modifyCounter","0","2","-1""#,
+    r#""modifyOutput","4","0","1""#,
+    r#""modifyAccDec","100","100""#,
+    r#""switchTool","1""#,
+    r#""modifyTool","1","0","0","100000","0","90000","0""#,
+    r#""switchCoordinate","3""#,
+    r#""modifyStackData","0","100","100","50","2","2","2""#,
+    r#""rewriteData","900","-7","1""#,
+];
+
+/// Frames that start nothing.
+const FRAMES: [&str; 6] = [
+    r#"{"reqType":"heartbreak"}"#,
+    r#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":0,"ret":1}"#,
+    r#"{"reqType":"AddPoints","dsData":[{"camID":"0","data":[{"ModelID":"0","X":"300","Y":"20","Z":"300","U":"180","V":"0","Angel":"4"}]}]}"#,
+    r#"{"reqType":"AddRCC","emptyList":"1","instructions":[]}"#,
+    r#"{"reqType":"query","packID":"7","queryAddr":["curMode","isMoving","axis-0","nothing"]}"#,
+    r#"{"reqType":"command","cmdData":["heartbreak"]}"#,
+];
+
+const BUTTONS: [Button; 5] =
+    [Button::Start, Button::Stop, Button::Pause, Button::SingleCycle, Button::SingleStep];
+
+/// A program that a person loads: it runs endlessly.
+const PROGRAM: &str = "[[step]]\ndo = \"set-output\"\n";
+
+impl<'b> Operation<'b> {
+    /// The next operation of an input.
+    pub fn read(input: &mut Input<'b>) -> Self {
+        match input.byte() % 16 {
+            0..=2 => list(input, false),
+            3..=5 => Self::Command(input.pick(&COMMANDS)),
+            6 => Self::Frame(input.pick(&FRAMES)),
+            7 => Self::Pass(f64::from(input.byte()) / 1000.0),
+            8 => Self::Pass(f64::from(input.byte()) / 50.0),
+            9 | 10 => Self::Panel(panel(input)),
+            11 => Self::Bytes(Bytes(Cow::Borrowed(input.piece()))),
+            12 => match input.below(4) {
+                0 => Self::Reconnect,
+                1 => Self::Lose,
+                2 => Self::PowerCut,
+                _ => Self::Photo(i64::from(input.byte())),
+            },
+            13 => Self::AskEverything,
+            14 => {
+                let frame = input.pick(&FRAMES).as_bytes();
+                Self::Bytes(Bytes(Cow::Owned(crate::mutation::change(frame, input))))
+            }
+            _ => list(input, true),
+        }
+    }
+
+    /// Whether it may set the arm in motion, or a program: an explicit new command, or bytes that could hold one.
+    pub fn may_start(&self) -> bool {
+        const STARTS: [&str; 4] =
+            ["startButton", "actionSingleCycle", "clearAlarmRunNext", "clearAlarmContinue"];
+        match self {
+            // An empty list only clears.
+            Self::List { steps, .. } => *steps > 0,
+            Self::Bytes(_) => true,
+            Self::Command(words) => STARTS.iter().any(|word| words.contains(word)),
+            Self::Panel(action) => matches!(
+                action,
+                PanelAction::Press(Button::Start | Button::SingleCycle | Button::SingleStep)
+                    | PanelAction::Home
+                    | PanelAction::Jog { .. }
+            ),
+            Self::Frame(_)
+            | Self::Pass(_)
+            | Self::Reconnect
+            | Self::Lose
+            | Self::PowerCut
+            | Self::Photo(_)
+            | Self::AskEverything => false,
+        }
+    }
+
+    /// Whether it is `actionStop`.
+    pub fn is_stop(&self) -> bool {
+        matches!(self, Self::Command(r#""actionStop""#))
+    }
+
+    /// Whether it may take an alarm away.
+    pub fn may_clear_alarm(&self) -> bool {
+        match self {
+            Self::Command(words) => words.contains("clearAlarm"),
+            Self::Panel(action) => matches!(action, PanelAction::ClearAlarm),
+            Self::Bytes(_) | Self::PowerCut => true,
+            Self::List { .. }
+            | Self::Frame(_)
+            | Self::Pass(_)
+            | Self::Reconnect
+            | Self::Lose
+            | Self::Photo(_)
+            | Self::AskEverything => false,
+        }
+    }
+}
+
+fn panel(input: &mut Input<'_>) -> PanelAction {
+    let (board, point, on) = (input.byte() % 9, input.byte() % 34, input.flag());
+    match input.below(14) {
+        0 | 1 => PanelAction::SetInput { board, point, on },
+        2 => PanelAction::SetEuInput { point, on },
+        3 | 4 => PanelAction::Press(input.pick(&BUTTONS)),
+        5 => PanelAction::TurnKey(input.pick(&[Key::Auto, Key::Manual, Key::Stop])),
+        6 => PanelAction::EmergencyStop,
+        7 => PanelAction::ReleaseEmergencyStop,
+        8 => PanelAction::ClearAlarm,
+        9 => PanelAction::RaiseAlarm(u32::from(input.number())),
+        10 => PanelAction::Home,
+        11 => {
+            let axis = input.pick(&AxisIndex::ALL);
+            PanelAction::Jog { axis, by: input.decimal(400.0), percent: input.decimal(110.0) }
+        }
+        12 => {
+            PanelAction::SwitchProgram(input.pick(&["remote", "default", "register-move", "x"]).to_string())
+        }
+        _ => {
+            let name = input.pick(&["remote", "mine", "default", ""]).to_string();
+            PanelAction::LoadProgram { name, text: PROGRAM.to_owned() }
+        }
+    }
+}
+
+/// An AddRCC frame of up to five instructions.
+fn list<'b>(input: &mut Input<'b>, elsewhere: bool) -> Operation<'b> {
+    let replace = input.byte() & 3 != 0;
+    let steps: Vec<_> = (0..input.below(6)).map(|_| step(input)).collect();
+    let frame = format!(
+        r#"{{"reqType":"AddRCC","packID":"5","emptyList":"{}","instructions":[{}]}}"#,
+        u8::from(replace),
+        steps.join(",")
+    );
+    Operation::List { frame, steps: steps.len(), elsewhere }
+}
+
+fn step(input: &mut Input<'_>) -> String {
+    let how = input.byte();
+    let oneshot = u8::from(how & 0x80 == 0);
+    let smooth = how >> 4 & 7;
+    let speed = ["100", "20", "5", "0.1", "100"][input.below(5)];
+    let delay = ["0", "0", "0.1", "1"][input.below(4)];
+    let coordinates = |input: &mut Input<'_>, suffix: &str, limits: [f64; 6]| {
+        let all: Vec<_> = limits
+            .iter()
+            .enumerate()
+            .map(|(n, limit)| format!(r#""m{n}{suffix}":"{:.3}""#, input.decimal(*limit)))
+            .collect();
+        all.join(",")
+    };
+    const AXES: [f64; 6] = [200.0, 140.0, 140.0, 200.0, 130.0, 400.0];
+    const POSE: [f64; 6] = [900.0, 900.0, 1200.0, 200.0, 200.0, 200.0];
+    let manner = format!(r#""ckStatus":"0x3F","speed":"{speed}","delay":"{delay}","smooth":"{smooth}""#);
+    let rest = match how & 15 {
+        0..=4 => format!(r#""action":"4",{},{manner}"#, coordinates(input, "", AXES)),
+        5 | 6 => format!(r#""action":"10",{},{manner}"#, coordinates(input, "", POSE)),
+        7 => {
+            let middle = coordinates(input, "", POSE);
+            format!(r#""action":"17",{middle},{},{manner}"#, coordinates(input, "_p", POSE))
+        }
+        8 => format!(
+            r#""action":"100","type":"{}","point":"{}","io_status":"{}","limit":"{delay}","isUnlimit":"{}""#,
+            input.below(9),
+            input.below(32),
+            input.below(4),
+            input.byte() & 1
+        ),
+        9 => format!(
+            r#""action":"200","type":"{}","io_status":"{}","point":"{}","delay":"{delay}""#,
+            100 + input.below(4),
+            input.byte() & 1,
+            input.below(33)
+        ),
+        10 => format!(
+            r#""action":"52","isUse":"{}","ioNumber":"{}","io_status":"{}""#,
+            input.byte() & 1,
+            input.below(32),
+            input.byte() & 1
+        ),
+        11 => format!(r#""action":"51","isUse":"{}","speed":"{}""#, input.byte() & 1, input.byte()),
+        12 => format!(r#""action":"53","cnt_id":"{}""#, input.below(40)),
+        13 => format!(
+            r#""action":"204","type":"{}","point":"{}","limit":"0.3""#,
+            input.below(3),
+            input.below(32)
+        ),
+        _ => format!(r#""action":"{}","anything":[1]"#, input.byte()),
+    };
+    format!(r#"{{"oneshot":"{oneshot}",{rest}}}"#)
+}

@@ -1,0 +1,148 @@
+//! The files that users write: any text is taken or refused with a reason and a place; what is taken runs for a while without a
+//! panic and within the limits of the arm; what is written again is read the same.
+//!
+//! An input is a byte for the kind of file and its text.
+
+use r6::program_file::{FileError, ProgramFile};
+use r6_controller::{Controller, ControllerSettings, Library, Profile, Program, RobotModel, Scenario};
+use r6_proto::message::Instruction;
+use r6_proto::time::Instant;
+use r6_proto::{Body, Decoder};
+
+use crate::controller::cell::Cell;
+use crate::input::Input;
+
+/// The kinds, and the first byte of an input of each.
+pub const KINDS: [(u8, &str); 6] = [
+    (b'P', "a taught program"),
+    (b'T', "a file of `r6 run` in TOML"),
+    (b'J', "a file of `r6 run` in JSON"),
+    (b'M', "a robot model"),
+    (b'S', "a scenario"),
+    (b'F', "a profile"),
+];
+
+/// Longer texts only cost time: the limits of each kind are tested by themselves.
+const MOST_BYTES: usize = 32 * 1024;
+
+/// How long what was read runs, s of the controller's time.
+const RUNS: f64 = 4.0;
+
+/// Tries one input.
+pub fn run(bytes: &[u8]) {
+    let mut input = Input::new(bytes);
+    let kind = input.byte();
+    let Ok(text) = std::str::from_utf8(input.rest()) else { return };
+    if text.len() > MOST_BYTES {
+        return;
+    }
+    match kind {
+        b'P' => program(text),
+        b'T' => program_file(text, ProgramFile::from_toml(text)),
+        b'J' => program_file(text, ProgramFile::from_json(text)),
+        b'M' => model(text),
+        b'S' => scenario(text),
+        b'F' => profile(text),
+        _ => {}
+    }
+}
+
+fn settings() -> ControllerSettings {
+    ControllerSettings::new(Profile::hc1(), RobotModel::default())
+}
+
+/// Lets a controller run, asks it everything and sends it work.
+fn runs(settings: ControllerSettings) {
+    let controller = Controller::new(settings, Instant::ORIGIN);
+    let mut cell = Cell::around(controller, Instant::ORIGIN);
+    cell.pass(RUNS / 2.0);
+    cell.ask_everything();
+    cell.work();
+    cell.pass(RUNS / 2.0);
+}
+
+fn program(text: &str) {
+    let program = match Program::read("tried", text) {
+        Ok(program) => program,
+        Err(error) => {
+            assert_eq!(error.program, "tried");
+            assert!(!error.reason.is_empty() && error.step.is_none_or(|(number, _)| number > 0));
+            return;
+        }
+    };
+    assert_eq!(Program::read("tried", program.text()).as_ref(), Ok(&program));
+    let mut library = Library::default();
+    library.insert(program).expect("there is room for one more");
+    runs(ControllerSettings { library, mold: "tried".to_owned(), ..settings() });
+}
+
+fn program_file(text: &str, read: Result<ProgramFile, FileError>) {
+    let file = match read {
+        Ok(file) => file,
+        Err(error) => {
+            assert!(!error.what.is_empty() && !error.to_string().is_empty());
+            let lines = text.split('\n').count();
+            if let Some((line, column)) = error.at {
+                assert!((1..=lines).contains(&line) && column > 0, "{error} is at no place of the text");
+            }
+            return;
+        }
+    };
+    let controller = Controller::new(settings(), Instant::ORIGIN);
+    let mut cell = Cell::around(controller, Instant::ORIGIN);
+    for batch in file.batches {
+        let whole = batch.clone();
+        // What the wire cannot carry is refused before anything is sent.
+        let Ok(parts) = batch.cut() else { continue };
+        let steps: Vec<_> = parts.iter().flat_map(|part| part.instructions.iter().copied()).collect();
+        assert_eq!(steps, whole.instructions, "cut into frames it is another list");
+        for part in parts {
+            let frame = part.encode("1").expect("it was encoded to be cut");
+            let mut decoder = Decoder::new();
+            let message = decoder.decode(&frame).unwrap_or_else(|error| panic!("{error}"));
+            let Body::AddRcc(list) = message.body else { panic!("{}", frame.escape_ascii()) };
+            let actions = |steps: &[Instruction]| -> Vec<_> {
+                steps.iter().map(|step| (step.oneshot, step.action.number())).collect()
+            };
+            assert_eq!(actions(list.instructions), actions(&part.instructions));
+            cell.send(&frame);
+            cell.pass(0.1);
+        }
+    }
+    cell.pass(RUNS);
+}
+
+fn model(text: &str) {
+    let model = match RobotModel::from_toml(text) {
+        Ok(model) => model,
+        Err(error) => {
+            assert!(!error.to_string().is_empty());
+            return;
+        }
+    };
+    assert!((1..=6).contains(&model.axis_count()));
+    for drive in model.drives() {
+        assert!(drive.soft.min <= drive.soft.max && drive.max_speed > 0.0 && drive.max_speed.is_finite());
+    }
+    runs(ControllerSettings::new(Profile::hc1(), model));
+}
+
+fn scenario(text: &str) {
+    match Scenario::read(text) {
+        Ok(scenario) => {
+            assert_eq!(Scenario::read(text).as_ref(), Ok(&scenario));
+            runs(ControllerSettings { scenario: Some(scenario.into()), ..settings() });
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}
+
+fn profile(text: &str) {
+    match Profile::from_toml(text) {
+        Ok(profile) => {
+            assert_eq!(Profile::from_toml(text).as_ref(), Ok(&profile));
+            runs(ControllerSettings::new(profile, RobotModel::default()));
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}

@@ -1,0 +1,138 @@
+//! How long each target has been tried since it last changed: `fuzz/ledger.tsv`, shown by `docs/RELIABILITY.md`.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::{TARGETS, corpus};
+
+/// What was done for one target since its source last changed.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Row {
+    /// The target.
+    pub target: String,
+    /// A number for its source: another one, and the row begins anew.
+    pub source: String,
+    /// Time of processors, s.
+    pub seconds: u64,
+    /// Inputs that were tried.
+    pub executions: u64,
+    /// Edges of the program that were reached, the most in one run.
+    pub coverage: u64,
+    /// Runs that ended with a finding.
+    pub findings: u64,
+}
+
+/// Where the figures stand.
+#[must_use]
+pub fn file() -> PathBuf {
+    corpus::folder().join("ledger.tsv")
+}
+
+/// The page that shows them.
+#[must_use]
+pub fn page() -> PathBuf {
+    corpus::folder().join("../docs/RELIABILITY.md")
+}
+
+const BEGIN: &str = "<!-- ledger: written by `make fuzz RECORD=1` -->\n";
+const END: &str = "<!-- end of the ledger -->\n";
+
+/// A number for the source of a target (FNV-1a over its files).
+#[must_use]
+pub fn source(target: &str) -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = vec![folder.join(format!("{target}.rs"))];
+    let parts = fs::read_dir(folder.join(target)).into_iter().flatten().flatten();
+    files.extend(parts.map(|entry| entry.path()).filter(|path| path.is_file()));
+    files.sort();
+    let bytes = files.iter().flat_map(|file| corpus::read(file));
+    let sum = bytes.fold(0xcbf2_9ce4_8422_2325_u64, |sum, byte| {
+        (sum ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    });
+    format!("{sum:016x}")
+}
+
+/// The rows that are there.
+#[must_use]
+pub fn rows() -> Vec<Row> {
+    let text = fs::read_to_string(file()).unwrap_or_default();
+    text.lines().filter(|line| !line.starts_with('#')).filter_map(row).collect()
+}
+
+fn row(line: &str) -> Option<Row> {
+    let mut fields = line.split('\t');
+    let mut text = || fields.next().map(str::to_owned);
+    let (target, source) = (text()?, text()?);
+    let mut number = || text()?.parse().ok();
+    let (seconds, executions, coverage, findings) = (number()?, number()?, number()?, number()?);
+    Some(Row { target, source, seconds, executions, coverage, findings })
+}
+
+/// Adds a run to what is there: a target whose source has changed begins anew.
+pub fn record(run: Row) {
+    let mut rows: Vec<Row> = rows().into_iter().filter(|row| row.target != run.target).collect();
+    let source = source(&run.target);
+    let before = self::rows().into_iter().find(|row| row.target == run.target && row.source == source);
+    let before = before.unwrap_or_default();
+    rows.push(Row {
+        source,
+        seconds: before.seconds + run.seconds,
+        executions: before.executions + run.executions,
+        coverage: before.coverage.max(run.coverage),
+        findings: before.findings + run.findings,
+        ..run
+    });
+    rows.sort_by_key(|row| TARGETS.iter().position(|(name, _)| *name == row.target));
+    let mut text = "# target\tsource\tprocessor seconds\texecutions\tcoverage\tfindings\n".to_owned();
+    for Row { target, source, seconds, executions, coverage, findings } in &rows {
+        let _ = writeln!(text, "{target}\t{source}\t{seconds}\t{executions}\t{coverage}\t{findings}");
+    }
+    fs::write(file(), text).unwrap_or_else(|error| panic!("{}: {error}", file().display()));
+    show();
+}
+
+/// Writes the table into the page.
+pub fn show() {
+    let text = fs::read_to_string(page()).unwrap_or_else(|error| panic!("{}: {error}", page().display()));
+    let shown = shown(&text).unwrap_or_else(|| panic!("{} has no place for the ledger", page().display()));
+    fs::write(page(), shown).unwrap_or_else(|error| panic!("{}: {error}", page().display()));
+}
+
+/// The page with the present table; `None` where it has no place for it.
+#[must_use]
+pub fn shown(page: &str) -> Option<String> {
+    let (before, rest) = page.split_once(BEGIN)?;
+    let (_, behind) = rest.split_once(END)?;
+    Some(format!("{before}{BEGIN}{}{END}{behind}", table()))
+}
+
+fn table() -> String {
+    let mut table =
+        "| target | minutes of processor | executions | coverage (edges) | runs that found something |\n\
+        |---|---:|---:|---:|---:|\n"
+            .to_owned();
+    for row in rows() {
+        let minutes = format!("{}.{}", row.seconds / 60, row.seconds % 60 / 6);
+        let executions = thousands(row.executions);
+        let _ = writeln!(
+            table,
+            "| {} | {minutes} | {executions} | {} | {} |",
+            row.target, row.coverage, row.findings
+        );
+    }
+    table
+}
+
+/// `12 345 678`.
+fn thousands(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (at, digit) in digits.chars().enumerate() {
+        if at > 0 && (digits.len() - at).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}

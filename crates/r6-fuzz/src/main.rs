@@ -1,0 +1,68 @@
+//! Runs single inputs through a target, and writes what `fuzz/` begins from.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use r6_fuzz::ledger::{self, Row};
+use r6_fuzz::{TARGETS, corpus, seeds, target, words};
+
+const USAGE: &str =
+    "usage: r6-fuzz TARGET FILE...     runs the files, one after the other, through the target
+       r6-fuzz targets            names the targets
+       r6-fuzz seeds              writes fuzz/corpus from vectors, transcripts, examples and programs
+       r6-fuzz words              writes fuzz/words.dict
+       r6-fuzz record TARGET SECONDS EXECUTIONS COVERAGE FINDINGS
+                                  adds a run to fuzz/ledger.tsv and docs/RELIABILITY.md";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match arguments.as_slice() {
+        ["targets"] => TARGETS.iter().for_each(|(name, _)| println!("{name}")),
+        ["words"] => write(&corpus::folder().join("words.dict"), words::dictionary().as_bytes()),
+        ["seeds"] => {
+            for (name, _) in TARGETS {
+                for (file, bytes) in seeds::of(name) {
+                    write(&corpus::folder().join("corpus").join(name).join(file), &bytes);
+                }
+            }
+        }
+        ["record", name, figures @ ..] if target(name).is_some() => {
+            let figures: Vec<u64> = figures.iter().filter_map(|figure| figure.parse().ok()).collect();
+            let [seconds, executions, coverage, findings] = figures[..] else {
+                eprintln!("{USAGE}");
+                return ExitCode::from(2);
+            };
+            let source = String::new();
+            ledger::record(Row {
+                target: (*name).to_owned(),
+                source,
+                seconds,
+                executions,
+                coverage,
+                findings,
+            });
+        }
+        [name, files @ ..] if !files.is_empty() => {
+            let Some((_, run)) = target(name) else {
+                eprintln!("there is no target `{name}`\n{USAGE}");
+                return ExitCode::from(2);
+            };
+            for file in files {
+                println!("{name}: {file}");
+                run(&corpus::read(Path::new(file)));
+            }
+        }
+        _ => {
+            eprintln!("{USAGE}");
+            return ExitCode::from(2);
+        }
+    }
+    ExitCode::SUCCESS
+}
+
+fn write(path: &Path, bytes: &[u8]) {
+    let folder = path.parent().unwrap_or(path);
+    let written = std::fs::create_dir_all(folder).and_then(|()| std::fs::write(path, bytes));
+    written.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+}

@@ -1,0 +1,228 @@
+//! Every member of the frame as serde_json reads it: known ones say the same, the others are kept as extras.
+
+use std::fmt;
+
+use r6_proto::message::{Action, Body, ExtraKind, Place};
+use r6_proto::value::{Value as Wire, Values};
+use r6_proto::{AxisIndex, Message, RequestType};
+use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
+use serde_json::{Map, Value};
+
+/// Keys at the top of a frame.
+const TOP: [&str; 13] = [
+    "dsID",
+    "reqType",
+    "cmdType",
+    "packID",
+    "queryAddr",
+    "queryData",
+    "cmdData",
+    "cmdReply",
+    "camID",
+    "ret",
+    "emptyList",
+    "instructions",
+    "dsData",
+];
+
+/// The members of an object in their order, those with the same key each by itself.
+struct Members(Vec<(String, Value)>);
+
+impl<'de> Deserialize<'de> for Members {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Every;
+        impl<'de> Visitor<'de> for Every {
+            type Value = Members;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Members, A::Error> {
+                let mut members = Vec::new();
+                while let Some(member) = map.next_entry()? {
+                    members.push(member);
+                }
+                Ok(Members(members))
+            }
+        }
+        deserializer.deserialize_map(Every)
+    }
+}
+
+/// Checks a message against what serde_json made of the same text.
+pub fn check(message: &Message<'_>, theirs: &Map<String, Value>, text: &str) {
+    header(message, theirs);
+    body(message, theirs);
+    nothing_is_lost(message, text);
+}
+
+fn header(message: &Message<'_>, theirs: &Map<String, Value>) {
+    let header = &message.header;
+    value("dsID", header.ds_id, theirs.get("dsID"));
+    value("type", header.type_word, type_value(theirs));
+    value("packID", header.pack_id, theirs.get("packID"));
+}
+
+fn type_value(theirs: &Map<String, Value>) -> Option<&Value> {
+    theirs.get("reqType").or(theirs.get("cmdType"))
+}
+
+/// Each member that is no known key, and each earlier one of a known key that stands twice, is an extra, in order.
+fn nothing_is_lost(message: &Message<'_>, text: &str) {
+    let Members(members) = serde_json::from_str(text).expect("it was read before");
+    let lost = members.iter().enumerate().filter(|(at, (key, _))| {
+        let comes_again = members.iter().skip(at + 1).any(|(other, _)| other == key);
+        comes_again || !TOP.contains(&key.as_str())
+    });
+    let extras: Vec<_> = message
+        .extras()
+        .filter(|extra| extra.place == Place::Top && extra.kind != ExtraKind::OutOfPlace)
+        .map(|extra| (extra.key.text().into_owned(), extra.value))
+        .collect();
+    for (_, (key, theirs)) in lost {
+        let kept = extras.iter().any(|(known, ours)| known == key && same_value(*ours, theirs));
+        assert!(kept, "`{key}` is lost: {theirs}; there are {extras:?}");
+    }
+    assert!(extras.len() <= members.len(), "more extras than members: {extras:?}");
+}
+
+fn list(key: &str, ours: Values<'_>, theirs: Option<&Value>) {
+    let theirs = theirs.and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+    assert_eq!(ours.len(), theirs.len(), "{key}");
+    for (ours, theirs) in ours.iter().zip(theirs) {
+        value(key, Some(ours), Some(theirs));
+    }
+}
+
+fn body(message: &Message<'_>, theirs: &Map<String, Value>) {
+    let is_type =
+        |words: &[&str]| type_value(theirs).and_then(Value::as_str).is_none_or(|word| words.contains(&word));
+    match &message.body {
+        Body::Query(query) => {
+            assert!(is_type(&["query"]));
+            list("queryAddr", query.addresses, theirs.get("queryAddr"));
+        }
+        Body::QueryReply(reply) => {
+            assert!(is_type(&["query", "queryEcho"]));
+            assert_eq!(reply.addresses.is_some(), theirs.contains_key("queryAddr"));
+            list("queryAddr", reply.addresses.unwrap_or(Values::EMPTY), theirs.get("queryAddr"));
+            list("queryData", reply.values, theirs.get("queryData"));
+        }
+        Body::Command(command) => {
+            assert!(is_type(&["command"]));
+            let words = theirs["cmdData"].as_array().expect("a list of words");
+            assert_eq!(Some(&*command.word()), words.first().and_then(Value::as_str));
+            assert_eq!(command.arguments().len() + 1, words.len());
+            for (ours, theirs) in command.arguments().iter().zip(&words[1..]) {
+                value("cmdData", Some(ours), Some(theirs));
+            }
+        }
+        Body::CommandReply(reply) if theirs["cmdReply"].is_array() => {
+            list("cmdReply", reply.words(), theirs.get("cmdReply"));
+        }
+        Body::CommandReply(_) => assert!(theirs["cmdReply"].is_string()),
+        Body::Heartbreak => assert!(is_type(&["heartbreak"])),
+        Body::Photo(photo) => assert_eq!(Some(photo.cam_id), integer(&theirs["camID"])),
+        Body::PhotoAnswer(answer) => {
+            assert_eq!(Some(answer.cam_id), integer(&theirs["camID"]));
+            assert_eq!(Some(answer.ret), integer(&theirs["ret"]));
+        }
+        Body::AddPoints(points) => {
+            let sets = theirs["dsData"].as_array().expect("sets");
+            assert_eq!(points.sets().len(), sets.len());
+            for ((cam_id, points), theirs) in points.sets().zip(sets) {
+                assert_eq!(Some(cam_id), integer(&theirs["camID"]));
+                let theirs = theirs["data"].as_array().expect("points");
+                assert_eq!(points.len(), theirs.len());
+                for (point, theirs) in points.iter().zip(theirs) {
+                    for (ours, key) in
+                        [(Some(point.x), "X"), (Some(point.y), "Y"), (point.u, "U"), (point.v, "V")]
+                    {
+                        same_number(key, ours, theirs.get(key));
+                    }
+                }
+            }
+        }
+        Body::AddRcc(list) if !list.shape_2020 => {
+            let theirs = theirs["instructions"].as_array().expect("instructions");
+            assert_eq!(list.instructions.len(), theirs.len());
+            for (ours, theirs) in list.instructions.iter().zip(theirs) {
+                assert_eq!(Some(ours.action.number()), integer(&theirs["action"]));
+                if let Action::AxisMove(motion) | Action::LinearMove(motion) = &ours.action {
+                    for axis in AxisIndex::ALL {
+                        let key = format!("m{}", axis.number());
+                        same_number(&key, motion.target.at(axis), theirs.get(&key));
+                    }
+                    same_number("speed", motion.manner.speed, theirs.get("speed"));
+                    same_number("delay", motion.manner.delay, theirs.get("delay"));
+                }
+            }
+        }
+        Body::AddRcc(_) => assert!(theirs.contains_key("dsData")),
+        Body::Unknown(unknown) => {
+            let word = type_value(theirs).and_then(Value::as_str);
+            assert!(word.is_none_or(|word| RequestType::ALL.iter().all(|known| known.word() != word)));
+            assert_eq!(unknown.word.is_some(), type_value(theirs).is_some());
+        }
+        Body::Rejected(rejection) => {
+            assert!(is_type(&[rejection.request.word(), "queryEcho", "cmdEcho", "AddrCC"]));
+        }
+    }
+}
+
+fn value(key: &str, ours: Option<Wire<'_>>, theirs: Option<&Value>) {
+    match (ours, theirs) {
+        (None, None) => {}
+        (Some(ours), Some(theirs)) => assert!(same_value(ours, theirs), "{key}: {ours:?} and {theirs}"),
+        (ours, theirs) => panic!("{key}: {ours:?} and {theirs:?}"),
+    }
+}
+
+fn same_value(ours: Wire<'_>, theirs: &Value) -> bool {
+    match theirs {
+        Value::String(text) => ours.is_text() && ours.text() == *text,
+        // Beyond 64 characters a number is no measurement: we do not read it.
+        Value::Number(_) => {
+            ours.is_number() && (ours.wire().len() > 64 || same(ours.number(), number(theirs)))
+        }
+        Value::Array(items) => {
+            ours.is_list()
+                && ours.items().count() == items.len()
+                && ours.items().zip(items).all(|(ours, theirs)| same_value(ours, theirs))
+        }
+        Value::Object(_) | Value::Bool(_) | Value::Null => {
+            serde_json::from_slice::<Value>(ours.wire()).is_ok_and(|ours| ours == *theirs)
+        }
+    }
+}
+
+fn same_number(key: &str, ours: Option<f64>, theirs: Option<&Value>) {
+    // A member that is there and no number is left out by us, where it may be.
+    if let Some(theirs) = theirs.and_then(number) {
+        assert!(same(ours, Some(theirs)) || ours.is_none(), "{key}: {ours:?} and {theirs}");
+    }
+}
+
+/// A number, quoted or not, as the standard library reads it.
+fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Number(number) => number.as_f64(),
+        Value::String(text) => text.trim_ascii().parse().ok(),
+        Value::Null | Value::Bool(_) | Value::Array(_) | Value::Object(_) => None,
+    }
+}
+
+fn integer(value: &Value) -> Option<i64> {
+    let exact = match value {
+        Value::Number(number) => number.as_i64(),
+        Value::String(text) => text.trim_ascii().parse().ok(),
+        Value::Null | Value::Bool(_) | Value::Array(_) | Value::Object(_) => None,
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "whole and within 2^53")]
+    exact.or_else(|| number(value).filter(|number| number.fract() == 0.0).map(|number| number as i64))
+}
+
+fn same(ours: Option<f64>, theirs: Option<f64>) -> bool {
+    ours == theirs
+}

@@ -1,0 +1,134 @@
+//! The panel over HTTP: whatever a request says, it is answered with JSON in the documented form, pages of a browser get nothing
+//! through, and what was refused has changed nothing.
+//!
+//! An input is up to four requests, each of lines: method, path, then header lines up to an empty one, and a body with its length in
+//! the two bytes before it.
+
+use std::cell::RefCell;
+
+use axum::body::Body;
+use axum::http::{HeaderName, HeaderValue, Method, Request, StatusCode, Uri};
+use http_body_util::BodyExt;
+use hyper::service::Service;
+use hyper_util::service::TowerToHyperService;
+use r6_controller::ControllerSnapshot;
+use r6_sim::panel::{ProblemDto, router};
+use r6_sim::{SimSettings, Simulation};
+use serde_json::Value;
+use tokio::runtime::{Builder, Runtime};
+
+use crate::input::Input;
+
+/// An input has no more requests.
+const MOST_REQUESTS: usize = 4;
+
+/// Where the panel believes that it listens.
+const ADDRESS: &str = "127.0.0.1:9770";
+
+/// Every status that the description names, and the two of any HTTP server.
+const STATUSES: [u16; 11] = [200, 204, 400, 403, 404, 405, 408, 409, 413, 415, 422];
+
+thread_local! {
+    /// One runtime for all inputs of a thread: making one takes longer than trying one.
+    static RUNTIME: RefCell<Option<Runtime>> = const { RefCell::new(None) };
+}
+
+/// Tries one input.
+pub fn run(bytes: &[u8]) {
+    RUNTIME.with_borrow_mut(|runtime| {
+        let made = || {
+            let built = Builder::new_current_thread().enable_time().start_paused(true).build();
+            built.expect("a runtime of this thread")
+        };
+        runtime.get_or_insert_with(made).block_on(converse(bytes));
+    });
+}
+
+async fn converse(bytes: &[u8]) {
+    let mut input = Input::new(bytes);
+    let settings = SimSettings { count: 2, ..SimSettings::default() };
+    let simulation = Simulation::start_in_memory(settings).await.expect("controllers in memory");
+    let address = ADDRESS.parse().expect("an address");
+    let service = TowerToHyperService::new(router(simulation.controllers(), address));
+    for _ in 0..MOST_REQUESTS {
+        if input.is_empty() {
+            break;
+        }
+        let Some((request, foreign)) = request(&mut input) else { continue };
+        let told = format!("{} {} {:?}", request.method(), request.uri(), request.headers());
+        let reads = !matches!(*request.method(), Method::POST | Method::PUT);
+        let before = snapshots(&simulation);
+        let Ok(response) = service.call(request).await;
+        let status = response.status();
+        assert!(STATUSES.contains(&status.as_u16()), "{status} for {told}");
+        assert!(!foreign || status == StatusCode::FORBIDDEN, "{status} for a foreign request: {told}");
+        let body = response.into_body().collect().await.expect("a body in memory").to_bytes();
+        if !told.starts_with("HEAD ") {
+            check_body(status, &body, &told);
+        }
+        if reads || !status.is_success() {
+            assert_eq!(before, snapshots(&simulation), "{status}, and something has changed: {told}");
+        }
+    }
+    simulation.shutdown().await;
+}
+
+fn snapshots(simulation: &Simulation) -> Vec<ControllerSnapshot> {
+    simulation.controllers().iter().map(r6_sim::ControllerHandle::snapshot).collect()
+}
+
+fn check_body(status: StatusCode, body: &[u8], told: &str) {
+    let text = String::from_utf8_lossy(body);
+    let json: Value =
+        serde_json::from_slice(body).unwrap_or_else(|error| panic!("{error}: {text} to {told}"));
+    if status.is_success() {
+        assert!(json.is_object());
+    } else {
+        let problem: ProblemDto =
+            serde_json::from_value(json).unwrap_or_else(|error| panic!("{error}: {text}"));
+        assert!(!problem.message.is_empty());
+        assert!(problem.code.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'_'), "{text}");
+        assert!(problem.message.len() < 4096, "the problem is longer than the request may be: {text}");
+    }
+}
+
+/// The next request, and whether a page from elsewhere must have sent it; `None` for what HTTP itself refuses.
+fn request(input: &mut Input<'_>) -> Option<(Request<Body>, bool)> {
+    let method = Method::from_bytes(input.line());
+    let uri = Uri::try_from(input.line());
+    let mut headers = Vec::new();
+    loop {
+        let line = input.line();
+        if line.is_empty() {
+            break;
+        }
+        headers.push(line);
+    }
+    let length = usize::from(input.number());
+    let body = input.bytes(length).to_vec();
+    let mut request = Request::new(Body::from(body));
+    *request.method_mut() = method.ok()?;
+    *request.uri_mut() = uri.ok()?;
+    let mut foreign = false;
+    for line in headers.into_iter().take(16) {
+        let colon = line.iter().position(|byte| *byte == b':')?;
+        let name = HeaderName::from_bytes(&line[..colon]).ok()?;
+        let value = line[colon + 1..].trim_ascii();
+        // What a browser adds by itself, and a program does not.
+        foreign |= match name.as_str() {
+            "host" => !is_this_machine(value),
+            "origin" => !value.to_ascii_lowercase().starts_with(b"http://"),
+            "sec-fetch-site" => value != b"none" && value != b"same-origin",
+            _ => false,
+        };
+        request.headers_mut().append(name, HeaderValue::from_bytes(value).ok()?);
+    }
+    foreign |= request.headers().get_all("host").iter().count() != 1;
+    Some((request, foreign))
+}
+
+/// Whether a host could be this machine, generously: a name of it, or an address of loopback.
+fn is_this_machine(host: &[u8]) -> bool {
+    let host = host.to_ascii_lowercase();
+    host.starts_with(b"localhost") || host.starts_with(b"127.") || host.starts_with(b"[")
+}

@@ -1,0 +1,220 @@
+//! Programs in JSON: AddRCC frames as the manual prints them.
+
+use r6_proto::error::{JsonError, JsonFault};
+use r6_proto::message::{Action, AddRcc, ExtraKind, Message, Place};
+use r6_proto::{Body, Decoder};
+
+use super::{Batch, FileError, ProgramFile, lines};
+
+/// Reads one or more frames, one behind the other, with `//` comments.
+pub fn read(text: &str) -> Result<ProgramFile, FileError> {
+    let text = text.trim_start_matches('\u{feff}');
+    let stripped = lines::without_comments(text);
+    let mut program = ProgramFile { batches: Vec::new(), remarks: Vec::new() };
+    let mut decoder = Decoder::new();
+    let mut from = 0;
+    loop {
+        let rest = stripped.get(from..).unwrap_or_default();
+        let blanks = rest.len() - rest.trim_start().len();
+        from += blanks;
+        let rest = rest.trim_start();
+        if rest.is_empty() {
+            break;
+        }
+        let length = frame_length(&mut decoder, rest).map_err(|error| at_fault(text, from, &error))?;
+        let frame = rest.get(..length).unwrap_or(rest);
+        let message = decoder.decode(frame.as_bytes()).map_err(|error| at_fault(text, from, &error))?;
+        let start = lines::position(text, from);
+        take(&mut program, &message, start)?;
+        from += length;
+    }
+    if program.batches.is_empty() {
+        return Err(FileError { at: None, what: "there is no frame in it".to_owned(), advice: None });
+    }
+    Ok(program)
+}
+
+/// How long the first frame is: all of the text, or up to where the decoder wants nothing more.
+fn frame_length(decoder: &mut Decoder, text: &str) -> Result<usize, JsonError> {
+    match decoder.decode(text.as_bytes()) {
+        Ok(_) => Ok(text.len()),
+        Err(JsonError { at, fault: JsonFault::Expected("nothing more"), found: Some(b'{') }) => Ok(at),
+        Err(error) => Err(error),
+    }
+}
+
+fn at_fault(text: &str, frame: usize, error: &JsonError) -> FileError {
+    let offset = frame + error.at;
+    let found = match error.found {
+        None => "the file ends".to_owned(),
+        Some(byte @ 0x20..=0x7E) => format!("`{}` stands there", char::from(byte)),
+        Some(byte) => format!("byte 0x{byte:02X} stands there"),
+    };
+    let (what, advice) = match &error.fault {
+        JsonFault::KeyWithoutValue(key) => (
+            format!("key `{key}` has no value: `:` and a value are due, {found}"),
+            (key == "ckStatus").then(|| {
+                "the manual misprints this line in 6.1.1; for six axes write \"ckStatus\":\"0x3F\"".to_owned()
+            }),
+        ),
+        JsonFault::Expected("`,` or `]`") => {
+            let opened = lines::open_list(text, offset).map(|at| lines::position(text, at));
+            let advice = opened.map(|(line, column)| {
+                format!("the list that begins at {line}:{column} is not closed: a `]` is missing (as in manual 6.1.1)")
+            });
+            (format!("`,` or `]` is due, {found}"), advice)
+        }
+        JsonFault::Expected("a key in double quotes") if error.found == Some(b'}') => (
+            "a key is due behind the `,`, `}` stands there".to_owned(),
+            Some("take the last `,` away".to_owned()),
+        ),
+        JsonFault::Expected(due) => (format!("{due} is due, {found}"), None),
+        JsonFault::StringNotClosed
+        | JsonFault::ControlByteInString
+        | JsonFault::BadEscape
+        | JsonFault::NumberOutOfRange
+        | JsonFault::TooDeep => (error.to_string(), None),
+    };
+    FileError { at: Some(lines::position(text, offset)), what, advice }
+}
+
+/// Adds what a frame says to the program.
+fn take(program: &mut ProgramFile, message: &Message<'_>, start: (usize, usize)) -> Result<(), FileError> {
+    let wrong = |what: String, advice: Option<String>| Err(FileError { at: Some(start), what, advice });
+    let list = match &message.body {
+        Body::AddRcc(list) => list,
+        Body::Rejected(rejection) => return wrong(rejection.error.to_string(), None),
+        Body::Unknown(unknown) => return wrong(unknown.to_string(), None),
+        Body::Query(_)
+        | Body::QueryReply(_)
+        | Body::Command(_)
+        | Body::CommandReply(_)
+        | Body::Heartbreak
+        | Body::Photo(_)
+        | Body::PhotoAnswer(_)
+        | Body::AddPoints(_) => {
+            return wrong(
+                "this frame has no instructions: `r6 run` takes AddRCC frames".to_owned(),
+                Some("read with `r6 query`, send commands with `r6 command`".to_owned()),
+            );
+        }
+    };
+    for (number, instruction) in list.instructions.iter().enumerate() {
+        if let Action::Unknown(unknown) = &instruction.action {
+            return wrong(
+                format!(
+                    "instructions[{number}] has action {}, which is not known, so it is not sent",
+                    unknown.number()
+                ),
+                Some("known actions: 4, 10, 17, 51, 52, 100, 200, 204, 800".to_owned()),
+            );
+        }
+    }
+    let misspelt = message.extras().find(|extra| {
+        let in_a_step = matches!(extra.place, Place::Instruction(_));
+        in_a_step && extra.kind == ExtraKind::UnknownKey && extra.nearest().is_some()
+    });
+    if let Some(extra) = misspelt {
+        return wrong(
+            format!("{extra}; nothing is sent"),
+            Some(
+                "a step without what this key should say is another step: correct it, or take it out"
+                    .to_owned(),
+            ),
+        );
+    }
+    remark(program, message, list, start);
+    let replace = list.empty_list.unwrap_or(program.batches.is_empty());
+    program.batches.push(Batch { replace, instructions: list.instructions.to_vec() });
+    Ok(())
+}
+
+fn remark(program: &mut ProgramFile, message: &Message<'_>, list: &AddRcc<'_>, (line, _): (usize, usize)) {
+    for extra in message.extras() {
+        program.remarks.push(format!("frame at line {line}: {extra}; not sent"));
+    }
+    if list.shape_2020 {
+        program.remarks.push(format!(
+            "frame at line {line}: it has the shape of 2020 (`dsData`); sent in today's shape"
+        ));
+    }
+    if list.empty_list.is_none() {
+        let means = if program.batches.is_empty() { "1: the list is replaced" } else { "0: it is appended" };
+        program.remarks.push(format!("frame at line {line}: `emptyList` is missing, taken as {means}"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEP: &str = r#"{"oneshot":"1","action":"4","m0":"10.0","ckStatus":"0x01","speed":"20"}"#;
+
+    fn frame(head: &str, steps: &[&str]) -> String {
+        format!(
+            "{{\"dsID\":\"HCRemoteCommand\",\"reqType\":\"AddRCC\"{head},\"instructions\":[{}]}}",
+            steps.join(",")
+        )
+    }
+
+    #[test]
+    fn a_misspelt_key_of_a_step_is_refused_and_a_strange_one_is_remarked() {
+        let step = STEP.replace("speed", "sped");
+        let error = read(&frame(",\"emptyList\":\"1\"", &[&step])).expect_err("a refusal");
+        let text = format!("{error:?}");
+        assert!(text.contains("sped") && text.contains("speed"), "{text}");
+        let step = STEP.replace("\"speed\"", "\"remark\":\"x\",\"speed\"");
+        assert_eq!(read(&frame(",\"emptyList\":\"1\"", &[&step])).unwrap().remarks.len(), 1);
+    }
+
+    #[test]
+    fn frames_stand_one_behind_the_other() {
+        let text = format!(
+            "// first\n{}\n{}",
+            frame(",\"emptyList\":\"1\"", &[STEP, STEP]),
+            frame(",\"emptyList\":\"0\"", &[STEP])
+        );
+        let program = read(&text).unwrap();
+        let shape: Vec<_> =
+            program.batches.iter().map(|batch| (batch.replace, batch.instructions.len())).collect();
+        assert_eq!(shape, [(true, 2), (false, 1)]);
+        assert_eq!(program.remarks, [""; 0]);
+    }
+
+    #[test]
+    fn what_is_odd_is_remarked() {
+        let step = r#"{"oneshot":"1","action":"4","m0":"1","speed":"20","m0":"2","remark":"red"}"#;
+        let program = read(&frame("", &[step])).unwrap();
+        assert_eq!(program.remarks.len(), 3, "{:?}", program.remarks);
+        assert!(
+            program.remarks[0].contains("`m0`") && program.remarks[1].contains("`remark`"),
+            "{:?}",
+            program.remarks
+        );
+        assert!(program.remarks[2].contains("emptyList"));
+        assert!(program.batches[0].replace);
+    }
+
+    #[test]
+    fn the_misprints_of_the_manual_are_pointed_at() {
+        let printed = "{\n  \"reqType\":\"AddRCC\", //x\n  \"instructions\":\n  [\n    {\n      \"action\":\"4\",\n      \"ckStatus\",   //y\n    }\n}";
+        let error = read(printed).unwrap_err();
+        assert_eq!(error.at, Some((7, 17)));
+        assert!(error.what.starts_with("key `ckStatus` has no value"), "{}", error.what);
+        assert!(error.advice.unwrap().contains("0x3F"));
+        let error = read(&printed.replace("\"ckStatus\",", "\"ckStatus\":\"0x3F\"")).unwrap_err();
+        assert_eq!((error.at, error.what.as_str()), (Some((9, 1)), "`,` or `]` is due, `}` stands there"));
+        assert!(error.advice.unwrap().contains("begins at 4:3"));
+    }
+
+    #[test]
+    fn only_instructions_are_run() {
+        let query = r#"{"dsID":"x","reqType":"query","queryAddr":["version"]}"#;
+        assert!(read(query).unwrap_err().what.contains("no instructions"));
+        assert!(read("").unwrap_err().what.contains("no frame"));
+        let error = read(&frame("", &[r#"{"oneshot":"1","action":"14","m0":"1"}"#])).unwrap_err();
+        assert!(error.what.contains("action 14"), "{}", error.what);
+        let error = read(&frame("", &[r#"{"oneshot":"1","action":"4","m0":"ten"}"#])).unwrap_err();
+        assert!(error.what.contains("instructions[0].m0"), "{}", error.what);
+    }
+}
