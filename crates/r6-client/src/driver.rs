@@ -199,8 +199,11 @@ impl<C: Connect> Driver<C> {
         }
     }
 
-    /// What was meant for one robot is not sent to another.
+    /// What was meant for one robot is not sent to another, and what was meant for one connection not over another.
     fn hand_over_unless_another(&self, job: Job, link: &mut Link) {
+        if job.only_on.is_some_and(|only| only != self.hub.known().connection) {
+            return job.not_sent(NotSent::Disconnected);
+        }
         match self.hub.stranger().filter(|_| job.work.needs_known_state()) {
             Some(another) => job.not_sent(another),
             None => link.hand_over(job, self.clock.now()),
