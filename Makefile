@@ -4,7 +4,7 @@ CARGO ?= cargo
 BUILT := $(or $(CARGO_TARGET_DIR),target)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test bench fuzz microbench fmt docs clean
+.PHONY: help run test fuzz sim bench microbench fmt docs clean
 
 help: ## Show this list
 	@echo "Targets (ARGS=\"...\" is passed on to run and bench):"
@@ -17,6 +17,10 @@ run: ## Build r6 for release and start virtual controllers: r6 up ARGS
 
 test: ## Run every check: format, lints, docs, dependencies, tests
 	@tools/test
+
+sim: ## Break clients, controllers, cameras and disks in one process: SEEDS=1000 [FROM=1] [JOBS=2], or all of one: SEED=7
+	@$(CARGO) build --locked --package r6-world
+	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS))
 
 bench: ## Measure r6 beside others, as ratios; ARGS="round-trip codec" chooses rows, without it docs/BENCHMARKS.md is written
 	@$(CARGO) build --profile bench --locked --package r6-bench

@@ -201,8 +201,11 @@ impl<C: Connect> Driver<C> {
         self.hand_over_unless_another(job, link);
     }
 
-    /// What was meant for one robot is not sent to another.
+    /// What was meant for one robot is not sent to another, and what was meant for one connection not over another.
     fn hand_over_unless_another(&self, job: Job, link: &mut Link) {
+        if job.only_on.is_some_and(|only| only != self.hub.known().connection) {
+            return job.not_sent(NotSent::Disconnected);
+        }
         if job.work.needs_known_state()
             && let Some(another) = self.hub.stranger()
         {

@@ -14,7 +14,7 @@ use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::follow::step::Step;
 use crate::guard::Start;
 use crate::handle::Progress;
-use crate::job::Work;
+use crate::job::{Terms, Work};
 use crate::link::Lane;
 use crate::motion::Sample;
 use crate::moves::StepError;
@@ -134,7 +134,7 @@ impl Robot {
     ///
     /// Each time the arm is ready for another step, the newest target counts; those that came in between are skipped. A step is
     /// never sent again, and nothing more is sent once the sender is gone, targets are no longer fresh, the state cannot be
-    /// read, or a handle of this connection sends a stop. The sender may be dropped before the arm has arrived; send
+    /// read, the connection was lost, or a handle of this connection sends a stop. The sender may be dropped before the arm has arrived; send
     /// the last target for as long as it shall go there.
     ///
     /// Dropping the future ends it too: the arm finishes the step or two in its list. To stop it at once call [`Robot::stop`].
@@ -179,8 +179,8 @@ impl Robot {
         let turn = self.streaming().ok_or_else(|| failed(Cause::AnotherRuns))?;
         let mut stops = self.stops();
         let ready = RunOptions { idle_mode: options.idle_mode, ..RunOptions::default() };
-        let status = self.look_before(ready).await.map_err(failed)?;
-        let mut following = Following::new(self, targets, options, status.axes);
+        let (status, connection) = self.look_before(ready).await.map_err(failed)?;
+        let mut following = Following::new((self, connection), targets, options, status.axes);
         let (cause, stop) = tokio::select! {
             biased;
             // This handle keeps the sender alive.
@@ -201,6 +201,8 @@ impl Robot {
 /// A target that is being followed.
 struct Following<'r> {
     robot: &'r Robot,
+    /// The connection that it began on: no other gets a step of it.
+    connection: u64,
     targets: watch::Receiver<AxisPosition>,
     options: FollowOptions,
     target: AxisPosition,
@@ -220,7 +222,7 @@ struct Following<'r> {
 
 impl<'r> Following<'r> {
     fn new(
-        robot: &'r Robot,
+        (robot, connection): (&'r Robot, u64),
         mut targets: watch::Receiver<AxisPosition>,
         options: FollowOptions,
         axes: [Option<f64>; AXES],
@@ -229,6 +231,7 @@ impl<'r> Following<'r> {
         let target = *targets.borrow_and_update();
         Self {
             robot,
+            connection,
             targets,
             options,
             target,
@@ -354,8 +357,9 @@ impl<'r> Following<'r> {
         self.sent += 1;
         // A step that waits behind other requests must not leave for a target that is old by then.
         let leave_by = self.came.checked_add(self.options.fresh_within);
+        let terms = Terms { leave_by, only_on: Some(self.connection) };
         let step = Work::AddRcc { replace: false, instructions: vec![instruction] };
-        match self.robot.accepted_by(leave_by, step, Lane::Ordinary).await {
+        match self.robot.accepted_on(terms, step, Lane::Ordinary).await {
             Ok(_) => {
                 self.accepted = self.sent;
                 self.commanded = end;

@@ -49,6 +49,15 @@ pub(crate) enum Answer {
     Left,
 }
 
+/// On what terms a request may leave. The default: at any time, on any connection.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Terms {
+    /// As [`Job::leave_by`].
+    pub leave_by: Option<tokio::time::Instant>,
+    /// As [`Job::only_on`].
+    pub only_on: Option<u64>,
+}
+
 /// One request on its way.
 #[derive(Debug)]
 pub(crate) struct Job {
@@ -56,6 +65,8 @@ pub(crate) struct Job {
     pub asked_at: tokio::time::Instant,
     /// When it must have left; later it would be a surprise.
     pub leave_by: Option<tokio::time::Instant>,
+    /// The number of the connection that it may leave on: what goes on with a motion does not on another.
+    pub only_on: Option<u64>,
     /// When it was put into the output of its connection.
     pub sent_at: Instant,
     /// How the connection ended that it left on, if it did before.
@@ -196,6 +207,7 @@ impl Job {
             work,
             asked_at: tokio::time::Instant::now(),
             leave_by: None,
+            only_on: None,
             sent_at: Instant::ORIGIN,
             lost: None,
             retried: false,

@@ -229,15 +229,6 @@ impl Robot {
         instructions: Vec<Instruction>,
     ) -> Result<Accepted, RequestError> {
         self.held_against_guard(replace, &instructions).await?;
-        self.add_unguarded(replace, instructions).await
-    }
-
-    /// The same, for what was checked before.
-    pub(crate) async fn add_unguarded(
-        &self,
-        replace: bool,
-        instructions: Vec<Instruction>,
-    ) -> Result<Accepted, RequestError> {
         self.accepted(Work::AddRcc { replace, instructions }, Lane::Ordinary).await
     }
 

@@ -20,7 +20,7 @@ use crate::driver::{Driver, Urgent};
 use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError};
 use crate::guard::Envelope;
 use crate::identity::{Found, Identity};
-use crate::job::{Answer, CameraSet, Job, Work};
+use crate::job::{Answer, CameraSet, Job, Terms, Work};
 use crate::link::Lane;
 use crate::link_quality::Meter;
 use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
@@ -229,6 +229,11 @@ impl Robot {
         drop(self.lanes.streaming.acquire().await);
     }
 
+    /// The number of the present connection, or, while there is none, of the next one.
+    pub(crate) fn connection(&self) -> u64 {
+        self.lanes.hub.known().connection
+    }
+
     pub(crate) fn hub(&self) -> &Hub {
         &self.lanes.hub
     }
@@ -247,18 +252,19 @@ impl Robot {
 
     /// Sends a request that the controller answers with yes or no.
     pub(crate) async fn accepted(&self, work: Work, lane: Lane) -> Result<Accepted, RequestError> {
-        self.accepted_by(None, work, lane).await
+        self.accepted_on(Terms::default(), work, lane).await
     }
 
-    /// The same; it does not leave later than that, but is refused as [`NotSent::Busy`].
-    pub(crate) async fn accepted_by(
+    /// The same; it leaves on these terms only, or is refused: later as [`NotSent::Busy`], on another connection as
+    /// [`NotSent::Disconnected`].
+    pub(crate) async fn accepted_on(
         &self,
-        leave_by: Option<Instant>,
+        terms: Terms,
         work: Work,
         lane: Lane,
     ) -> Result<Accepted, RequestError> {
         let request = work.sent();
-        match self.ask_by(leave_by, work, lane).await? {
+        match self.ask_on(terms, work, lane).await? {
             Answer::Accepted(accepted) => Ok(accepted),
             Answer::Values { .. } | Answer::Mismatch { .. } | Answer::Left => {
                 Err(OutcomeUnknown::Unclear { request, answer: "a reply to a query".to_owned() }.into())
@@ -268,19 +274,14 @@ impl Robot {
 
     /// Gives a request to the driver and waits for its answer.
     pub(crate) async fn ask(&self, work: Work, lane: Lane) -> Result<Answer, RequestError> {
-        self.ask_by(None, work, lane).await
+        self.ask_on(Terms::default(), work, lane).await
     }
 
-    async fn ask_by(
-        &self,
-        leave_by: Option<Instant>,
-        work: Work,
-        lane: Lane,
-    ) -> Result<Answer, RequestError> {
+    async fn ask_on(&self, terms: Terms, work: Work, lane: Lane) -> Result<Answer, RequestError> {
         let request = work.sent();
         let (reply, answer) = oneshot::channel();
         let mut job = Job::new(work, reply);
-        job.leave_by = leave_by;
+        (job.leave_by, job.only_on) = (terms.leave_by, terms.only_on);
         job.background = lane == Lane::Background;
         let given = match lane {
             Lane::Urgent => self.lanes.urgent.send(Urgent::Job(job)).await.is_ok(),

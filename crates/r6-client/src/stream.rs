@@ -84,7 +84,8 @@ impl Robot {
     ///
     /// It returns once everything is checked; what then happens is told by the handle. How far the arm is, is read from the
     /// length of the list (`RemoteCmdLen`), or, from firmware without it, from where the arm is. A list whose outcome is
-    /// unknown is never sent again: the motion ends there.
+    /// unknown is never sent again: the motion ends there. What has not left when the connection is lost never does
+    /// ([`Cause::NotSent`]): no motion goes on over another connection by itself.
     ///
     /// ```
     /// # #[tokio::main(flavor = "current_thread")]
@@ -126,7 +127,7 @@ impl Robot {
             .map_err(|error| failed(Cause::Step(error)))?;
         let turn = self.streaming().ok_or_else(|| failed(Cause::AnotherRuns))?;
         let stops = self.stops();
-        let status = self.look_before(options).await.map_err(failed)?;
+        let (status, connection) = self.look_before(options).await.map_err(failed)?;
         let sample = status.sample();
         if status.list_length.is_none() && ends_in_endless_wait(motion) {
             let wanted =
@@ -143,7 +144,7 @@ impl Robot {
         let (progress, watched) = watch::channel(Progress { total: steps.len(), ..Progress::default() });
         let (end, ended) = oneshot::channel();
         let path = PathProgress::new(steps.to_vec(), sample);
-        let task = Task::new(self.clone(), options, path, frames, progress);
+        let task = Task::new((self.clone(), connection), options, path, frames, progress);
         let task = tokio::spawn(task.run(ended, stops, turn));
         Ok(MotionHandle {
             robot: self.clone(),
@@ -170,9 +171,15 @@ impl Robot {
         motion.frames(self.settings(), options).map_err(Cause::Step)
     }
 
-    /// Looks at the machine, and clears a list that is left over if that is wished and possible.
-    pub(crate) async fn look_before(&self, options: RunOptions) -> Result<Status, Cause> {
+    /// Looks at the machine, and clears a list that is left over if that is wished and possible. Tells on which connection, too.
+    pub(crate) async fn look_before(&self, options: RunOptions) -> Result<(Status, u64), Cause> {
+        let mut connection = self.connection();
         let mut status = self.status().await.map_err(Cause::Unreadable)?;
+        if connection != self.connection() {
+            // It may have been answered on either.
+            connection = self.connection();
+            status = self.status().await.map_err(Cause::Unreadable)?;
+        }
         let unmet = |status: &Status| -> Vec<Unmet> {
             let idle = |unmet: &Unmet| matches!(unmet, Unmet::Mode { found } if *found == options.idle_mode);
             status.unmet().into_iter().filter(|unmet| !idle(unmet)).collect()
@@ -183,7 +190,7 @@ impl Robot {
             status = self.status().await.map_err(Cause::Unreadable)?;
             found = unmet(&status);
         }
-        if found.is_empty() { Ok(status) } else { Err(Cause::NotReady(found)) }
+        if found.is_empty() { Ok((status, connection)) } else { Err(Cause::NotReady(found)) }
     }
 }
 

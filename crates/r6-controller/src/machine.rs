@@ -402,6 +402,30 @@ impl Machine {
         &self.stacks
     }
 
+    /// The operation mode (`curMode`).
+    #[must_use]
+    pub fn mode(&self) -> OperationMode {
+        self.mode
+    }
+
+    /// The alarm (`curAlarm`), 0 for none.
+    #[must_use]
+    pub fn alarm(&self) -> u32 {
+        self.alarm
+    }
+
+    /// Whether the emergency stop is pressed.
+    #[must_use]
+    pub fn emergency_stop(&self) -> bool {
+        self.emergency_stop
+    }
+
+    /// The arm.
+    #[must_use]
+    pub fn model(&self) -> &RobotModel {
+        &self.model
+    }
+
     /// The instruction list.
     #[must_use]
     pub fn list(&self) -> &InstructionList {

@@ -5,9 +5,10 @@
 //! the disk: what was acknowledged survives. No other connection waits.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use tokio::sync::{Notify, Semaphore, watch};
+use tokio::sync::{Notify, Semaphore};
 use tracing::{info, warn};
 
 use crate::handle::ControllerHandle;
@@ -24,7 +25,10 @@ const WRITES_AT_ONCE: usize = 8;
 pub(crate) struct Keeper {
     file: StateFile,
     changed: Notify,
-    durable: watch::Sender<u64>,
+    /// The number of the last change that is on the disk, and who waits for a later one: in their order, where the waiters of a
+    /// `watch` would be woken in any.
+    durable: AtomicU64,
+    written: Notify,
     writes: Arc<Semaphore>,
 }
 
@@ -42,7 +46,7 @@ impl Keeper {
     }
 
     pub fn new(file: StateFile, writes: Arc<Semaphore>) -> Self {
-        Self { file, changed: Notify::new(), durable: watch::Sender::new(0), writes }
+        Self { file, changed: Notify::new(), durable: AtomicU64::new(0), written: Notify::new(), writes }
     }
 
     /// Something has changed.
@@ -52,8 +56,14 @@ impl Keeper {
 
     /// Waits until this change, and all before it, are on the disk.
     pub async fn durable(&self, number: u64) {
-        // The sender lives in `self`.
-        let _ = self.durable.subscribe().wait_for(|durable| *durable >= number).await;
+        loop {
+            // It counts from here on, not from when it is waited for.
+            let written = self.written.notified();
+            if self.durable.load(Ordering::Acquire) >= number {
+                return;
+            }
+            written.await;
+        }
     }
 
     /// Writes whatever changes, for as long as it runs.
@@ -61,22 +71,21 @@ impl Keeper {
         let mut failing = false;
         loop {
             let (number, state) = controller.saved();
-            if *self.durable.borrow() >= number {
+            if self.durable.load(Ordering::Acquire) >= number {
                 self.changed.notified().await;
                 continue;
             }
-            let file = self.file.clone();
             let Ok(_permit) = self.writes.acquire().await else { return };
-            let written = tokio::task::spawn_blocking(move || file.write(number, &state)).await;
-            match written {
-                Ok(Ok(())) => {
+            match self.file.write_beside(number, state).await {
+                Some(Ok(())) => {
                     if failing {
                         info!(file = %self.file.path().display(), "the state can be written again");
                     }
                     failing = false;
-                    self.durable.send_replace(number);
+                    self.durable.store(number, Ordering::Release);
+                    self.written.notify_waiters();
                 }
-                Ok(Err(error)) => {
+                Some(Err(error)) => {
                     if !failing {
                         warn!(%error, "nothing that changes the state is acknowledged until it can be written");
                     }
@@ -84,7 +93,7 @@ impl Keeper {
                     tokio::time::sleep(RETRY_AFTER).await;
                 }
                 // The runtime ends.
-                Err(_) => return,
+                None => return,
             }
         }
     }

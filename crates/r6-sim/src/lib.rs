@@ -15,6 +15,7 @@
 mod camera;
 mod clock;
 mod connection;
+mod disk;
 mod door;
 mod handle;
 mod keeper;
@@ -28,6 +29,7 @@ mod wire;
 
 pub use camera::{BadCamera, Camera, MAX_CAMERAS};
 pub use clock::{BadClock, Clock};
+pub use disk::{Disk, DiskStep};
 pub use handle::ControllerHandle;
 pub use memory::{MEMORY_BYTES, MemoryStream};
 pub use settings::{SimError, SimSettings};

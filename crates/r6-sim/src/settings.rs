@@ -11,6 +11,7 @@ use r6_controller::{Library, Profile, RobotModel, Scenario, StartState};
 
 use crate::camera::{Camera, MAX_CAMERAS};
 use crate::clock::Clock;
+use crate::disk::Disk;
 use crate::state::StateError;
 
 /// The most controllers in one process. Each takes a listening socket and a port of its own.
@@ -48,6 +49,8 @@ pub struct SimSettings {
     /// The folder that keeps what survives a power cut, one file for each controller; `start` then counts only for
     /// a controller that has none yet. `None`: nothing survives.
     pub state: Option<PathBuf>,
+    /// The disk that the folder is on; `None`: this computer's. On one that somebody simulates no folder is made or locked.
+    pub disk: Option<Arc<dyn Disk>>,
 }
 
 impl Default for SimSettings {
@@ -68,6 +71,7 @@ impl Default for SimSettings {
             clock: Clock::Real,
             seed: 0,
             state: None,
+            disk: None,
         }
     }
 }

@@ -123,7 +123,8 @@ struct Cabinets<'s> {
 
 impl<'s> Cabinets<'s> {
     fn new(settings: &'s SimSettings) -> Result<Self, SimError> {
-        let folder = settings.state.as_deref().map(StateFolder::open).transpose().map_err(SimError::State)?;
+        let on_disk = |path| StateFolder::on(settings.disk.as_ref(), path);
+        let folder = settings.state.as_deref().map(on_disk).transpose().map_err(SimError::State)?;
         let (writes, started) = (Keeper::writes(), tokio::time::Instant::now());
         Ok(Self { settings, folder, writes, started, next: 0 })
     }

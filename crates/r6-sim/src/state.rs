@@ -5,11 +5,13 @@
 
 use std::fmt;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, Read, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use r6_controller::{SavedError, SavedState};
+
+use crate::disk::{Disk, DiskStep, SystemDisk, sync};
 
 /// The longest file that is read. A full state has some 20 KiB.
 const MAX_FILE_BYTES: u64 = 16 << 20;
@@ -63,8 +65,9 @@ impl std::error::Error for StateError {}
 #[derive(Debug)]
 pub(crate) struct StateFolder {
     path: PathBuf,
-    /// Locked as long as it is open: until the last file of the folder is done with.
-    lock: Arc<File>,
+    disk: Arc<dyn Disk>,
+    /// Locked as long as it is open: until the last file of the folder is done with. None on a disk that somebody simulates.
+    lock: Option<Arc<File>>,
 }
 
 /// What was found of a controller.
@@ -82,8 +85,16 @@ pub(crate) enum Found {
 }
 
 impl StateFolder {
+    /// A folder on this disk, or on that of the computer.
+    pub fn on(disk: Option<&Arc<dyn Disk>>, path: &Path) -> Result<Self, StateError> {
+        match disk {
+            Some(disk) => Ok(Self { path: path.to_owned(), disk: Arc::clone(disk), lock: None }),
+            None => Self::open(path),
+        }
+    }
+
     /// Opens a folder, which is made if it is not there, and locks it.
-    pub fn open(path: &Path) -> Result<Self, StateError> {
+    fn open(path: &Path) -> Result<Self, StateError> {
         let failed = |path: &Path| {
             let path = path.to_owned();
             move |error| StateError::Io { path, tried: "opened", error }
@@ -93,7 +104,9 @@ impl StateFolder {
         let lock =
             OpenOptions::new().create(true).truncate(false).write(true).open(&file).map_err(failed(&file))?;
         match lock.try_lock() {
-            Ok(()) => Ok(Self { path: path.to_owned(), lock: Arc::new(lock) }),
+            Ok(()) => {
+                Ok(Self { path: path.to_owned(), disk: Arc::new(SystemDisk), lock: Some(Arc::new(lock)) })
+            }
             Err(TryLockError::WouldBlock) => Err(StateError::Taken { folder: path.to_owned() }),
             Err(TryLockError::Error(error)) => Err(failed(&file)(error)),
         }
@@ -104,7 +117,8 @@ impl StateFolder {
         StateFile {
             path: self.path.join(format!("controller-{number}.json")),
             written: Arc::default(),
-            _lock: Arc::clone(&self.lock),
+            disk: Arc::clone(&self.disk),
+            _lock: self.lock.clone(),
         }
     }
 }
@@ -115,7 +129,8 @@ pub(crate) struct StateFile {
     path: PathBuf,
     /// The number of the change that was last written: one write at a time, and never an older state over a newer one.
     written: Arc<Mutex<u64>>,
-    _lock: Arc<File>,
+    disk: Arc<dyn Disk>,
+    _lock: Option<Arc<File>>,
 }
 
 impl StateFile {
@@ -126,20 +141,16 @@ impl StateFile {
     /// Reads it. A damaged one is put aside under another name.
     pub fn read(&self) -> Result<Found, StateError> {
         let failed = |tried| move |error| StateError::Io { path: self.path.clone(), tried, error };
-        let file = match File::open(&self.path) {
-            Ok(file) => file,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Found::Nothing),
-            Err(error) => return Err(failed("opened")(error)),
-        };
-        let mut bytes = Vec::new();
-        file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(failed("read"))?;
+        let read = self.disk.read(&self.path, MAX_FILE_BYTES + 1).map_err(failed("read"))?;
+        let Some(bytes) = read else { return Ok(Found::Nothing) };
         let problem = match read_state(&bytes) {
             Ok(state) => return Ok(Found::Saved(Box::new(state))),
             Err(Problem::Newer(error)) => return Err(StateError::Newer { file: self.path.clone(), error }),
             Err(Problem::Damaged(problem)) => problem,
         };
         let aside = self.free_name();
-        fs::rename(&self.path, &aside).map_err(failed("renamed"))?;
+        let rename = DiskStep::Rename { from: self.path.clone(), to: aside.clone() };
+        self.disk.carry_out(&rename).map_err(failed("renamed"))?;
         let why = format!(
             "{}: {problem}; the file is kept as {}, and the controller begins anew",
             self.path.display(),
@@ -151,7 +162,8 @@ impl StateFile {
     /// A name for a damaged file.
     fn free_name(&self) -> PathBuf {
         let name = |number: u32| self.path.with_extension(format!("damaged-{number}.json"));
-        (1..MAX_DAMAGED).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(MAX_DAMAGED))
+        let is_free = |path: &PathBuf| matches!(self.disk.read(path, 0), Ok(None));
+        (1..MAX_DAMAGED).map(name).find(is_free).unwrap_or_else(|| name(MAX_DAMAGED))
     }
 
     /// Replaces it as a whole by the state after the change of this number, unless it is newer; when this returns, it
@@ -165,15 +177,43 @@ impl StateFile {
         Ok(())
     }
 
+    /// The same beside everything else: on a thread of its own, or, on a disk that somebody simulates, in the time that it says.
+    /// `None` if the runtime ends meanwhile.
+    pub async fn write_beside(&self, number: u64, state: SavedState) -> Option<Result<(), StateError>> {
+        if self.disk.blocks() {
+            let file = self.clone();
+            return tokio::task::spawn_blocking(move || file.write(number, &state)).await.ok();
+        }
+        for step in self.steps(&state) {
+            tokio::time::sleep(self.disk.takes(&step)).await;
+            if let Err(error) = self.disk.carry_out(&step) {
+                return Some(Err(self.not_written(error)));
+            }
+        }
+        *self.written.lock().unwrap_or_else(PoisonError::into_inner) = number;
+        Some(Ok(()))
+    }
+
     fn replace(&self, state: &SavedState) -> Result<(), StateError> {
+        let mut steps = self.steps(state).into_iter();
+        steps.try_for_each(|step| self.disk.carry_out(&step)).map_err(|error| self.not_written(error))
+    }
+
+    fn not_written(&self, error: io::Error) -> StateError {
+        StateError::Io { path: self.path.clone(), tried: "written", error }
+    }
+
+    /// What replaces it: at no time is there a part of a file under its name, and after the last step the new one survives.
+    fn steps(&self, state: &SavedState) -> Vec<DiskStep> {
         let beside = self.path.with_extension("json.new");
-        let failed = |error| StateError::Io { path: self.path.clone(), tried: "written", error };
-        let mut file = File::create(&beside).map_err(failed)?;
-        file.write_all(state.to_json().as_bytes()).map_err(failed)?;
-        file.sync_all().map_err(failed)?;
-        drop(file);
-        fs::rename(&beside, &self.path).map_err(failed)?;
-        self.path.parent().map_or(Ok(()), sync).map_err(failed)
+        let bytes = state.to_json().into_bytes();
+        let mut steps = vec![
+            DiskStep::Write { file: beside.clone(), bytes },
+            DiskStep::Sync { file: beside.clone() },
+            DiskStep::Rename { from: beside, to: self.path.clone() },
+        ];
+        steps.extend(self.path.parent().map(|folder| DiskStep::SyncFolder { folder: folder.to_owned() }));
+        steps
     }
 }
 
@@ -185,11 +225,6 @@ fn make(folder: &Path) -> io::Result<()> {
         // The parent of a bare name is the folder that we are in.
         sync(if parent.as_os_str().is_empty() { Path::new(".") } else { parent })
     })
-}
-
-/// Brings a folder's list of names to the disk, where the system lets one open a folder.
-fn sync(folder: &Path) -> io::Result<()> {
-    if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }
 
 enum Problem {

@@ -11,6 +11,7 @@ use tokio::sync::oneshot;
 
 use crate::camera::Camera;
 use crate::clock::Clock;
+use crate::disk::Disk;
 use crate::handle::ControllerHandle;
 use crate::settings::{SimError, SimSettings};
 use crate::simulation::Simulation;
@@ -205,6 +206,12 @@ impl Builder {
     /// The folder that keeps what survives a power cut.
     pub fn state(mut self, folder: impl Into<PathBuf>) -> Self {
         self.settings.state = Some(folder.into());
+        self
+    }
+
+    /// The disk that this folder is on, where it is not the computer's.
+    pub fn disk(mut self, disk: Arc<dyn Disk>) -> Self {
+        self.settings.disk = Some(disk);
         self
     }
 

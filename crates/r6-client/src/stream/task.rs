@@ -11,6 +11,7 @@ use tokio::time::{Instant, sleep};
 
 use crate::error::{NotSent, RequestError};
 use crate::handle::Progress;
+use crate::job::{Terms, Work};
 use crate::link::Lane;
 use crate::motion::{Done, Sample, WaitError, WaitOptions, Watch};
 use crate::path::progress::PathProgress;
@@ -28,6 +29,9 @@ const NO_PROGRESS: f64 = 1e-3;
 #[derive(Debug)]
 pub(super) struct Task {
     robot: Robot,
+    /// The connection that it was looked on before the motion began: no other gets any of it. Whoever answers on another may have lost
+    /// its list, or stand elsewhere.
+    connection: u64,
     options: RunOptions,
     path: PathProgress,
     /// What was not sent yet.
@@ -46,7 +50,7 @@ pub(super) struct Task {
 
 impl Task {
     pub fn new(
-        robot: Robot,
+        (robot, connection): (Robot, u64),
         options: RunOptions,
         path: PathProgress,
         frames: Vec<Range<usize>>,
@@ -61,6 +65,7 @@ impl Task {
         };
         Self {
             robot,
+            connection,
             options,
             path,
             frames: frames.into(),
@@ -157,7 +162,9 @@ impl Task {
             let steps = self.path.steps().get(frame.clone()).unwrap_or_default().to_vec();
             self.in_doubt = frame.len();
             self.publish(false);
-            let answer = self.robot.add_unguarded(replace, steps).await;
+            let list = Work::AddRcc { replace, instructions: steps };
+            let terms = Terms { only_on: Some(self.connection), ..Terms::default() };
+            let answer = self.robot.accepted_on(terms, list, Lane::Ordinary).await;
             match answer {
                 Ok(_) => {
                     self.in_doubt = 0;

@@ -1,0 +1,191 @@
+//! The host that a controller runs on, its door, its disk, and the people who stand there.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_controller::{Button, Key, PanelAction, Profile};
+use r6_sim::{Camera, ControllerHandle, SimSettings, Simulation};
+use tokio::task::JoinHandle;
+use tokio::time::sleep;
+use turmoil::net::{TcpListener, TcpStream};
+
+use crate::fault::Promise;
+use crate::floor::Door;
+use crate::plan::rest_of;
+use crate::shared::{Shared, State, now};
+use crate::wire::{CAMERA_PORT, PORT, Served};
+
+/// No cabinet has more tasks: one for each connection, camera and deed, and those that keep its time and its state.
+const MOST_TASKS: usize = 80;
+
+/// The program of the host: from its start to its end, which is that of its process.
+pub async fn run(shared: Shared, robot: usize) -> turmoil::Result {
+    let simulation = start(&shared, robot).await?;
+    let handle = simulation.controllers().first().ok_or("no controller")?.clone();
+    let own = shared.clone();
+    handle.observe(move |_, controller, lines| {
+        let mut state = own.state();
+        let State { record, floors, .. } = &mut *state;
+        floors[robot].look(controller, lines, record);
+    });
+    tokio::spawn(look(shared.clone(), robot, handle.clone()));
+    tokio::spawn(people(shared.clone(), robot, handle.clone()));
+    tokio::spawn(photos(shared.clone(), robot, handle.clone()));
+    let mut connections = Vec::new();
+    for (number, camera) in shared.plan.cameras.iter().enumerate() {
+        if camera.robot == robot && camera.is_dialled {
+            connections.push(tokio::spawn(dial(shared.clone(), handle.clone(), number)));
+        }
+    }
+    serve(shared, robot, handle, connections).await
+}
+
+async fn start(shared: &Shared, robot: usize) -> Result<Simulation, Box<dyn std::error::Error>> {
+    let at = now();
+    let plan = &shared.plan.robots[robot];
+    let disk = shared.state().disks[robot].clone();
+    let again = plan.keeps && disk.is_used();
+    let scenario = rest_of(&plan.scenario, at);
+    shared.state().floors[robot].boots(at, again, plan.keeps);
+    let settings = SimSettings {
+        profile: Profile::named(plan.profile).ok_or("no such profile")?,
+        mold: plan.program.to_owned(),
+        scenario: Some(Arc::new(scenario)),
+        seed: plan.seed.wrapping_add(u64::try_from(at.as_nanos()).unwrap_or(0)),
+        state: plan.keeps.then(|| "state".into()),
+        disk: Some(Arc::new(disk)),
+        ..SimSettings::default()
+    };
+    Ok(Simulation::start_in_memory(settings).await?)
+}
+
+/// Looks at it now and then, and at what it takes of the system.
+async fn look(shared: Shared, robot: usize, handle: ControllerHandle) {
+    let every = shared.plan.robots[robot].looked_at;
+    loop {
+        sleep(every).await;
+        drop(handle.snapshot());
+        let tasks = tokio::runtime::Handle::current().metrics().num_alive_tasks();
+        shared.check(Promise::I6, tasks <= MOST_TASKS, || format!("robot-{robot} has {tasks} tasks"));
+    }
+}
+
+async fn people(shared: Shared, robot: usize, handle: ControllerHandle) {
+    let mut deeds = shared.plan.robots[robot].people.clone();
+    deeds.sort_by_key(|(at, _)| *at);
+    for (at, action) in deeds {
+        let Some(wait) = at.checked_sub(now()) else { continue };
+        sleep(wait).await;
+        operate(&shared, robot, &handle, &action);
+    }
+    // When all is over somebody sees to the machine, once.
+    while !shared.is_quiet() {
+        sleep(Duration::from_millis(50)).await;
+    }
+    while !is_ready(&handle) {
+        for action in [
+            PanelAction::ReleaseEmergencyStop,
+            PanelAction::TurnKey(Key::Auto),
+            PanelAction::Press(Button::Stop),
+            PanelAction::Press(Button::Stop),
+        ] {
+            operate(&shared, robot, &handle, &action);
+        }
+        sleep(Duration::from_millis(900)).await;
+        for action in [
+            PanelAction::ClearAlarm,
+            PanelAction::SwitchProgram("remote".to_owned()),
+            PanelAction::Press(Button::Start),
+        ] {
+            operate(&shared, robot, &handle, &action);
+        }
+    }
+    shared.state().floors[robot].is_seen_to = true;
+}
+
+/// Whether it waits for remote commands.
+fn is_ready(handle: &ControllerHandle) -> bool {
+    let seen = handle.snapshot();
+    seen.alarm == 0 && !seen.emergency_stop && seen.program == "remote" && seen.mode.may_run()
+}
+
+/// Somebody does something; whatever may set the arm in motion is known before it does.
+fn operate(shared: &Shared, robot: usize, handle: &ControllerHandle, action: &PanelAction) {
+    let starts = match action {
+        PanelAction::Press(button) => !matches!(button, Button::Stop | Button::Pause),
+        PanelAction::Home | PanelAction::Jog { .. } => true,
+        _ => false,
+    };
+    shared.tell(format_args!("robot-{robot}: somebody does {action:?}"));
+    if starts {
+        shared.state().floors[robot].starts(now());
+    }
+    if let Err(refused) = handle.operate(action) {
+        shared.tell(format_args!("robot-{robot}: {refused}"));
+    }
+}
+
+async fn photos(shared: Shared, robot: usize, handle: ControllerHandle) {
+    for at in &shared.plan.robots[robot].photos {
+        let Some(wait) = at.checked_sub(now()) else { continue };
+        sleep(wait).await;
+        handle.request_photo(0);
+    }
+}
+
+/// Keeps a connection to a camera that listens.
+async fn dial(shared: Shared, handle: ControllerHandle, number: usize) {
+    loop {
+        if let Ok(stream) = TcpStream::connect((format!("camera-{number}").as_str(), CAMERA_PORT)).await
+            && let Ok(address) = stream.peer_addr()
+        {
+            let wire = Served { stream, shared: shared.clone() };
+            handle.serve_camera(wire, Camera { cam_id: None, address }).await;
+        }
+        sleep(Duration::from_millis(300)).await;
+    }
+}
+
+/// Takes connections as the door says.
+async fn serve(
+    shared: Shared,
+    robot: usize,
+    handle: ControllerHandle,
+    mut connections: Vec<JoinHandle<()>>,
+) -> turmoil::Result {
+    let mut door = shared.state().floors[robot].door.subscribe();
+    let mut listener = None;
+    loop {
+        let now_is = *door.borrow_and_update();
+        match now_is {
+            Door::Refuses => {
+                listener = None;
+                door.changed().await?;
+            }
+            // The connections that are wanted stand in the queue of the port, and nobody takes them.
+            Door::Silent => door.changed().await?,
+            // In an order of their own: that in which a runtime drops its tasks is another each time.
+            Door::Dies => {
+                connections.iter().for_each(JoinHandle::abort);
+                return std::future::pending().await;
+            }
+            Door::Open => {
+                let open = match listener.take() {
+                    Some(open) => open,
+                    None => TcpListener::bind(("0.0.0.0", PORT)).await?,
+                };
+                tokio::select! {
+                    biased;
+                    changed = door.changed() => changed?,
+                    accepted = open.accept() => {
+                        let (stream, _) = accepted?;
+                        let (wire, handle) = (Served { stream, shared: shared.clone() }, handle.clone());
+                        connections.retain(|connection| !connection.is_finished());
+                        connections.push(tokio::spawn(async move { handle.serve(wire).await }));
+                    }
+                }
+                listener = Some(open);
+            }
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! What a program does with the arm: paths that are streamed, targets that are followed, stops, and places that cannot be reached.
+
+use r6_client::units::{AxisPosition, Degrees, Percent};
+use r6_client::{Command, FollowOptions, Motion, MotionHandle, OperationMode, RunOptions, StepState, Unmet};
+use tokio::time::sleep;
+
+use super::{Work, ms};
+use crate::fault::Promise;
+use crate::shared::{State, now};
+
+/// Steps that one client numbers at most: a thousandth of a degree of J2 each.
+const MOST_STEPS: i64 = 6000;
+
+/// A frame that was handed over is through or taken back after this long.
+const HANDED_OVER: u64 = 10;
+
+impl Work {
+    /// Moves again and again, in one way or another.
+    pub(super) async fn move_about(mut self) {
+        while self.plan.moves && !self.is_over() {
+            self.move_once().await;
+            sleep(ms(60) + self.random.up_to(ms(200))).await;
+        }
+    }
+
+    async fn move_once(&mut self) {
+        let robot = self.robot.clone();
+        let Some(Ok(status)) = self.perhaps("the status", robot.status()).await else { return };
+        let unmet = status.unmet();
+        for unmet in &unmet {
+            match unmet {
+                Unmet::LeftoverList { .. } => drop(self.bounded("clearing", robot.clear_list()).await),
+                Unmet::Alarm { .. } => {
+                    drop(self.bounded("clearing", robot.command(Command::ClearAlarm)).await)
+                }
+                Unmet::Mode { found: OperationMode::Auto } if self.random.strikes(0.5) => self.start().await,
+                Unmet::Mode { .. } | Unmet::NotHomed | Unmet::Moving | Unmet::Unknown { .. } => {}
+            }
+        }
+        if !unmet.is_empty() {
+            return;
+        }
+        match self.random.below(20) {
+            0..13 => self.stream().await,
+            13..17 => self.follow().await,
+            _ => self.overreach().await,
+        }
+    }
+
+    /// A path of new steps.
+    fn path(&mut self) -> Option<(Vec<i64>, Motion)> {
+        let base = 1 + i64::try_from(self.place()).unwrap_or(0) * MOST_STEPS;
+        let count = i64::try_from(3 + self.random.below(12)).unwrap_or(3);
+        let first = {
+            let mut state = self.shared.state();
+            let line = &mut state.lines[self.index];
+            line.next_step += count;
+            if line.next_step >= MOST_STEPS {
+                return None;
+            }
+            base + line.next_step - count
+        };
+        let steps: Vec<i64> = (first..first + count).collect();
+        let mut motion = Motion::new();
+        for step in &steps {
+            #[expect(clippy::cast_precision_loss, reason = "a small number")]
+            let (j1, j2) = (self.random.below(30_000) as f64 / 1000.0, *step as f64 / 1000.0);
+            let place = AxisPosition::degrees([j1, j2, 0.0, 0.0, 0.0, 0.0]);
+            let speed = Percent::new([30.0, 60.0, 100.0][self.random.below(3)]).ok()?;
+            motion = motion.axis_move(place, speed);
+            if self.random.strikes(0.3) {
+                motion = motion.blend(5);
+            }
+        }
+        Some((steps, motion))
+    }
+
+    async fn stream(&mut self) {
+        let Some((steps, motion)) = self.path() else { return };
+        let options =
+            RunOptions { frame_instructions: 1 + self.random.below(4), room: 6, ..RunOptions::default() };
+        let run = self.shared.state().lines[self.index].run_begins(&steps);
+        let robot = self.robot.clone();
+        let begun = self.perhaps("a motion", robot.run(&motion, options)).await;
+        if let Some(Ok(handle)) = begun {
+            self.attend(handle, &steps).await;
+        }
+        sleep(ms(HANDED_OVER)).await;
+        self.shared.state().lines[self.index].run_ends(run);
+    }
+
+    /// Lets a motion come to its end, stops it, drops it, or has it go at another speed.
+    async fn attend(&mut self, handle: MotionHandle, steps: &[i64]) {
+        let told: Vec<_> = (1..=steps.len()).filter_map(|step| handle.step(step)).collect();
+        let after = ms(30) + self.random.up_to(ms(900));
+        match self.random.below(20) {
+            0..4 => {
+                sleep(after).await;
+                let stopped = self.bounded("a stop", handle.stop()).await;
+                self.note_stop(stopped.as_ref().ok().map(|report| report.confirmed));
+                // Long enough to see that it goes on standing.
+                sleep(ms(900)).await;
+            }
+            4..6 if self.plan.drops => {
+                sleep(after).await;
+                drop(handle);
+            }
+            turn => {
+                if turn < 9 {
+                    sleep(after).await;
+                    self.change_speed().await;
+                }
+                let finished = self.bounded("a motion", handle.finished()).await;
+                let at = now();
+                let mut state = self.shared.state();
+                let State { record, floors, .. } = &mut *state;
+                record.tally.motions[usize::from(finished.is_err())] += 1;
+                let floor = &floors[self.plan.robot];
+                match &finished {
+                    Ok(_) => {
+                        let all = self.is_alone() && self.robot_plan().does_what_it_says;
+                        let of = if all { steps } else { &steps[steps.len() - 1..] };
+                        record.check(Promise::Once, at, floor.has_done(of), || {
+                            format!("client-{}: {steps:?} came to an end, they say", self.index)
+                        });
+                    }
+                    Err(error) => record.tell(at, format_args!("client-{}: {error}", self.index)),
+                }
+                drop(state);
+                if let Some(stop) = finished.err().and_then(|error| error.stop) {
+                    self.note_stop(stop.ok().map(|report| report.confirmed));
+                }
+            }
+        }
+        self.compare(&told, steps);
+    }
+
+    /// What is told of each step agrees with what left and with what was carried out.
+    fn compare(&self, told: &[r6_client::StepHandle], steps: &[i64]) {
+        let at = now();
+        let mut state = self.shared.state();
+        let State { record, lines, floors, .. } = &mut *state;
+        for (told, step) in told.iter().zip(steps) {
+            let (left, done) =
+                (lines[self.index].has_sent(*step), floors[self.plan.robot].has_done(&[*step]));
+            let holds = match told.state() {
+                StepState::Queued => !left,
+                StepState::Done => left,
+                StepState::Sent | StepState::Running | StepState::Lost => true,
+            };
+            record.check(Promise::Once, at, holds && (left || !done), || {
+                format!(
+                    "client-{}: step {step} is {:?}; it left: {left}, done: {done}",
+                    self.index,
+                    told.state()
+                )
+            });
+        }
+    }
+
+    fn note_stop(&self, confirmed: Option<bool>) {
+        let at = now();
+        let mut state = self.shared.state();
+        let State { record, floors, .. } = &mut *state;
+        record.tally.stops[usize::from(confirmed != Some(true))] += 1;
+        if confirmed == Some(true) {
+            floors[self.plan.robot].stands(at);
+        }
+    }
+
+    /// Another speed in the middle of it, or a pause and a start; at last all is as before.
+    async fn change_speed(&mut self) {
+        let robot = self.robot.clone();
+        if self.random.strikes(0.6) {
+            for percent in [25.0, 100.0] {
+                drop(self.bounded("a speed", robot.command(Command::ModifyGspd { percent })).await);
+                sleep(ms(150)).await;
+            }
+        } else {
+            drop(self.bounded("a pause", robot.command(Command::ActionPause)).await);
+            sleep(ms(600)).await;
+            self.start().await;
+        }
+    }
+
+    /// Follows a target that moves about.
+    async fn follow(&mut self) {
+        let (target, targets) = tokio::sync::watch::channel(AxisPosition::none());
+        let wanted = self.random.below(40);
+        let source = async move {
+            for n in 0..20 {
+                #[expect(clippy::cast_precision_loss, reason = "a small number")]
+                let place = wanted as f64 + f64::from(n);
+                target.send_replace(AxisPosition::degrees([place]));
+                sleep(ms(50)).await;
+            }
+        };
+        let options = FollowOptions {
+            largest_step: Degrees(5.0),
+            while_moving: self.random.strikes(0.3),
+            ..FollowOptions::default()
+        };
+        self.shared.state().lines[self.index].unnumbered += 1;
+        let robot = self.robot.clone();
+        let following = async { tokio::join!(robot.follow(targets, options), source).0 };
+        let followed = self.perhaps("following", following).await;
+        if let Some(followed) = &followed {
+            self.shared.state().record.tally.motions[usize::from(followed.is_err())] += 1;
+        }
+        sleep(ms(HANDED_OVER)).await;
+        self.shared.state().lines[self.index].unnumbered -= 1;
+    }
+
+    /// A place beyond a soft limit, the same place twice, or none: it ends with an alarm, or where it was.
+    async fn overreach(&mut self) {
+        let beyond =
+            AxisPosition::degrees([[160.0, -170.0, 10.0][self.random.below(3)], 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let Ok(speed) = Percent::new(80.0) else { return };
+        let motion = Motion::new().axis_move(beyond, speed).axis_move(beyond, speed);
+        let Ok(steps) = motion.instructions() else { return };
+        self.shared.state().lines[self.index].unnumbered += 1;
+        let robot = self.robot.clone();
+        let sent = self.perhaps("a list", robot.add_rcc(true, steps.to_vec())).await;
+        if let Some(sent) = &sent {
+            self.count(sent);
+        }
+        sleep(ms(HANDED_OVER)).await;
+        self.shared.state().lines[self.index].unnumbered -= 1;
+        sleep(ms(800)).await;
+    }
+
+    /// When all is well a motion comes to its end, and each of its steps was carried out.
+    pub(super) async fn move_to_the_end(&mut self) -> Result<(), String> {
+        let Some((steps, motion)) = self.path() else { return Ok(()) };
+        let run = self.shared.state().lines[self.index].run_begins(&steps);
+        let handle = self
+            .robot
+            .run(&motion, RunOptions::default())
+            .await
+            .map_err(|error| format!("a motion: {error}"))?;
+        handle.finished().await.map_err(|error| format!("a motion: {error}"))?;
+        let mut state = self.shared.state();
+        state.lines[self.index].run_ends(run);
+        state.record.tally.motions[0] += 1;
+        if state.floors[self.plan.robot].has_done(&steps) {
+            Ok(())
+        } else {
+            Err(format!("{steps:?} were not all done"))
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! What happened in a world: a sum of all of it, the last of it in words, and the first promise that was broken.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::time::Duration;
+
+use crate::fault::{CLASSES, Class, PROMISES, Promise};
+
+/// So many events are told with a failure.
+const TOLD: usize = 60;
+
+/// The first promise that was broken.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Violation {
+    /// Which.
+    pub promise: Promise,
+    /// When, since the world began.
+    pub at: Duration,
+    /// What was seen.
+    pub text: String,
+}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (_, says) = PROMISES[self.promise.index()];
+        write!(f, "{:?} ({says}) at {:.6} s: {}", self.promise, self.at.as_secs_f64(), self.text)
+    }
+}
+
+/// Counts of what was done, for the table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tally {
+    /// How often each promise was checked.
+    pub checks: [u64; PROMISES.len()],
+    /// How often each class of faults was there.
+    pub faults: [u64; CLASSES.len()],
+    /// Milliseconds of the world's time.
+    pub millis: u64,
+    /// Frames to and from the clients.
+    pub frames: u64,
+    /// Motions that came to their end, and those that did not.
+    pub motions: [u64; 2],
+    /// Stops that were confirmed, and those that were not.
+    pub stops: [u64; 2],
+    /// Requests with an answer, those that were not sent or refused, and those whose outcome is unknown.
+    pub requests: [u64; 3],
+    /// Instructions that were carried out.
+    pub instructions: u64,
+    /// Controllers that were killed, and whose power was cut.
+    pub restarts: [u64; 2],
+    /// Connections that were made anew by clients.
+    pub reconnects: u64,
+    /// Replies that did not come in time, and frames that answered nothing or could not be read.
+    pub felt: [u64; 2],
+    /// Points of cameras that arrived.
+    pub points: u64,
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Self {
+            checks: [0; PROMISES.len()],
+            faults: [0; CLASSES.len()],
+            millis: 0,
+            frames: 0,
+            motions: [0; 2],
+            stops: [0; 2],
+            requests: [0; 3],
+            instructions: 0,
+            restarts: [0; 2],
+            reconnects: 0,
+            felt: [0; 2],
+            points: 0,
+        }
+    }
+}
+
+impl Tally {
+    /// Adds another world's.
+    pub fn add(&mut self, other: &Self) {
+        let pairs =
+            self.checks.iter_mut().zip(&other.checks).chain(self.faults.iter_mut().zip(&other.faults));
+        let small =
+            self.motions.iter_mut().zip(&other.motions).chain(self.stops.iter_mut().zip(&other.stops));
+        let more = self.requests.iter_mut().zip(&other.requests);
+        let rest = self.restarts.iter_mut().zip(&other.restarts).chain(self.felt.iter_mut().zip(&other.felt));
+        let singles = [
+            (&mut self.millis, &other.millis),
+            (&mut self.frames, &other.frames),
+            (&mut self.instructions, &other.instructions),
+            (&mut self.reconnects, &other.reconnects),
+            (&mut self.points, &other.points),
+        ];
+        pairs.chain(small).chain(more).chain(rest).chain(singles).for_each(|(sum, more)| *sum += more);
+    }
+}
+
+/// What happened in one world.
+#[derive(Debug)]
+pub struct Record {
+    told: VecDeque<String>,
+    sum: u64,
+    aloud: bool,
+    /// The first promise that was broken.
+    pub violation: Option<Violation>,
+    /// Counts.
+    pub tally: Tally,
+}
+
+impl Record {
+    /// An empty one; `aloud`: every event is printed.
+    #[must_use]
+    pub fn new(aloud: bool) -> Self {
+        let (told, tally) = Default::default();
+        Self { told, sum: 0xcbf2_9ce4_8422_2325, aloud, violation: None, tally }
+    }
+
+    /// Something happened.
+    pub fn tell(&mut self, at: Duration, what: fmt::Arguments<'_>) {
+        let text = format!("{:>12.6} {what}", at.as_secs_f64());
+        // FNV-1a: nothing depends on more than that another event gives another sum.
+        for byte in text.bytes() {
+            self.sum = (self.sum ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+        }
+        if self.aloud {
+            println!("{text}");
+        }
+        if self.told.len() >= TOLD {
+            self.told.pop_front();
+        }
+        self.told.push_back(text);
+    }
+
+    /// A promise was looked at.
+    pub fn check(&mut self, promise: Promise, at: Duration, holds: bool, text: impl FnOnce() -> String) {
+        self.tally.checks[promise.index()] += 1;
+        if !holds && self.violation.is_none() {
+            let violation = Violation { promise, at, text: text() };
+            self.tell(at, format_args!("BROKEN {violation}"));
+            self.violation = Some(violation);
+        }
+    }
+
+    /// A fault of this class was there.
+    pub fn strikes(&mut self, class: Class) {
+        self.tally.faults[class.index()] += 1;
+    }
+
+    /// A sum of all that happened, in its order.
+    #[must_use]
+    pub fn sum(&self) -> u64 {
+        self.sum
+    }
+
+    /// The last events.
+    #[must_use]
+    pub fn last(&self) -> Vec<String> {
+        self.told.iter().cloned().collect()
+    }
+}

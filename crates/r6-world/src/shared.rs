@@ -1,0 +1,132 @@
+//! What everybody in a world sees: one record, one floor for each controller, one line for each client.
+
+use std::collections::BTreeSet;
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::Context;
+use std::time::Duration;
+
+use crate::disk::SimDisk;
+use crate::fault::Promise;
+use crate::floor::Floor;
+use crate::line::Line;
+use crate::plan::Plan;
+use crate::record::Record;
+use crate::wire::End;
+
+/// The state of a world. Clones are the same; nobody holds its lock while waiting.
+#[derive(Clone, Debug)]
+pub struct Shared {
+    /// What the seed says.
+    pub plan: Arc<Plan>,
+    state: Arc<Mutex<State>>,
+}
+
+/// The same, while it is held.
+#[derive(Debug)]
+pub struct State {
+    /// What happened.
+    pub record: Record,
+    /// The controllers.
+    pub floors: Vec<Floor>,
+    /// Their disks.
+    pub disks: Vec<SimDisk>,
+    /// The clients.
+    pub lines: Vec<Line>,
+    /// Connections that their controllers reset: from, to.
+    pub resets: BTreeSet<(SocketAddr, SocketAddr)>,
+    /// Whether nothing goes wrong any more.
+    pub quiet: bool,
+}
+
+/// The time of the world, on the host that asks.
+#[must_use]
+pub fn now() -> Duration {
+    turmoil::sim_elapsed().unwrap_or_default()
+}
+
+impl Shared {
+    /// A world before anything happened.
+    #[must_use]
+    pub fn new(plan: Plan, aloud: bool) -> Self {
+        let state = State {
+            record: Record::new(aloud),
+            floors: (0..plan.robots.len()).map(|number| Floor::new(format!("robot-{number}"))).collect(),
+            disks: plan.robots.iter().map(|robot| SimDisk::new(robot.seed)).collect(),
+            lines: plan.clients.iter().map(Line::new).collect(),
+            resets: BTreeSet::new(),
+            quiet: false,
+        };
+        Self { plan: Arc::new(plan), state: Arc::new(Mutex::new(state)) }
+    }
+
+    /// Takes hold of it.
+    pub fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Something happened.
+    pub fn tell(&self, what: std::fmt::Arguments<'_>) {
+        self.state().record.tell(now(), what);
+    }
+
+    /// A promise was looked at.
+    pub fn check(&self, promise: Promise, holds: bool, text: impl FnOnce() -> String) {
+        self.state().record.check(promise, now(), holds, text);
+    }
+
+    /// Whether nothing goes wrong any more.
+    #[must_use]
+    pub fn is_quiet(&self) -> bool {
+        self.state().quiet
+    }
+
+    /// A connection was made; its number.
+    pub fn connected(&self, end: End) -> usize {
+        let at = now();
+        let mut state = self.state();
+        let State { record, lines, .. } = &mut *state;
+        record.tell(at, format_args!("{end:?} is connected"));
+        match end {
+            End::Client(client) => lines[client].connected(record),
+            End::Camera(_) => 0,
+        }
+    }
+
+    /// Bytes left.
+    pub fn sent(&self, end: End, number: usize, bytes: &[u8]) {
+        let at = now();
+        let mut state = self.state();
+        let State { record, lines, floors, .. } = &mut *state;
+        record.tell(at, format_args!("{end:?}/{number} > {}", String::from_utf8_lossy(bytes)));
+        match end {
+            End::Client(client) => lines[client].sent(at, number, bytes, floors, record),
+            End::Camera(_) => {}
+        }
+    }
+
+    /// Bytes came.
+    pub fn received(&self, end: End, number: usize, bytes: &[u8]) {
+        let at = now();
+        let mut state = self.state();
+        let State { record, lines, .. } = &mut *state;
+        record.tell(at, format_args!("{end:?}/{number} < {}", String::from_utf8_lossy(bytes)));
+        match end {
+            End::Client(client) => lines[client].received(at, number, bytes, record),
+            End::Camera(_) => {}
+        }
+    }
+
+    /// A connection ended.
+    pub fn ended(&self, end: End, number: usize, how: &str) {
+        self.tell(format_args!("{end:?}/{number}: {how}"));
+    }
+
+    /// Whether nothing is read at this end now; then it is told when that is over.
+    pub fn is_deaf(&self, end: End, cx: &Context<'_>) -> bool {
+        match end {
+            End::Client(client) => self.state().lines[client].is_deaf(cx),
+            End::Camera(_) => false,
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! The wires of a world: TCP of the simulated network, with somebody who reads along on the client's end.
+
+use std::fmt;
+use std::io;
+use std::pin::Pin;
+use std::task::{Context, Poll, ready};
+
+use r6_client::Connect;
+use r6_sim::Wire;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use turmoil::net::{TcpListener, TcpStream};
+
+use crate::shared::Shared;
+
+/// The port that controllers listen on.
+pub const PORT: u16 = 9760;
+
+/// The port that cameras listen on.
+pub const CAMERA_PORT: u16 = 9000;
+
+/// Who is at this end of a wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// A client of the plan.
+    Client(usize),
+    /// A camera of the plan.
+    Camera(usize),
+}
+
+/// Makes the connections of a client: to its robot, or, for a camera that is dialled, by waiting for it.
+pub struct Dialler {
+    /// What everybody sees.
+    pub shared: Shared,
+    /// Who dials.
+    pub end: End,
+    /// The name of the host.
+    pub robot: String,
+    /// Where it is waited for, by who is dialled.
+    pub listener: Option<TcpListener>,
+}
+
+impl fmt::Display for Dialler {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.robot)
+    }
+}
+
+impl Connect for Dialler {
+    type Stream = Tapped;
+
+    async fn connect(&mut self) -> io::Result<Tapped> {
+        let stream = match &self.listener {
+            Some(listener) => listener.accept().await?.0,
+            None => TcpStream::connect((self.robot.as_str(), PORT)).await?,
+        };
+        let number = self.shared.connected(self.end);
+        Ok(Tapped { stream, shared: self.shared.clone(), end: self.end, number })
+    }
+}
+
+/// The client's end of a connection.
+pub struct Tapped {
+    stream: TcpStream,
+    shared: Shared,
+    end: End,
+    number: usize,
+}
+
+impl AsyncRead for Tapped {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        if self.shared.is_deaf(self.end, cx) {
+            return Poll::Pending;
+        }
+        let before = buffer.filled().len();
+        let mut read = ready!(Pin::new(&mut self.stream).poll_read(cx, buffer));
+        let bytes = &buffer.filled()[before..];
+        if bytes.is_empty() && self.is_reset() {
+            read = Err(io::ErrorKind::ConnectionReset.into());
+        }
+        match &read {
+            Ok(()) if bytes.is_empty() => self.shared.ended(self.end, self.number, "an end"),
+            Ok(()) => self.shared.received(self.end, self.number, bytes),
+            Err(_) => self.shared.ended(self.end, self.number, "a reset"),
+        }
+        Poll::Ready(read)
+    }
+}
+
+impl Tapped {
+    /// The simulated network knows no reset on purpose: who wants one says so, and the end that comes is taken for it.
+    fn is_reset(&self) -> bool {
+        match (self.stream.local_addr(), self.stream.peer_addr()) {
+            (Ok(near), Ok(far)) => self.shared.state().resets.remove(&(far, near)),
+            _ => false,
+        }
+    }
+}
+
+impl AsyncWrite for Tapped {
+    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        let written = ready!(Pin::new(&mut self.stream).poll_write(cx, bytes));
+        if let Ok(count) = written {
+            self.shared.sent(self.end, self.number, &bytes[..count]);
+        }
+        Poll::Ready(written)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(cx)
+    }
+}
+
+/// The controller's end of a connection.
+pub struct Served {
+    /// The connection.
+    pub stream: TcpStream,
+    /// What everybody sees.
+    pub shared: Shared,
+}
+
+impl Wire for Served {
+    fn reset(&mut self) {
+        if let (Ok(near), Ok(far)) = (self.stream.local_addr(), self.stream.peer_addr()) {
+            self.shared.state().resets.insert((near, far));
+        }
+    }
+}
+
+impl AsyncRead for Served {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_read(cx, buffer)
+    }
+}
+
+impl AsyncWrite for Served {
+    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write(cx, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(cx)
+    }
+}
+
+/// Every whole object in these bytes, nested ones too: where it begins and where it ends. What a reader with other rules for broken frames
+/// could take for a frame is among them.
+pub fn whole_frames(bytes: &[u8]) -> impl Iterator<Item = (usize, usize)> + '_ {
+    let begins = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'{').map(|(at, _)| at);
+    begins.filter_map(|begin| Some((begin, begin + length(&bytes[begin..])?)))
+}
+
+/// How long the object is that these bytes begin with.
+fn length(bytes: &[u8]) -> Option<usize> {
+    let (mut depth, mut in_text, mut escaped) = (0_u32, false, false);
+    for (at, byte) in bytes.iter().enumerate() {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' if in_text => escaped = true,
+            b'"' => in_text = !in_text,
+            b'{' | b'[' if !in_text => depth += 1,
+            b'}' | b']' if !in_text => {
+                depth -= 1;
+                if depth == 0 {
+                    return Some(at + 1);
+                }
+            }
+            _ => {}
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_objects_are_found_wherever_they_begin() {
+        let found = |text: &str| {
+            whole_frames(text.as_bytes()).map(|(from, to)| text[from..to].to_owned()).collect::<Vec<_>>()
+        };
+        assert_eq!(found(r#"{"a":1}{"b":"}"}"#), [r#"{"a":1}"#, r#"{"b":"}"}"#]);
+        assert_eq!(found(r#"{"a":"#), [""; 0]);
+        assert!(found(r#"{"a":["x{"b":1}"#).contains(&r#"{"b":1}"#.to_owned()));
+    }
+}

@@ -1,0 +1,220 @@
+//! One world from its beginning to its end.
+
+use std::cell::RefCell;
+use std::time::{Duration, SystemTime};
+
+use crate::disk::{MOST_BYTES, MOST_FILES};
+use crate::fault::{Class, Promise};
+use crate::floor::Door;
+use crate::plan::{Blow, Plan};
+use crate::record::{Tally, Violation};
+use crate::shared::Shared;
+use crate::{cabinet, camera, client};
+
+/// One step of the world: each host runs for so long before the next does.
+const STEP: Duration = Duration::from_millis(1);
+
+/// What was held up by a fault is through this long after it.
+const HELD_UP: Duration = Duration::from_millis(3500);
+
+/// When the faults are over, everything works again, one client after the other, in this time.
+const ENDS_WITHIN: Duration = Duration::from_secs(200);
+
+/// Segments that wait at one end of a connection; then its writer waits.
+const SEGMENTS: usize = 512;
+
+thread_local! {
+    static PANICS: RefCell<Vec<String>> = const { RefCell::new(Vec::new()) };
+}
+
+/// What became of a world.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The seed.
+    pub seed: u64,
+    /// The first promise that was broken.
+    pub violation: Option<Violation>,
+    /// A sum of all that happened.
+    pub sum: u64,
+    /// Counts.
+    pub tally: Tally,
+    /// The last events.
+    pub last: Vec<String>,
+}
+
+/// Has panics of this process told as broken promises of the worlds that they happen in.
+pub fn catch_panics() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        std::panic::set_hook(Box::new(|panic| {
+            PANICS.with(|panics| panics.borrow_mut().push(panic.to_string()));
+        }));
+    });
+}
+
+/// Runs the world of a seed; `aloud`: prints everything that happens.
+#[must_use]
+pub fn run(seed: u64, aloud: bool) -> Outcome {
+    let plan = Plan::of(seed);
+    let shared = Shared::new(plan, aloud);
+    PANICS.with(|panics| panics.borrow_mut().clear());
+    let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| World::new(&shared).run()));
+    let mut state = shared.state();
+    let at = Duration::from_millis(state.record.tally.millis);
+    let panics = PANICS.with(|panics| panics.borrow_mut().drain(..).collect::<Vec<_>>());
+    let problem = match ended {
+        Ok(Ok(())) => panics.first().cloned(),
+        Ok(Err(error)) => Some(error),
+        Err(_) => Some(panics.join("; ")),
+    };
+    state.record.check(Promise::NoPanic, at, problem.is_none(), || problem.unwrap_or_default());
+    Outcome {
+        seed,
+        violation: state.record.violation.clone(),
+        sum: state.record.sum(),
+        tally: state.record.tally.clone(),
+        last: state.record.last(),
+    }
+}
+
+struct World<'s> {
+    shared: &'s Shared,
+    sim: turmoil::Sim<'s>,
+    hosts: Vec<String>,
+    /// Controllers whose connections end with the next step, and which are gone after it.
+    dying: Vec<usize>,
+}
+
+fn robot_name(robot: usize) -> String {
+    format!("robot-{robot}")
+}
+
+fn client_name(client: usize) -> String {
+    format!("client-{client}")
+}
+
+impl<'s> World<'s> {
+    fn new(shared: &'s Shared) -> Self {
+        let plan = &shared.plan;
+        let mut builder = turmoil::Builder::new();
+        builder
+            .epoch(SystemTime::UNIX_EPOCH)
+            .tick_duration(STEP)
+            .simulation_duration(Duration::from_secs(3600))
+            .min_message_latency(STEP)
+            .max_message_latency(plan.latency)
+            .tcp_capacity(SEGMENTS)
+            .rng_seed(plan.seed);
+        let mut world = Self { shared, sim: builder.build(), hosts: Vec::new(), dying: Vec::new() };
+        for robot in 0..plan.robots.len() {
+            let name = robot_name(robot);
+            world.sim.host(name.as_str(), move || cabinet::run(shared.clone(), robot));
+            world.hosts.push(name);
+        }
+        for number in 0..plan.cameras.len() {
+            let name = format!("camera-{number}");
+            world.sim.host(name.as_str(), move || camera::run(shared.clone(), number));
+            world.hosts.push(name);
+        }
+        for number in 0..plan.clients.len() {
+            let name = client_name(number);
+            world.sim.host(name.as_str(), move || client::run(shared.clone(), number));
+            world.hosts.push(name);
+        }
+        world
+    }
+
+    fn run(mut self) -> Result<(), String> {
+        let plan = std::sync::Arc::clone(&self.shared.plan);
+        for class in &plan.classes {
+            self.shared.state().record.strikes(*class);
+        }
+        let mut blows = plan.blows.iter().peekable();
+        let quiet = plan.over + HELD_UP;
+        loop {
+            let at = self.sim.elapsed();
+            while let Some((_, blow)) = blows.next_if(|(due, _)| *due <= at) {
+                self.strike(*blow);
+            }
+            self.sim.step().map_err(|error| error.to_string())?;
+            for robot in std::mem::take(&mut self.dying) {
+                self.crash(&robot_name(robot));
+            }
+            let mut state = self.shared.state();
+            state.record.tally.millis += 1;
+            state.quiet = at >= quiet;
+            if at.as_millis() % 50 == 0 {
+                let extents: Vec<_> = state.disks.iter().map(crate::disk::SimDisk::extent).collect();
+                for (files, longest) in extents {
+                    let holds = files <= MOST_FILES && longest <= MOST_BYTES;
+                    state.record.check(Promise::I6, at, holds, || {
+                        format!("{files} files on a disk, up to {longest} bytes")
+                    });
+                }
+            }
+            let well = state.lines.iter().all(|line| line.is_well);
+            if state.record.violation.is_some() || well {
+                return Ok(());
+            }
+            if at > quiet + ENDS_WITHIN {
+                let waits: Vec<_> = state.lines.iter().map(|line| (line.is_done, line.is_well)).collect();
+                state
+                    .record
+                    .check(Promise::Recovery, at, false, || format!("clients (done, well): {waits:?}"));
+                return Ok(());
+            }
+        }
+    }
+
+    /// A host is gone at once. Nobody is told: what is under way is lost, and what its sockets would say when they end.
+    fn crash(&mut self, name: &str) {
+        let others: Vec<_> = self.hosts.iter().filter(|host| *host != name).cloned().collect();
+        others.iter().for_each(|other| self.sim.partition(name, other.as_str()));
+        self.sim.crash(name);
+        others.iter().for_each(|other| self.sim.repair(name, other.as_str()));
+    }
+
+    /// Something strikes from outside.
+    fn strike(&mut self, blow: Blow) {
+        let at = self.sim.elapsed();
+        self.shared.state().record.tell(at, format_args!("{blow:?}"));
+        let plan = &self.shared.plan;
+        match blow {
+            Blow::Hold { client } => {
+                self.sim.hold(client_name(client), robot_name(plan.clients[client].robot))
+            }
+            Blow::Release { client } => {
+                self.sim.release(client_name(client), robot_name(plan.clients[client].robot));
+            }
+            Blow::Kill { robot } => {
+                let mut state = self.shared.state();
+                state.floors[robot].door.send_replace(Door::Dies);
+                state.record.tally.restarts[0] += 1;
+                self.dying.push(robot);
+            }
+            Blow::CutPower { robot } => {
+                self.crash(&robot_name(robot));
+                let mut state = self.shared.state();
+                state.record.tally.restarts[1] += 1;
+                state.disks[robot].cut_power();
+            }
+            Blow::Boot { robot } => self.sim.bounce(robot_name(robot)),
+            Blow::KillClient { client } => self.sim.crash(client_name(client)),
+            Blow::StartClient { client } => self.sim.bounce(client_name(client)),
+            Blow::Deafen { client, deaf } => self.shared.state().lines[client].deafen(deaf),
+            Blow::FillDisk { robot, full } => self.shared.state().disks[robot].set_full(full),
+        }
+    }
+}
+
+/// The class of what a table has to show at least once.
+#[must_use]
+pub fn never_seen(tally: &Tally) -> Vec<String> {
+    let classes = crate::fault::CLASSES
+        .iter()
+        .map(|(class, _)| (format!("{class:?}"), tally.faults[Class::index(*class)]));
+    let promises = crate::fault::PROMISES
+        .iter()
+        .map(|(promise, _)| (format!("{promise:?}"), tally.checks[promise.index()]));
+    classes.chain(promises).filter(|(_, times)| *times == 0).map(|(name, _)| name).collect()
+}
