@@ -133,8 +133,8 @@ impl MotionCore {
     }
 
     /// The handle.
-    pub fn new(parts: Parts) -> PyResult<Self> {
-        Ok(Self { parts: Kept::new(parts)?, told: Mutex::new(None) })
+    pub fn new(parts: Parts) -> Self {
+        Self { parts: Kept::new(parts), told: Mutex::new(None) }
     }
 
     /// Waits until a step is as wanted; `false` if it never will be, as far as is known.

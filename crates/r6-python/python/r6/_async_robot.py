@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Coroutine, Sequence
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from ._r6 import (
     Envelope,
     FollowCore,
     FollowOptions,
+    Listen,
     Motion,
     MotionCore,
     Percent,
@@ -26,11 +28,13 @@ from ._r6 import (
     RobotSettings,
     RunOptions,
     SubscriptionCore,
+    discovering,
 )
 from ._robot import counter, points, stopped, whole
 from ._types import (
     Accepted,
     Counter,
+    Discovered,
     Done,
     Event,
     Followed,
@@ -38,8 +42,10 @@ from ._types import (
     Integers,
     LinkQuality,
     Photo,
+    PhotosEnded,
     Point,
     QueryResult,
+    Shot,
     Snapshot,
     Status,
     StepState,
@@ -66,13 +72,13 @@ class AsyncRobot:
         self._core = core
 
     @classmethod
-    async def connect(cls, address: str, settings: RobotSettings | None = None) -> Self:
+    async def connect(cls, address: str | Listen, settings: RobotSettings | None = None) -> Self:
         """As ``Robot.connect``."""
         return cls(await run(RobotCore.connect(address, settings)))
 
     @property
     def address(self) -> str:
-        """Host and port of the controller."""
+        """As ``Robot.address``."""
         return self._core.address
 
     async def close(self) -> None:
@@ -195,6 +201,27 @@ class AsyncRobot:
         """As ``Robot.add_points``."""
         return await run(self._core.add_points(cam_id, points))
 
+    async def serve_photos(self, look: Callable[[int], Awaitable[Shot]]) -> PhotosEnded:
+        """As ``Robot.serve_photos``, with a ``look`` that is awaited: ``asyncio.to_thread`` makes one of a function that takes
+        its time. When the serving ends while it looks, by a stop or a lost connection, ``look`` is cancelled."""
+        serving = self._core.serve_photos()
+        coming = asyncio.ensure_future(run(serving.next()))
+        try:
+            while not isinstance(asked := await coming, PhotosEnded):
+                coming = asyncio.ensure_future(run(serving.next()))
+                looking = asyncio.ensure_future(look(asked))
+                try:
+                    # The next to come is another request once this one is answered; before, it is the end.
+                    await asyncio.wait({looking, coming}, return_when=asyncio.FIRST_COMPLETED)
+                    if looking.done():
+                        serving.answer(looking.result())
+                finally:
+                    looking.cancel()
+        finally:
+            coming.cancel()
+            serving.close()
+        return asked
+
     def link_quality(self) -> LinkQuality:
         """As ``Robot.link_quality``."""
         return self._core.link_quality()
@@ -213,6 +240,13 @@ class AsyncRobot:
 
     def __repr__(self) -> str:
         return f"<AsyncRobot at {self.address}>"
+
+
+async def async_discover(
+    addresses: Sequence[str], settings: RobotSettings | None = None
+) -> list[Discovered]:
+    """As ``discover``, for asyncio."""
+    return await run(discovering(addresses, settings))
 
 
 class AsyncMotionHandle:
