@@ -59,6 +59,8 @@ mod _r6 {
     #[pymodule_export]
     use crate::photos::PhotosCore;
     #[pymodule_export]
+    use crate::registers::{from_thousandths, to_thousandths};
+    #[pymodule_export]
     use crate::robot::RobotCore;
     #[pymodule_export]
     use crate::settings::{FollowOptions, RobotSettings, RunOptions};

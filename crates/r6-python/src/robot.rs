@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyString};
-use r6_client::{CameraSet, RequestError, Robot, WaitOptions};
+use r6_client::{CameraSet, OperationMode, RequestError, Robot, WaitOptions};
 use r6_proto::Address;
 use r6_proto::message::{Command as Sent, Instruction, PhotoAnswer};
 
@@ -125,9 +125,23 @@ impl RobotCore {
         Ok(self.accepted(async move { robot.add_rcc(replace, steps).await }))
     }
 
-    fn wait_until_done(&self, py: Python<'_>, timeout: f64) -> PyResult<Operation> {
+    fn wait_until_done(
+        &self,
+        py: Python<'_>,
+        timeout: f64,
+        interval: f64,
+        settle: f64,
+        start_within: f64,
+        idle_mode: i64,
+    ) -> PyResult<Operation> {
         let robot = self.robot(py)?;
-        let options = WaitOptions { timeout: seconds("timeout", timeout)?, ..WaitOptions::default() };
+        let options = WaitOptions {
+            interval: seconds("interval", interval)?,
+            timeout: seconds("timeout", timeout)?,
+            settle: seconds("settle", settle)?,
+            start_within: seconds("start_within", start_within)?,
+            idle_mode: OperationMode::of_number(idle_mode),
+        };
         let waiting = async move { robot.wait_until_done(options).await };
         Ok(Operation::new(waiting, |py, done| convert::done(py, &raise(py, done)?)))
     }
@@ -253,6 +267,10 @@ impl RobotCore {
     fn accept_identity(&self, py: Python<'_>, found: &Bound<'_, PyAny>) -> PyResult<()> {
         self.robot(py)?.accept_identity(convert::identity_from(found)?);
         Ok(())
+    }
+
+    fn guard(&self, py: Python<'_>) -> PyResult<Option<Envelope>> {
+        Ok(self.robot(py)?.guard().cloned().map(Envelope))
     }
 
     fn with_guard(&self, py: Python<'_>, envelope: &Envelope) -> PyResult<Self> {

@@ -55,6 +55,15 @@ def test_names_of_points_are_checked() -> None:
     assert len(motion) == 0
 
 
+def test_the_end_is_waited_for_so_long(virtual_robot: r6.Robot) -> None:
+    handle = virtual_robot.run(endless())
+    assert not handle.ended_within(0.05) and not handle.progress.ended
+    handle.stop()
+    assert handle.ended_within(60)
+    with pytest.raises(r6.MotionError):
+        handle.finished()
+
+
 def test_outputs_of_a_board_are_set_at_once(
     virtual_robot: r6.Robot, virtual_controller: r6.Simulator
 ) -> None:

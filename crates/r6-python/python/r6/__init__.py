@@ -61,8 +61,10 @@ from ._r6 import (
     Simulator,
     addresses,
     alarm,
+    from_thousandths,
     models,
     profiles,
+    to_thousandths,
 )
 from ._robot import Following, MotionHandle, PushedEvents, Robot, Step, Subscription, discover
 from ._types import (
@@ -182,6 +184,8 @@ __all__ = [
     "alarm",
     "async_discover",
     "discover",
+    "from_thousandths",
     "models",
     "profiles",
+    "to_thousandths",
 ]

@@ -61,7 +61,7 @@ class AsyncRobot:
 
     Many tasks, and many event loops, may use one handle. Cancelling a call takes its request back if it has not left
     yet, except for a stop and a pause, which the call itself begins. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
-    ``identity``, ``accept_identity``, ``with_guard``, ``follow``.
+    ``identity``, ``accept_identity``, ``guard``, ``with_guard``, ``follow``.
 
     >>> async with await AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
     ...     print((await robot.status()).axes)
@@ -172,9 +172,17 @@ class AsyncRobot:
         """As ``Robot.add_rcc``."""
         return await run(self._core.add_rcc(motion, replace))
 
-    async def wait_until_done(self, *, timeout: float = 60.0) -> Done:
+    async def wait_until_done(
+        self,
+        *,
+        timeout: float = 60.0,
+        interval: float = 0.05,
+        settle: float = 0.5,
+        start_within: float = 1.0,
+        idle_mode: int = 7,
+    ) -> Done:
         """As ``Robot.wait_until_done``."""
-        return await run(self._core.wait_until_done(timeout))
+        return await run(self._core.wait_until_done(timeout, interval, settle, start_within, idle_mode))
 
     def stop(self) -> Coroutine[Any, Any, StopReport]:
         """As ``Robot.stop``. The call begins it. Cancelling its task, however early, ends the waiting and not the stop,
@@ -234,6 +242,10 @@ class AsyncRobot:
         """As ``Robot.accept_identity``."""
         self._core.accept_identity(found)
 
+    def guard(self) -> Envelope | None:
+        """As ``Robot.guard``."""
+        return self._core.guard()
+
     def with_guard(self, envelope: Envelope) -> Self:
         """As ``Robot.with_guard``."""
         return type(self)(self._core.with_guard(envelope))
@@ -274,6 +286,10 @@ class AsyncMotionHandle:
         """As ``MotionHandle.step``."""
         self._core.step_state(number)
         return AsyncStep(self._core, number)
+
+    async def ended_within(self, time: float) -> bool:
+        """As ``MotionHandle.ended_within``."""
+        return await run(self._core.ended_within(time))
 
     async def finished(self) -> Done:
         """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""

@@ -223,12 +223,22 @@ class Robot:
         """
         return self._core.add_rcc(motion, replace).wait()
 
-    def wait_until_done(self, *, timeout: float = 60.0) -> Done:
+    def wait_until_done(
+        self,
+        *,
+        timeout: float = 60.0,
+        interval: float = 0.05,
+        settle: float = 0.5,
+        start_within: float = 1.0,
+        idle_mode: int = 7,
+    ) -> Done:
         """Watches the state until the arm stands and the list is done, ``timeout`` seconds at most.
 
-        Errors: ``WaitError``.
+        ``interval``: seconds between two reads. ``settle``: how long the arm has to stand where the controller cannot tell the
+        length of its list, seconds. ``start_within``: how long it may take to begin to move, seconds. ``idle_mode``: the mode
+        in which this controller waits for instructions. Errors: ``WaitError``.
         """
-        return self._core.wait_until_done(timeout).wait()
+        return self._core.wait_until_done(timeout, interval, settle, start_within, idle_mode).wait()
 
     def stop(self) -> StopReport:
         """Stops the motion, ahead of all that waits, until the arm is seen to stand, 5 s at most; then clears the list.
@@ -311,6 +321,10 @@ class Robot:
         exchanged, its firmware updated, or its machine renamed."""
         self._core.accept_identity(found)
 
+    def guard(self) -> Envelope | None:
+        """The envelope that this handle checks against."""
+        return self._core.guard()
+
     def with_guard(self, envelope: Envelope) -> Self:
         """The same robot behind a guard: what this handle runs is held against the envelope first, and not sent if it
         goes beyond. Commands are not checked. Both share one connection: closing either ends it for both."""
@@ -367,6 +381,10 @@ class MotionHandle:
         """One step, counted from 1; ``IndexError`` if there is none such."""
         self._core.step_state(number)
         return Step(self._core, number)
+
+    def ended_within(self, time: float) -> bool:
+        """Waits for the end for so many seconds; whether it came. ``finished`` then tells it at once."""
+        return self._core.ended_within(time).wait()
 
     def finished(self) -> Done:
         """Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state.
