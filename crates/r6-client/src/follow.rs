@@ -23,9 +23,6 @@ use crate::robot::Robot;
 use crate::stream::{Cause, MotionError, RunOptions};
 use crate::units::{AxisPosition, Degrees, Percent};
 
-/// Reads that may fail in a row: one lost reply says nothing about the arm, and what cannot be seen is not fed.
-const MAX_FAILED: u32 = 3;
-
 /// Steps in the controller's list at most, where the arm is fed while it moves: the one it makes and the one behind it. More
 /// would be run through although the target is elsewhere by then.
 const MOST_IN_LIST: i64 = 2;
@@ -33,9 +30,6 @@ const MOST_IN_LIST: i64 = 2;
 /// No look at target and arm comes sooner after the one before: controllers take up to 26 ms to answer, and more questions would only
 /// wait behind each other.
 const SHORTEST_INTERVAL: Duration = Duration::from_millis(20);
-
-/// Less than this, degrees, is no progress: encoders tremble.
-const NO_PROGRESS: f64 = 1e-3;
 
 /// The speed at which an operator's arm followed small steps for good (reported).
 const SPEED: Percent = match Percent::new(20.0) {
@@ -289,22 +283,14 @@ impl<'r> Following<'r> {
 
     fn missed_a_read(&mut self, error: RequestError) -> Result<(), Cause> {
         self.failed += 1;
-        if self.failed >= MAX_FAILED || error == RequestError::NotSent(NotSent::Closed) {
-            return Err(Cause::Unreadable(error));
-        }
-        Ok(())
+        Cause::of_failed_read(error, self.failed)
     }
 
     /// What the read tells of the machine and of the step that is under way.
     fn judge(&mut self, sample: &Sample, now: Instant) -> Result<(), Cause> {
-        if let Some(code) = sample.alarm.filter(|code| *code != 0) {
-            return Err(Cause::AlarmRaised { code });
-        }
-        if let Some(mode) = sample.mode.filter(|mode| !mode.may_run() && *mode != self.options.idle_mode) {
-            return Err(Cause::Stopped { mode });
-        }
+        sample.check(self.options.idle_mode)?;
         let (since, before) = self.went_on;
-        if step::differ(&sample.axes, &before, NO_PROGRESS) {
+        if sample.went_on_from(&before) {
             self.went_on = (now, sample.axes);
         }
         let rests = sample.moving == Some(false) && sample.list_length.unwrap_or(0) == 0;
@@ -371,12 +357,11 @@ impl<'r> Following<'r> {
                 self.sent -= 1;
                 Ok(())
             }
-            Err(RequestError::NotSent(error)) => {
+            Err(error @ RequestError::NotSent(_)) => {
                 self.sent -= 1;
                 Err(error.into())
             }
-            Err(RequestError::Refused(error)) => Err(Cause::Refused(error)),
-            Err(RequestError::OutcomeUnknown(error)) => Err(Cause::OutcomeUnknown(error)),
+            Err(error @ (RequestError::Refused(_) | RequestError::OutcomeUnknown(_))) => Err(error.into()),
         }
     }
 

@@ -66,6 +66,7 @@ pub use moves::{MAX_STEPS, Motion, StepError};
 pub use path::place::Missed;
 pub use pushed::{LostReason, Pushed};
 pub use query::{NoReading, QueryResult};
+pub use r6_proto::io_point::PairMask;
 pub use r6_proto::message::instruction::{
     BlendLevel, BoardOutput, Instruction, OutputBoard, OutputKind, WaitCondition, WaitSource,
 };

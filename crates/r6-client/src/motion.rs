@@ -25,6 +25,9 @@ const UNREADABLE_FOR: Duration = Duration::from_secs(1);
 /// Two positions closer than this (degrees or mm) are the same: encoders tremble in the last digit at rest.
 const STILL_WITHIN: f64 = 0.01;
 
+/// Less than this, degrees, is no progress: encoders tremble.
+const NO_PROGRESS: f64 = 1e-3;
+
 /// How to wait until a motion has ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaitOptions {
@@ -138,6 +141,26 @@ pub(crate) struct Sample {
 }
 
 impl Sample {
+    /// Refuses what ends a motion: an alarm, and a mode in which nothing runs.
+    pub fn check(&self, idle_mode: OperationMode) -> Result<(), WaitError> {
+        if let Some(code) = self.alarm.filter(|code| *code != 0) {
+            return Err(WaitError::AlarmRaised { code });
+        }
+        match self.mode.filter(|mode| !mode.may_run() && *mode != idle_mode) {
+            Some(mode) => Err(WaitError::Stopped { mode }),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether an axis is elsewhere than before.
+    pub fn went_on_from(&self, before: &[Option<f64>; AXES]) -> bool {
+        self.axes.iter().zip(before).any(|(now, before)| match (now, before) {
+            (Some(now), Some(before)) => (now - before).abs() > NO_PROGRESS,
+            (Some(_), None) => true,
+            (None, _) => false,
+        })
+    }
+
     /// Whether the arm stood from `before` to this one. Where `isMoving` is not known, the axes alone tell.
     pub fn stands_since(&self, before: &Self) -> bool {
         let same = self.axes.iter().zip(before.axes).all(|(now, before)| match (now, before) {
@@ -176,12 +199,7 @@ impl Watch {
 
     /// `Ok(true)` once the motion has ended.
     pub fn judge(&mut self, sample: Sample, now: Instant) -> Result<bool, WaitError> {
-        if let Some(code) = sample.alarm.filter(|code| *code != 0) {
-            return Err(WaitError::AlarmRaised { code });
-        }
-        if let Some(mode) = sample.mode.filter(|mode| !mode.may_run() && *mode != self.options.idle_mode) {
-            return Err(WaitError::Stopped { mode });
-        }
+        sample.check(self.options.idle_mode)?;
         let unreadable = match (sample.alarm, sample.mode) {
             (None, _) => Some(Address::CurAlarm),
             (Some(_), None) => Some(Address::CurMode),

@@ -9,7 +9,6 @@ use std::time::Duration;
 use r6_proto::OperationMode;
 use tokio::sync::{oneshot, watch};
 
-use crate::error::NotSent;
 use crate::guard::Start;
 use crate::handle::{MotionHandle, Progress};
 use crate::motion::WaitOptions;
@@ -233,13 +232,4 @@ fn ends_in_endless_wait(motion: &Motion) -> bool {
         matches!(action, Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_))
     };
     steps.iter().rev().take_while(|step| !moves(&step.action)).any(|step| standing_time(step).is_none())
-}
-
-impl From<NotSent> for Cause {
-    fn from(error: NotSent) -> Self {
-        match error {
-            NotSent::OutsideEnvelope(violation) => Self::OutsideEnvelope(violation),
-            other => Self::NotSent(other),
-        }
-    }
 }

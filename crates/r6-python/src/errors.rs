@@ -26,14 +26,22 @@ pub trait Raise {
 
 static ERRORS: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
 
+fn errors(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
+    Ok(ERRORS.get_or_try_init(py, || PyModule::import(py, "r6._errors").map(Bound::unbind))?.bind(py))
+}
+
+/// Imports them, as `record::load` does what they need.
+pub fn load(py: Python<'_>) -> PyResult<()> {
+    errors(py).map(drop)
+}
+
 /// An exception with its text and its attributes.
 pub struct Exception<'py>(PyResult<Bound<'py, PyAny>>);
 
 impl<'py> Exception<'py> {
     /// One of this class of `r6._errors`.
     pub fn new(py: Python<'py>, class: &str, text: &dyn Display) -> Self {
-        let errors = ERRORS.get_or_try_init(py, || PyModule::import(py, "r6._errors").map(Bound::unbind));
-        Self(errors.and_then(|errors| errors.bind(py).getattr(class)?.call1((text.to_string(),))))
+        Self(errors(py).and_then(|errors| errors.getattr(class)?.call1((text.to_string(),))))
     }
 
     /// With this attribute.

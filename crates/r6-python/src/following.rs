@@ -32,16 +32,16 @@ pub struct FollowCore {
 
 impl FollowCore {
     /// Begins; nothing moves before the first target.
-    pub fn new(robot: Robot, options: FollowOptions) -> PyResult<Self> {
+    pub fn new(py: Python<'_>, robot: Robot, options: FollowOptions) -> PyResult<Self> {
         let (target, targets) = watch::channel(r6_client::units::AxisPosition::none());
         let (tell, outcome) = watch::channel(None);
         let following = robot.clone();
-        let task = Process::current()?.engine().handle().spawn(async move {
+        let task = Process::current(py)?.engine().handle().spawn(async move {
             let result = following.follow(targets, options).await;
             tell.send_replace(Some(result));
         });
         let (target, streaming) = (Mutex::new(Some(target)), Streaming(task.abort_handle()));
-        Ok(Self { parts: Kept::new(Parts { robot, target, outcome, streaming })? })
+        Ok(Self { parts: Kept::new(Parts { robot, target, outcome, streaming }) })
     }
 }
 

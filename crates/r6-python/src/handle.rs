@@ -8,8 +8,9 @@ use pyo3::prelude::*;
 use r6_client::{Cause, Done, MotionError, MotionHandle, Robot, StepState};
 use tokio::sync::watch;
 use tokio::task::AbortHandle;
+use tokio::time::timeout;
 
-use crate::convert;
+use crate::convert::{self, seconds};
 use crate::errors::raise;
 use crate::operation::Operation;
 use crate::process::Kept;
@@ -133,8 +134,8 @@ impl MotionCore {
     }
 
     /// The handle.
-    pub fn new(parts: Parts) -> PyResult<Self> {
-        Ok(Self { parts: Kept::new(parts)?, told: Mutex::new(None) })
+    pub fn new(parts: Parts) -> Self {
+        Self { parts: Kept::new(parts), told: Mutex::new(None) }
     }
 
     /// Waits until a step is as wanted; `false` if it never will be, as far as is known.
@@ -203,6 +204,15 @@ impl MotionCore {
             }
         };
         Ok(Operation::new(waiting, |py, done| convert::done(py, &raise(py, done)?)))
+    }
+
+    /// Waits for the end for so long, seconds; whether it came.
+    fn ended_within(&self, time: f64) -> PyResult<Operation> {
+        let mut outcome = self.parts.here()?.outcome.clone();
+        let time = seconds("time", time)?;
+        // Where the handle was dropped, its task is gone, and its sender.
+        let waiting = async move { timeout(time, outcome.wait_for(Option::is_some)).await.is_ok() };
+        Ok(Operation::new(waiting, |py, ended| ended.into_bound_py_any(py)))
     }
 
     /// Ends the streaming and stops the arm, whoever gives up waiting for it.

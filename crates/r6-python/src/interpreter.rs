@@ -4,17 +4,17 @@
 //! of C then aborts the process. So once `atexit` has run nobody comes back but the thread that ends it: who would is held
 //! until the process is gone.
 
-use std::sync::OnceLock;
+use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::thread::{self, ThreadId};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
-use crate::process::Process;
+use crate::process::{self, Process};
 
-/// How long the end waits for threads that are on their way back. They only have to make a result; in a child of a fork
-/// some may be counted that do not exist.
+/// How long the end waits for threads that are on their way back. They only have to make a result.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
 /// Threads that are on their way back, or do with the interpreter what must not be cut short.
@@ -23,15 +23,18 @@ static ON_THE_WAY: AtomicUsize = AtomicUsize::new(0);
 /// Whether the interpreter ends. Set and read in one order with [`ON_THE_WAY`].
 static ENDING: AtomicBool = AtomicBool::new(false);
 
-/// The thread that ends it: what it still drops, or does in other calls of `atexit`, may wait as ever.
-static ENDED_BY: OnceLock<ThreadId> = OnceLock::new();
+thread_local! {
+    /// Whether this thread ends it: what it still drops, or does in other calls of `atexit`, may wait as ever.
+    static ENDS_IT: Cell<bool> = const { Cell::new(false) };
+}
 
 /// Held by a thread that is back, until it has done what must not be cut short.
 pub struct Back;
 
 impl Drop for Back {
     fn drop(&mut self) {
-        ON_THE_WAY.fetch_sub(1, Ordering::SeqCst);
+        // In a child that a signal handler forked meanwhile, nobody is counted any more.
+        let _ = ON_THE_WAY.try_update(Ordering::SeqCst, Ordering::SeqCst, |count| count.checked_sub(1));
     }
 }
 
@@ -40,7 +43,7 @@ pub fn released<T: Send>(py: Python<'_>, wait: impl FnOnce() -> T + Send) -> (T,
     py.detach(|| {
         let waited = wait();
         ON_THE_WAY.fetch_add(1, Ordering::SeqCst);
-        if ENDING.load(Ordering::SeqCst) && ENDED_BY.get() != Some(&thread::current().id()) {
+        if ENDING.load(Ordering::SeqCst) && !ENDS_IT.get() {
             ON_THE_WAY.fetch_sub(1, Ordering::SeqCst);
             loop {
                 thread::park();
@@ -53,10 +56,13 @@ pub fn released<T: Send>(py: Python<'_>, wait: impl FnOnce() -> T + Send) -> (T,
 /// The interpreter is about to end: for `atexit`.
 #[pyfunction]
 pub fn ending(py: Python<'_>) {
+    let process = Process::started(py);
     py.detach(|| {
-        ENDED_BY.get_or_init(|| thread::current().id());
+        ENDS_IT.set(true);
         ENDING.store(true, Ordering::SeqCst);
-        Process::end_telling();
+        if let Some(process) = process {
+            process.end_telling();
+        }
         let until = Instant::now() + LONGEST_WAIT;
         while ON_THE_WAY.load(Ordering::SeqCst) > 0 && Instant::now() < until {
             thread::yield_now();
@@ -64,9 +70,24 @@ pub fn ending(py: Python<'_>) {
     });
 }
 
-/// Has `ending` called in time.
+/// This is the child of a fork, with one thread: for `os.register_at_fork`.
+#[pyfunction]
+pub fn forked() {
+    process::forked();
+    ON_THE_WAY.store(0, Ordering::SeqCst);
+    ENDING.store(false, Ordering::SeqCst);
+}
+
+/// Has `ending` and `forked` called in time.
 pub fn watch(py: Python<'_>) -> PyResult<()> {
     let ending = wrap_pyfunction!(ending, py)?;
     py.import("atexit")?.call_method1("register", (ending,))?;
+    let os = py.import("os")?;
+    // Where processes do not fork there is none.
+    if os.hasattr("register_at_fork")? {
+        let hook = PyDict::new(py);
+        hook.set_item("after_in_child", wrap_pyfunction!(forked, py)?)?;
+        os.call_method("register_at_fork", (), Some(&hook))?;
+    }
     Ok(())
 }

@@ -12,8 +12,11 @@ mod errors;
 mod following;
 mod handle;
 mod interpreter;
+mod listening;
 mod motion;
 mod operation;
+mod photos;
+mod points;
 mod process;
 mod record;
 mod registers;
@@ -33,7 +36,10 @@ mod _r6 {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        crate::interpreter::watch(module.py())
+        let py = module.py();
+        crate::record::load(py)?;
+        crate::errors::load(py)?;
+        crate::interpreter::watch(py)
     }
 
     #[pymodule_export]
@@ -45,9 +51,15 @@ mod _r6 {
     #[pymodule_export]
     use crate::handle::{MotionCore, Progress};
     #[pymodule_export]
+    use crate::listening::{Listen, discovering};
+    #[pymodule_export]
     use crate::motion::Motion;
     #[pymodule_export]
     use crate::operation::{Operation, Started};
+    #[pymodule_export]
+    use crate::photos::PhotosCore;
+    #[pymodule_export]
+    use crate::registers::{from_thousandths, to_thousandths};
     #[pymodule_export]
     use crate::robot::RobotCore;
     #[pymodule_export]

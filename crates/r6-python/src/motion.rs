@@ -1,12 +1,14 @@
 //! `Motion`: moves, outputs and waits in their order.
 
+use std::collections::HashMap;
+
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use r6_client::{OutputKind, StepError, WaitCondition, WaitSource};
-use r6_proto::io_point::{IoPoint, PointKind};
+use r6_client::{OutputKind, StepError, WaitCondition};
 
 use crate::convert::{seconds, word};
 use crate::errors::{Raise, raise};
+use crate::points::{output, outputs, source};
 use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg, rows};
 
 /// Moves, outputs and waits in their order. Each method adds a step, or changes the last one, and returns the motion.
@@ -115,6 +117,11 @@ impl Motion {
         Self::add(slf, |motion| motion.pulse_output(number, on, time))
     }
 
+    fn set_board(slf: PyRefMut<'_, Self>, points: HashMap<String, bool>) -> Chain<'_> {
+        let outputs = outputs(points)?;
+        Self::add(slf, |motion| motion.set_board(outputs))
+    }
+
     fn wait(slf: PyRefMut<'_, Self>, time: f64) -> Chain<'_> {
         let time = seconds("time", time)?;
         Self::add(slf, |motion| motion.wait(time))
@@ -172,39 +179,5 @@ fn blended(motion: r6_client::Motion, blend: Option<u8>) -> r6_client::Motion {
     match blend {
         Some(level) => motion.blend(level),
         None => motion,
-    }
-}
-
-fn point_named(name: &str) -> PyResult<IoPoint> {
-    name.parse::<IoPoint>().map_err(|error| PyValueError::new_err(error.to_string()))
-}
-
-/// An output of action 200, by its name on the pendant: it has the first board alone.
-fn output(name: &str) -> PyResult<(OutputKind, u8)> {
-    let IoPoint { kind, board, point } = point_named(name)?;
-    let kind = match kind {
-        PointKind::Y => OutputKind::Y,
-        PointKind::M => OutputKind::M,
-        PointKind::Euy => OutputKind::Euy,
-        PointKind::X | PointKind::Eux => {
-            return Err(PyValueError::new_err(format!("{name} is an input: outputs are Y, M and EUY")));
-        }
-    };
-    if board != 0 {
-        return Err(PyValueError::new_err(format!("a motion sets points of the first board, not {name}")));
-    }
-    Ok((kind, point))
-}
-
-/// What a wait can wait for, by its name on the pendant.
-fn source(name: &str) -> PyResult<WaitSource> {
-    let IoPoint { kind, board, point } = point_named(name)?;
-    match kind {
-        PointKind::X => Ok(WaitSource::Input { board, point }),
-        PointKind::M => Ok(WaitSource::M { board, point }),
-        PointKind::Eux => Ok(WaitSource::Eu { point }),
-        PointKind::Y | PointKind::Euy => {
-            Err(PyValueError::new_err(format!("{name} is an output: a wait is for X, M or EUX")))
-        }
     }
 }

@@ -16,6 +16,12 @@ fn module<'py>(
     Ok(cell.get_or_try_init(py, || PyModule::import(py, name).map(Bound::unbind))?.bind(py))
 }
 
+/// Imports them: once there, they are found without a lock that a child of a fork might find held.
+pub fn load(py: Python<'_>) -> PyResult<()> {
+    module(py, &TYPES, "r6._types")?;
+    numpy(py).map(drop)
+}
+
 /// A class of `r6._types`.
 pub fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     module(py, &TYPES, "r6._types")?.getattr(name)

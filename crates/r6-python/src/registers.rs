@@ -7,7 +7,7 @@ use r6_proto::RegisterIndex;
 use r6_proto::message::Command;
 
 use crate::command::register;
-use crate::errors::{Exception, Raise};
+use crate::errors::{Exception, Raise, raise};
 use crate::record::numpy;
 
 impl Raise for RegisterError {
@@ -35,6 +35,18 @@ fn not_taken(
         .with("wrote", wrote)
         .with("found", found)
         .build()
+}
+
+/// Degrees or millimetres as a register has them.
+#[pyfunction]
+pub fn to_thousandths(py: Python<'_>, value: f64) -> PyResult<i32> {
+    raise(py, r6_client::to_thousandths(value))
+}
+
+/// A register's value in degrees or millimetres.
+#[pyfunction]
+pub fn from_thousandths(value: i64) -> f64 {
+    r6_client::from_thousandths(value)
 }
 
 /// The first of so many registers, if all of them exist.

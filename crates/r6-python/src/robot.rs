@@ -3,12 +3,11 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::IntoPyObjectExt;
-use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyString};
-use r6_client::{CameraSet, RequestError, Robot, WaitOptions};
+use r6_client::{CameraSet, OperationMode, RequestError, Robot, WaitOptions};
 use r6_proto::Address;
-use r6_proto::message::{Command as Sent, Instruction, PhotoAnswer, Point};
+use r6_proto::message::{Command as Sent, Instruction, PhotoAnswer};
 
 use crate::closing::StopOnDrop;
 use crate::command::Command;
@@ -17,10 +16,11 @@ use crate::envelope::Envelope;
 use crate::errors::{Raise, raise};
 use crate::following::FollowCore;
 use crate::handle::MotionCore;
+use crate::listening::Target;
 use crate::motion::Motion;
 use crate::operation::Operation;
+use crate::photos::{self, PhotosCore};
 use crate::process::Kept;
-use crate::record::class;
 use crate::registers;
 use crate::settings::{FollowOptions, RobotSettings, RunOptions};
 use crate::subscription::{PushedCore, SubscriptionCore};
@@ -28,22 +28,26 @@ use crate::subscription::{PushedCore, SubscriptionCore};
 /// A handle on one controller.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct RobotCore {
-    /// `None` once it was closed.
-    robot: Kept<Mutex<Option<Robot>>>,
-    /// Of the connection: `with_guard` shares it.
-    stop_on_drop: Arc<StopOnDrop>,
+    handle: Kept<Handle>,
     #[pyo3(get)]
     address: String,
 }
 
+struct Handle {
+    /// `None` once it was closed.
+    robot: Mutex<Option<Robot>>,
+    /// Of the connection: `with_guard` shares it.
+    stop_on_drop: Arc<StopOnDrop>,
+}
+
 impl RobotCore {
-    fn new(robot: Robot, stop_on_drop: Arc<StopOnDrop>) -> PyResult<Self> {
+    fn new(robot: Robot, stop_on_drop: Arc<StopOnDrop>) -> Self {
         let address = robot.address().to_owned();
-        Ok(Self { robot: Kept::new(Mutex::new(Some(robot)))?, stop_on_drop, address })
+        Self { handle: Kept::new(Handle { robot: Mutex::new(Some(robot)), stop_on_drop }), address }
     }
 
     fn robot(&self, py: Python<'_>) -> PyResult<Robot> {
-        let robot = self.robot.here()?.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let robot = self.handle.here()?.robot.lock().unwrap_or_else(PoisonError::into_inner).clone();
         robot.ok_or_else(|| RequestError::from(r6_client::NotSent::Closed).exception(py))
     }
 
@@ -61,18 +65,20 @@ impl RobotCore {
     /// Connects; gives a `RobotCore`.
     #[staticmethod]
     #[pyo3(signature = (address, settings=None))]
-    fn connect(address: String, settings: Option<&RobotSettings>) -> Operation {
+    fn connect(address: &Bound<'_, PyAny>, settings: Option<&RobotSettings>) -> PyResult<Operation> {
         let settings = settings.map(|settings| settings.0.clone()).unwrap_or_default();
-        Operation::new(async move { Robot::connect(&address, settings).await }, |py, robot| {
-            Self::new(raise(py, robot)?, Arc::default())?.into_bound_py_any(py)
-        })
+        let connecting = Target::of(address)?.connect(settings);
+        Ok(Operation::new(connecting, |py, robot| {
+            Self::new(raise(py, robot)?, Arc::default()).into_bound_py_any(py)
+        }))
     }
 
     /// Ends the connection for all handles of it, and first a motion that is to be stopped when it is dropped. Closing again
     /// does nothing.
     fn close(&self) -> PyResult<Operation> {
-        let robot = self.robot.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let stop_on_drop = Arc::clone(&self.stop_on_drop);
+        let handle = self.handle.here()?;
+        let robot = handle.robot.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let stop_on_drop = Arc::clone(&handle.stop_on_drop);
         let closing = async move {
             if let Some(robot) = robot {
                 stop_on_drop.close(robot).await;
@@ -119,9 +125,23 @@ impl RobotCore {
         Ok(self.accepted(async move { robot.add_rcc(replace, steps).await }))
     }
 
-    fn wait_until_done(&self, py: Python<'_>, timeout: f64) -> PyResult<Operation> {
+    fn wait_until_done(
+        &self,
+        py: Python<'_>,
+        timeout: f64,
+        interval: f64,
+        settle: f64,
+        start_within: f64,
+        idle_mode: i64,
+    ) -> PyResult<Operation> {
         let robot = self.robot(py)?;
-        let options = WaitOptions { timeout: seconds("timeout", timeout)?, ..WaitOptions::default() };
+        let options = WaitOptions {
+            interval: seconds("interval", interval)?,
+            timeout: seconds("timeout", timeout)?,
+            settle: seconds("settle", settle)?,
+            start_within: seconds("start_within", start_within)?,
+            idle_mode: OperationMode::of_number(idle_mode),
+        };
         let waiting = async move { robot.wait_until_done(options).await };
         Ok(Operation::new(waiting, |py, done| convert::done(py, &raise(py, done)?)))
     }
@@ -141,7 +161,7 @@ impl RobotCore {
     ) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let motion = motion.0.clone();
-        let stop_on_drop = Arc::clone(&self.stop_on_drop);
+        let stop_on_drop = Arc::clone(&self.handle.here()?.stop_on_drop);
         let options = options.map(|options| options.0).unwrap_or_default();
         let starting = async move {
             let handle = robot.run(&motion, options).await?;
@@ -151,14 +171,14 @@ impl RobotCore {
             Ok(MotionCore::parts(robot, handle))
         };
         Ok(Operation::new(starting, |py, parts| {
-            MotionCore::new(raise::<_, r6_client::MotionError>(py, parts)?)?.into_bound_py_any(py)
+            MotionCore::new(raise::<_, r6_client::MotionError>(py, parts)?).into_bound_py_any(py)
         }))
     }
 
     /// Follows a target; begins at once and gives nothing to wait for.
     #[pyo3(signature = (options=None))]
     fn follow(&self, py: Python<'_>, options: Option<&FollowOptions>) -> PyResult<FollowCore> {
-        FollowCore::new(self.robot(py)?, options.map(|options| options.0).unwrap_or_default())
+        FollowCore::new(py, self.robot(py)?, options.map(|options| options.0).unwrap_or_default())
     }
 
     /// The frames that `run` would send.
@@ -211,11 +231,11 @@ impl RobotCore {
     ) -> PyResult<SubscriptionCore> {
         let (names, addresses) = named(py, addresses)?;
         let subscription = self.robot(py)?.subscribe(&addresses, seconds("every", every)?);
-        SubscriptionCore::new(names, raise(py, subscription)?)
+        Ok(SubscriptionCore::new(names, raise(py, subscription)?))
     }
 
     fn pushed(&self, py: Python<'_>) -> PyResult<PushedCore> {
-        PushedCore::new(self.robot(py)?.pushed())
+        Ok(PushedCore::new(self.robot(py)?.pushed()))
     }
 
     fn answer_photo(&self, py: Python<'_>, cam_id: i64, taken: bool) -> PyResult<Operation> {
@@ -227,8 +247,13 @@ impl RobotCore {
 
     fn add_points(&self, py: Python<'_>, cam_id: i64, points: Vec<Bound<'_, PyAny>>) -> PyResult<Operation> {
         let robot = self.robot(py)?;
-        let points = points.iter().map(point).collect::<PyResult<Vec<_>>>()?;
+        let points = photos::points(points)?;
         Ok(self.accepted(async move { robot.add_points(vec![CameraSet { cam_id, points }]).await }))
+    }
+
+    /// Is the camera of this controller from now on.
+    fn serve_photos(&self, py: Python<'_>) -> PyResult<PhotosCore> {
+        PhotosCore::new(py, self.robot(py)?)
     }
 
     fn link_quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -244,8 +269,13 @@ impl RobotCore {
         Ok(())
     }
 
+    fn guard(&self, py: Python<'_>) -> PyResult<Option<Envelope>> {
+        Ok(self.robot(py)?.guard().cloned().map(Envelope))
+    }
+
     fn with_guard(&self, py: Python<'_>, envelope: &Envelope) -> PyResult<Self> {
-        Self::new(self.robot(py)?.with_guard(envelope.0.clone()), Arc::clone(&self.stop_on_drop))
+        let stop_on_drop = Arc::clone(&self.handle.here()?.stop_on_drop);
+        Ok(Self::new(self.robot(py)?.with_guard(envelope.0.clone()), stop_on_drop))
     }
 }
 
@@ -256,23 +286,4 @@ fn named(py: Python<'_>, names: Vec<Bound<'_, PyString>>) -> PyResult<(Vec<Py<Py
         addresses.push(raise(py, Address::parse(&name.to_cow()?))?);
     }
     Ok((names.into_iter().map(Bound::unbind).collect(), addresses))
-}
-
-/// An object of `r6._types.Point`.
-fn point(object: &Bound<'_, PyAny>) -> PyResult<Point> {
-    if !object.is_instance(&class(object.py(), "Point")?)? {
-        return Err(PyTypeError::new_err("points have to be r6.Point"));
-    }
-    Ok(Point {
-        model_id: object.getattr("model_id")?.extract()?,
-        x: object.getattr("x")?.extract()?,
-        y: object.getattr("y")?.extract()?,
-        z: object.getattr("z")?.extract()?,
-        u: object.getattr("u")?.extract()?,
-        v: object.getattr("v")?.extract()?,
-        angle: object.getattr("angle")?.extract()?,
-        similarity: object.getattr("similarity")?.extract()?,
-        color: object.getattr("color")?.extract()?,
-        relative: object.getattr("relative")?.extract()?,
-    })
 }

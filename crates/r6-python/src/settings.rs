@@ -5,9 +5,16 @@ use std::time::Duration;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use r6_client::{Heartbeat, OperationMode};
+use r6_proto::dialect::DsIdForm;
+use r6_proto::message::TypeKey;
 
-use crate::convert::{repr, seconds};
+use crate::convert::{repr, seconds, word};
 use crate::units::{Degrees, Percent};
+
+/// A frame without the key gets no reply: that is none to choose.
+const TYPE_KEYS: [(&str, TypeKey); 2] = [("reqType", TypeKey::ReqType), ("cmdType", TypeKey::CmdType)];
+
+const DS_IDS: [(&str, DsIdForm); 2] = [("long", DsIdForm::Long), ("short", DsIdForm::Short)];
 
 /// How a robot is talked to. What is not given is as in Rust.
 #[pyclass(frozen, module = "r6._r6")]
@@ -19,7 +26,7 @@ impl RobotSettings {
     #[new]
     #[pyo3(signature = (
         *, reply_timeout=None, connect_timeout=None, max_frame_bytes=None, heartbeat=None, suspect_after=None,
-        dead_after=None, reconnect_first_wait=None, reconnect_cap=None, reconnect_seed=None
+        dead_after=None, reconnect_first_wait=None, reconnect_cap=None, reconnect_seed=None, type_key=None, ds_id=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
@@ -32,6 +39,8 @@ impl RobotSettings {
         reconnect_first_wait: Option<f64>,
         reconnect_cap: Option<f64>,
         reconnect_seed: Option<u64>,
+        type_key: Option<&str>,
+        ds_id: Option<&str>,
     ) -> PyResult<Self> {
         let mut settings = r6_client::RobotSettings::default();
         time("reply_timeout", reply_timeout, &mut settings.reply_timeout)?;
@@ -45,11 +54,21 @@ impl RobotSettings {
         if let Some(every) = heartbeat {
             settings.heartbeat = Heartbeat::Managed { every: seconds("heartbeat", every)? };
         }
+        if let Some(key) = type_key {
+            settings.type_key = word("type_key", key, &TYPE_KEYS)?;
+        }
+        if let Some(form) = ds_id {
+            settings.ds_id = word("ds_id", form, &DS_IDS)?;
+        }
         Ok(Self(settings))
     }
 
     fn __repr__(&self) -> String {
         let settings = &self.0;
+        let ds_id = match settings.ds_id {
+            DsIdForm::Long => "long",
+            DsIdForm::Short => "short",
+        };
         let heartbeat = match settings.heartbeat {
             Heartbeat::Off => "None".to_owned(),
             Heartbeat::Managed { every } => every.as_secs_f64().to_string(),
@@ -61,6 +80,8 @@ impl RobotSettings {
                 ("connect_timeout", settings.connect_timeout.as_secs_f64().to_string()),
                 ("max_frame_bytes", settings.max_frame_bytes.to_string()),
                 ("heartbeat", heartbeat),
+                ("type_key", format!("'{}'", settings.type_key.word())),
+                ("ds_id", format!("'{ds_id}'")),
             ],
         )
     }

@@ -19,6 +19,7 @@ use tokio::sync::broadcast::error::TryRecvError;
 use crate::convert::word;
 use crate::errors::{Exception, raise};
 use crate::interpreter;
+use crate::points::named;
 use crate::process::Kept;
 use crate::record::{Record, array};
 use crate::units::axis;
@@ -29,7 +30,7 @@ pub struct Simulator {
     /// `None` once it was closed. It alone holds the handle, which holds the folder of the state.
     controller: Kept<Mutex<Option<VirtualController>>>,
     address: SocketAddr,
-    log: Mutex<Receiver<LogLine>>,
+    log: Kept<Mutex<Receiver<LogLine>>>,
 }
 
 const BUTTONS: [(&str, Button); 5] = [
@@ -150,8 +151,8 @@ impl Simulator {
         }
         let controller = raise(py, interpreter::released(py, || builder.start_blocking()).0)?;
         let address = controller.address();
-        let log = Mutex::new(controller.handle().log_from_start());
-        Ok(Self { controller: Kept::new(Mutex::new(Some(controller)))?, address, log })
+        let log = Kept::new(Mutex::new(controller.handle().log_from_start()));
+        Ok(Self { controller: Kept::new(Mutex::new(Some(controller))), address, log })
     }
 
     #[getter]
@@ -283,8 +284,7 @@ impl Simulator {
 
     /// What has happened since the last call.
     fn log<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        self.controller.here()?;
-        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut log = self.log.here()?.lock().unwrap_or_else(PoisonError::into_inner);
         let mut lines = Vec::new();
         loop {
             let (at, connection, warning, text) = match log.try_recv() {
@@ -330,8 +330,4 @@ impl Simulator {
         let handle = controller.as_ref().map(|controller| controller.handle().clone());
         handle.ok_or_else(|| PyRuntimeError::new_err("this simulator was closed"))
     }
-}
-
-fn named(point: &str) -> PyResult<IoPoint> {
-    point.parse::<IoPoint>().map_err(|error| PyValueError::new_err(error.to_string()))
 }

@@ -28,9 +28,9 @@ pub struct SubscriptionCore {
 
 impl SubscriptionCore {
     /// The values under these names.
-    pub fn new(names: Vec<Py<PyString>>, subscription: Subscription) -> PyResult<Self> {
-        let subscription = Kept::new(Arc::new(Mutex::new(Some(subscription))))?;
-        Ok(Self { names: names.into(), subscription })
+    pub fn new(names: Vec<Py<PyString>>, subscription: Subscription) -> Self {
+        let subscription = Kept::new(Arc::new(Mutex::new(Some(subscription))));
+        Self { names: names.into(), subscription }
     }
 }
 
@@ -92,8 +92,8 @@ pub struct PushedCore {
 
 impl PushedCore {
     /// From now on.
-    pub fn new(receiver: Receiver<Pushed>) -> PyResult<Self> {
-        Ok(Self { receiver: Kept::new(Arc::new(Mutex::new(receiver)))? })
+    pub fn new(receiver: Receiver<Pushed>) -> Self {
+        Self { receiver: Kept::new(Arc::new(Mutex::new(receiver))) }
     }
 }
 

@@ -41,6 +41,10 @@ impl Degrees {
         self.0.value()
     }
 
+    fn nearest_to(&self, present: &Self) -> Self {
+        Self(self.0.nearest_to(present.0))
+    }
+
     fn __add__(&self, other: &Self) -> Self {
         Self(self.0 + other.0)
     }
@@ -316,6 +320,9 @@ pub fn of_degrees(angles: &[f64]) -> PyResult<units::AxisPosition> {
     }))
 }
 
+/// U, V, W.
+type Turn<'a> = (PyRef<'a, Degrees>, PyRef<'a, Degrees>, PyRef<'a, Degrees>);
+
 /// Where the tool is, and how it is turned; or only where.
 #[pyclass(frozen, module = "r6._r6", eq)]
 #[derive(Clone, Copy, PartialEq)]
@@ -352,6 +359,10 @@ impl Pose {
     #[getter]
     fn mask(&self) -> AxisMask {
         AxisMask(self.0.mask().bits())
+    }
+
+    fn nearest_to(&self, present: Turn<'_>) -> Self {
+        Self(self.0.nearest_to([present.0.0, present.1.0, present.2.0]))
     }
 
     fn __repr__(&self) -> String {

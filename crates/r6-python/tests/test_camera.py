@@ -1,6 +1,15 @@
 """The camera's side of the connection."""
 
+import asyncio
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+
 import pytest
+from relay import Relay
 
 import r6
 
@@ -30,3 +39,200 @@ def test_events_end_with_the_robot(virtual_robot: r6.Robot) -> None:
     events = virtual_robot.pushed()
     virtual_robot.close()
     assert [type(event) for event in events] in ([], [r6.ConnectionLost])
+
+
+PICK = """
+[[step]]
+do = "axis-move"
+to = [0, 0, 0, 0, 30, 0]
+speed = 50
+[[step]]
+do = "photo"
+camera = 1
+limit = 5
+tries = 100
+[[step]]
+do = "take-point"
+camera = 1
+[[step]]
+do = "move-to-point"
+speed = 20
+[[step]]
+do = "output"
+point = "Y010"
+on = true
+[[step]]
+do = "wait"
+point = "X047"
+"""
+PART = r6.Point(x=20.0, y=10.0, z=-30.0, relative=True)
+
+
+@contextmanager
+def asked_again_and_again(controller: r6.Simulator) -> Iterator[None]:
+    """Whoever serves may not listen yet: photos are asked for until this ends."""
+    ended = threading.Event()
+
+    def ask() -> None:
+        while not ended.wait(0.05):
+            controller.request_photo(2)
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+@pytest.mark.virtual_controller(program=PICK, clock=10)
+def test_photos_are_served_and_the_arm_goes_there(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    seen: list[int] = []
+
+    def look(cam_id: int) -> r6.Shot:
+        seen.append(cam_id)
+        return "failed" if len(seen) == 1 else [PART]
+
+    assert virtual_robot.status().alarm == 0, "the controller knows of the connection"
+    with ThreadPoolExecutor() as pool:
+        serving = pool.submit(virtual_robot.serve_photos, look)
+        until = time.monotonic() + 60
+        while not virtual_controller.is_on("Y010") and time.monotonic() < until:
+            time.sleep(0.01)
+        virtual_robot.close()
+        ended = serving.result(60)
+    assert (ended.reason, ended.error, ended.missed) == ("closed", None, None) and "closed" in str(ended)
+    assert virtual_controller.is_on("Y010"), "the arm went to the part"
+    assert seen == [1, 1], "what failed was asked for again"
+
+
+def test_a_stop_does_not_wait_for_a_picture(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    """Nor does anything else; the points of that picture are held back."""
+    looking, taken = threading.Event(), threading.Event()
+
+    def look(cam_id: int) -> r6.Shot:
+        looking.set()
+        assert taken.wait(60)
+        return [r6.Point(x=1, y=2)]
+
+    assert virtual_robot.status().is_ready
+    with ThreadPoolExecutor() as pool, asked_again_and_again(virtual_controller):
+        serving: Future[r6.PhotosEnded] = pool.submit(virtual_robot.serve_photos, look)
+        assert looking.wait(60)
+        sent = virtual_robot.link_quality().requests
+        assert virtual_robot.stop().confirmed
+        assert virtual_robot.query("curMode") and not serving.done()
+        before = virtual_robot.link_quality().requests
+        taken.set()
+        assert serving.result(60).reason == "stopped"
+    assert virtual_robot.link_quality().requests == before > sent, "no points were sent"
+
+
+class Blurred(Exception):
+    """A camera of its own has errors of its own."""
+
+
+def test_what_look_raises_comes_out_and_the_robot_goes_on(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    def look(cam_id: int) -> r6.Shot:
+        raise Blurred(cam_id)
+
+    assert virtual_robot.status().is_ready
+    with asked_again_and_again(virtual_controller):
+        with pytest.raises(Blurred, match="2"):
+            virtual_robot.serve_photos(look)
+        with pytest.raises(TypeError, match="NoneType"):
+            virtual_robot.serve_photos(lambda _: None)  # type: ignore[arg-type, return-value]
+        with pytest.raises(TypeError, match="r6.Point"):
+            virtual_robot.serve_photos(lambda _: [1])  # type: ignore[list-item]
+        with pytest.raises(ValueError, match="not_mine"):
+            virtual_robot.serve_photos(lambda _: "none")  # type: ignore[arg-type, return-value]
+    assert virtual_robot.status().is_ready
+    assert virtual_robot.add_points(2, [r6.Point(1, 2)]).points == 1
+
+
+@pytest.mark.parametrize("at", ["waiting", "looking"])
+def test_ctrl_c_ends_the_serving(
+    at: str, virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    looked: list[int] = []
+
+    def look(cam_id: int) -> r6.Shot:
+        looked.append(cam_id)
+        if at == "looking":
+            signal.raise_signal(signal.SIGINT)
+            time.sleep(60)
+        return "not_mine"
+
+    assert virtual_robot.status().is_ready
+    if at == "waiting":
+        threading.Timer(0.3, signal.raise_signal, [signal.SIGINT]).start()
+        with pytest.raises(KeyboardInterrupt):
+            virtual_robot.serve_photos(look)
+    else:
+        with asked_again_and_again(virtual_controller), pytest.raises(KeyboardInterrupt):
+            virtual_robot.serve_photos(look)
+    assert len(looked) == (at == "looking")
+    assert virtual_robot.status().is_ready
+
+
+def test_a_lost_connection_ends_the_serving(virtual_controller: r6.Simulator, relay: Relay) -> None:
+    relay.target = virtual_controller.port
+    with r6.Robot.connect(relay.address) as robot, ThreadPoolExecutor() as pool:
+        assert robot.status().is_ready
+        looking = threading.Event()
+
+        def look(cam_id: int) -> r6.Shot:
+            looking.set()
+            return []
+
+        with asked_again_and_again(virtual_controller):
+            serving = pool.submit(robot.serve_photos, look)
+            assert looking.wait(60)
+            relay.cut()
+            ended = serving.result(60)
+    assert ended.reason in ("connection_lost", "request") and ended.text
+
+
+def test_photos_are_served_through_asyncio(virtual_controller: r6.Simulator) -> None:
+    """A picture that is under way when a stop comes is given up."""
+    cancelled: list[int] = []
+
+    async def look(cam_id: int) -> r6.Shot:
+        try:
+            await asyncio.sleep(60)
+        except asyncio.CancelledError:
+            cancelled.append(cam_id)
+            raise
+        return []
+
+    async def at_once(cam_id: int) -> r6.Shot:
+        raise Blurred(cam_id)
+
+    async def main() -> None:
+        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+            assert (await robot.status()).is_ready
+            serving = asyncio.create_task(robot.serve_photos(look))
+            while not serving.done():
+                await asyncio.sleep(0.05)
+                virtual_controller.request_photo(2)
+                await robot.stop()
+            assert (await serving).reason == "stopped"
+            await asyncio.sleep(0)
+            assert cancelled == [2]
+            with asked_again_and_again(virtual_controller), pytest.raises(Blurred):
+                await robot.serve_photos(at_once)
+            serving = asyncio.create_task(robot.serve_photos(look))
+            await asyncio.sleep(0.05)
+            serving.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await serving
+            assert (await robot.query("curMode")).integer("curMode")
+
+    asyncio.run(asyncio.wait_for(main(), 60))

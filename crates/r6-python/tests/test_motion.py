@@ -55,6 +55,43 @@ def test_names_of_points_are_checked() -> None:
     assert len(motion) == 0
 
 
+def test_the_end_is_waited_for_so_long(virtual_robot: r6.Robot) -> None:
+    handle = virtual_robot.run(endless())
+    assert not handle.ended_within(0.05) and not handle.progress.ended
+    handle.stop()
+    assert handle.ended_within(60)
+    with pytest.raises(r6.MotionError):
+        handle.finished()
+
+
+def test_outputs_of_a_board_are_set_at_once(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    virtual_robot.set_output(0, 2, True)
+    virtual_robot.set_output(0, 3, True)
+    motion = r6.Motion().set_board({"Y010": True, "Y012": False, "Y047": True}).set_board({"M1.011": True})
+    frames = [json.loads(frame) for frame in virtual_robot.dry_run(motion)]
+    steps = [step for frame in frames for step in frame["instructions"]]
+    assert [(step["action"], step["type"]) for step in steps] == [("204", "0"), ("204", "6")]
+    assert (int(steps[0]["point"]), int(steps[0]["point2"])) == (0b01_00_10, 0b10 << 30)
+    virtual_robot.run(motion).finished()
+    assert np.flatnonzero(virtual_robot.outputs()).tolist() == [0, 3, 31]
+    assert virtual_controller.is_on("M1.011")
+
+
+def test_a_board_is_one_board() -> None:
+    motion = r6.Motion()
+    with pytest.raises(ValueError, match="of one board"):
+        motion.set_board({"Y010": True, "Y1.010": True})
+    with pytest.raises(ValueError, match="first two"):
+        motion.set_board({"Y2.010": True})
+    with pytest.raises(ValueError, match="X010"):
+        motion.set_board({"X010": True})
+    with pytest.raises(ValueError, match="no point"):
+        motion.set_board({})
+    assert len(motion) == 0
+
+
 def test_a_dry_run_shows_the_frames(virtual_robot: r6.Robot) -> None:
     motion = (
         r6.Motion()

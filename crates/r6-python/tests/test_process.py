@@ -115,6 +115,13 @@ ENDINGS = {
     "def robot2():\n    return r6.AsyncRobot(robot._core)\nasyncio.run(main())",
     "late": "class Late:\n    def __init__(self):\n        self.robot = robot\n"
     "    def __del__(self):\n        self.robot.close()\nlate = Late()",
+    "serving": "import threading, time\nown = r6.Simulator(); mine = r6.Robot.connect(own.address); mine.status()\n"
+    "looking = threading.Event()\ndef look(cam_id):\n    looking.set()\n    time.sleep(3600)\n"
+    "threading.Thread(target=mine.serve_photos, args=(look,), daemon=True).start()\n"
+    "while not looking.wait(0.05): own.request_photo(1)",
+    "listening": "import threading\nlisten = r6.Listen('127.0.0.1:0')\n"
+    "waiting = (listen, r6.RobotSettings(connect_timeout=3600))\n"
+    "threading.Thread(target=r6.Robot.connect, args=waiting, daemon=True).start()",
     "exit": "import os; sys.stdout.flush(); sys.exit(0)",
 }
 

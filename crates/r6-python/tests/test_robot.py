@@ -99,6 +99,18 @@ def test_a_firmware_that_does_not_tell_registers_is_told(virtual_robot: r6.Robot
         virtual_robot.read_registers(800, 0)
 
 
+def test_positions_in_registers_are_thousandths(virtual_robot: r6.Robot) -> None:
+    virtual_robot.write_registers(810, [r6.to_thousandths(12.5), r6.to_thousandths(-0.0006)])
+    assert [r6.from_thousandths(value) for value in virtual_robot.read_registers(810, 2).tolist()] == [12.5, -0.001]
+    with pytest.raises(r6.OutOfRange):
+        r6.to_thousandths(3e6)
+
+
+def test_a_guarded_robot_tells_its_envelope(virtual_robot: r6.Robot) -> None:
+    envelope = r6.Envelope().speed_cap(r6.Percent(5))
+    assert virtual_robot.guard() is None and virtual_robot.with_guard(envelope).guard() == envelope
+
+
 def test_counters_outputs_inputs_and_speed(virtual_robot: r6.Robot, virtual_controller: r6.Simulator) -> None:
     virtual_robot.set_counter(2, current=4)
     assert virtual_robot.counter(2).current == 4

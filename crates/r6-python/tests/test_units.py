@@ -68,6 +68,21 @@ def test_positions_take_arrays_and_name_their_axes() -> None:
         position.at(8)
 
 
+def test_an_angle_is_told_as_near_as_it_can_be() -> None:
+    """A wrist at U −180 that is told +180 turns a full turn."""
+    assert r6.Degrees(180).nearest_to(r6.Degrees(-179.5)) == r6.Degrees(-180)
+    assert r6.Degrees(10).nearest_to(r6.Degrees(20)) == r6.Degrees(10)
+    present = (r6.Degrees(-180), r6.Degrees(0), r6.Degrees(180))
+    pose = r6.Pose.mm_deg([500, 0, 400, 180, 0, -180])
+    assert pose.nearest_to(present) == r6.Pose.mm_deg([500, 0, 400, -180, 0, 180])
+    place = r6.Pose.mm_deg([500, 0, 400])
+    assert place.nearest_to(present) == place
+    with pytest.raises(TypeError):
+        pose.nearest_to((-180.0, 0.0, 180.0))  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        r6.Degrees(1).nearest_to(r6.Millimetres(1))  # type: ignore[arg-type]
+
+
 def test_a_pose_has_three_or_six_components() -> None:
     pose = r6.Pose.mm_deg([500, 0, 400, 180, 0, 0])
     x, y, z = (r6.Millimetres(value) for value in (500, 0, 400))

@@ -74,15 +74,6 @@ pub(super) fn instruction(to: AxisPosition, options: &FollowOptions) -> Result<I
     motion.instructions()?.first().copied().ok_or(none)
 }
 
-/// Whether an axis is elsewhere than before by more than this.
-pub(super) fn differ(now: &[Option<f64>; AXES], before: &[Option<f64>; AXES], by: f64) -> bool {
-    now.iter().zip(before).any(|(now, before)| match (now, before) {
-        (Some(now), Some(before)) => (now - before).abs() > by,
-        (Some(_), None) => true,
-        (None, _) => false,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,6 +6,7 @@ use std::time::Duration;
 use crate::error::{NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::guard::Violation;
 use crate::handle::Progress;
+use crate::motion::WaitError;
 use crate::moves::StepError;
 use crate::path::place::Missed;
 use crate::status::{AlarmAdvice, Unmet};
@@ -67,6 +68,49 @@ pub enum Cause {
     Unreadable(RequestError),
     /// The runtime ended; the motion may go on.
     Abandoned,
+}
+
+/// Reads, or attempts to send, that may fail in a row: one lost reply says nothing about the arm, and what cannot be seen is not fed.
+pub(crate) const MAX_FAILED: u32 = 3;
+
+impl Cause {
+    /// Why a motion ends with the read that failed just now, so many in a row with it, if it does.
+    pub(crate) fn of_failed_read(error: RequestError, in_a_row: u32) -> Result<(), Self> {
+        if in_a_row >= MAX_FAILED || error == RequestError::NotSent(NotSent::Closed) {
+            return Err(Self::Unreadable(error));
+        }
+        Ok(())
+    }
+}
+
+impl From<NotSent> for Cause {
+    fn from(error: NotSent) -> Self {
+        match error {
+            NotSent::OutsideEnvelope(violation) => Self::OutsideEnvelope(violation),
+            other => Self::NotSent(other),
+        }
+    }
+}
+
+impl From<RequestError> for Cause {
+    fn from(error: RequestError) -> Self {
+        match error {
+            RequestError::NotSent(error) => error.into(),
+            RequestError::Refused(error) => Self::Refused(error),
+            RequestError::OutcomeUnknown(error) => Self::OutcomeUnknown(error),
+        }
+    }
+}
+
+impl From<WaitError> for Cause {
+    fn from(error: WaitError) -> Self {
+        match error {
+            WaitError::AlarmRaised { code } => Self::AlarmRaised { code },
+            WaitError::Stopped { mode } => Self::Stopped { mode },
+            WaitError::TimedOut { after, .. } => Self::Stalled { after },
+            WaitError::Request(error) => Self::Unreadable(error),
+        }
+    }
 }
 
 impl MotionError {

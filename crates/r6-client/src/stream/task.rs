@@ -13,17 +13,11 @@ use crate::error::{NotSent, RequestError};
 use crate::handle::Progress;
 use crate::job::{Terms, Work};
 use crate::link::Lane;
-use crate::motion::{Done, Sample, WaitError, WaitOptions, Watch};
+use crate::motion::{Done, Sample, WaitOptions, Watch};
 use crate::path::progress::PathProgress;
 use crate::robot::Robot;
 use crate::stream::RunOptions;
-use crate::stream::error::{Cause, MotionError};
-
-/// Reads, or attempts to send, that may fail in a row: one lost reply says nothing about the arm.
-const MAX_FAILED: u32 = 3;
-
-/// Less than this, degrees, is no progress: encoders tremble.
-const NO_PROGRESS: f64 = 1e-3;
+use crate::stream::error::{Cause, MAX_FAILED, MotionError};
 
 /// A motion that is being streamed.
 #[derive(Debug)]
@@ -132,9 +126,7 @@ impl Task {
                 Err(error) => {
                     self.watch.missed();
                     self.failed += 1;
-                    if self.failed >= MAX_FAILED || error == RequestError::NotSent(NotSent::Closed) {
-                        return Err(Cause::Unreadable(error));
-                    }
+                    Cause::of_failed_read(error, self.failed)?;
                     // What cannot be seen is not fed.
                     sleep(self.options.interval).await;
                     continue;
@@ -180,13 +172,14 @@ impl Task {
                         return Err(NotSent::Busy { waited }.into());
                     }
                 }
-                Err(RequestError::NotSent(error)) => {
+                Err(error @ RequestError::NotSent(_)) => {
                     self.in_doubt = 0;
                     return Err(error.into());
                 }
                 // Controllers have run lists that they refused.
-                Err(RequestError::Refused(error)) => return Err(Cause::Refused(error)),
-                Err(RequestError::OutcomeUnknown(error)) => return Err(Cause::OutcomeUnknown(error)),
+                Err(error @ (RequestError::Refused(_) | RequestError::OutcomeUnknown(_))) => {
+                    return Err(error.into());
+                }
             }
         }
         Ok(())
@@ -204,12 +197,7 @@ impl Task {
         // What ended the motion is told with the step that it ended in.
         self.path.see(sample, judged == Ok(true));
         self.publish(false);
-        let rests = judged.map_err(|error| match error {
-            WaitError::AlarmRaised { code } => Cause::AlarmRaised { code },
-            WaitError::Stopped { mode } => Cause::Stopped { mode },
-            WaitError::TimedOut { after, .. } => Cause::Stalled { after },
-            WaitError::Request(error) => Cause::Unreadable(error),
-        })?;
+        let rests = judged?;
         if rests && self.frames.is_empty() && self.path.done == self.path.steps().len() {
             return Ok(true);
         }
@@ -226,12 +214,7 @@ impl Task {
     /// Fails when nothing goes on, although no step says that the arm shall stand.
     fn notice_progress(&mut self, sample: &Sample, now: Instant) -> Result<(), Cause> {
         let (since, done, axes) = self.went_on;
-        let moved = sample.axes.iter().zip(axes).any(|(now, before)| match (now, before) {
-            (Some(now), Some(before)) => (now - before).abs() > NO_PROGRESS,
-            (Some(_), None) => true,
-            (None, _) => false,
-        });
-        if moved || done != self.path.done {
+        if sample.went_on_from(&axes) || done != self.path.done {
             self.went_on = (now, self.path.done, sample.axes);
             return Ok(());
         }

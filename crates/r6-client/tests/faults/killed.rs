@@ -1,7 +1,7 @@
 //! K2: the process of a client is killed when the controller has carried out instruction n, for each n. The arm finishes what is in
 //! its list and nothing else, or, with a managed heartbeat, the watchdog stops it; a new client connects at once and sees the truth.
 //!
-//! The client is this test program itself, run once more. Nothing sleeps: what is waited for is what the controller has done.
+//! The client is this test itself, run once more and told so. Nothing sleeps: what is waited for is what the controller has done.
 
 use std::env;
 use std::process::{Child, Command as Process, Stdio};
@@ -17,12 +17,19 @@ use tokio::time::timeout;
 
 use crate::floor::{Floor, thousandths};
 
-/// Tells the program that it is the client: where the controller is, and how it is to move.
+/// Tells the test that it is the client: where the controller is, and how it is to move.
 const CHILD: &str = "R6_TEST_KILLED_CLIENT";
+
+/// The test that is run once more.
+const TEST: &str = "killed::k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends";
 
 /// Steps of the motion that is killed, and how far each goes, degrees.
 const STEPS: usize = 10;
 const STEP: f64 = 0.5;
+
+/// The speed, %, of a motion that the watchdog stops: a step lasts some two seconds, and more than one is left when the client is
+/// killed.
+const SLOW: f64 = 0.15;
 
 /// Long enough for a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -45,10 +52,8 @@ fn motion(from: usize, percent: f64) -> Motion {
     })
 }
 
-/// The client that is killed. Without a controller to go to this is no test of anything.
-#[test]
-fn child() {
-    let Ok(told) = env::var(CHILD) else { return };
+/// The client that is killed, which never ends by itself.
+fn client(told: &str) {
     let mut told = told.split(' ');
     let (address, percent) = (told.next().unwrap(), told.next().unwrap().parse().unwrap());
     let heartbeat = match told.next().unwrap() {
@@ -78,7 +83,7 @@ struct Client(Child);
 impl Client {
     fn start(address: &str, percent: f64, heartbeat: &str) -> Self {
         let mut process = Process::new(env::current_exe().unwrap());
-        process.args(["--exact", "killed::child", "--nocapture"]);
+        process.args(["--exact", TEST, "--nocapture"]);
         process.env(CHILD, format!("{address} {percent} {heartbeat}"));
         Self(process.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
     }
@@ -189,6 +194,9 @@ fn in_real_time(test: impl Future<Output = ()>) {
 
 #[test]
 fn k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends() {
+    if let Ok(told) = env::var(CHILD) {
+        return client(&told);
+    }
     in_real_time(async {
         for killed_after in 0..=STEPS {
             let mut cell = Cell::start(Clock::Times(4.0), Profile::hc1()).await;
@@ -214,10 +222,11 @@ fn k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends() {
 fn k2_with_a_heartbeat_the_watchdog_stops_what_a_killed_client_left() {
     in_real_time(async {
         for killed_after in 0..3 {
-            // A list that lasts longer than the watchdog waits; that is not ten seconds here.
-            let profile = Profile { heartbeat_timeout: Duration::from_millis(400), ..Profile::hc1() };
+            // A list that lasts longer than the watchdog waits; that is not ten seconds here, and long enough for a client on a
+            // loaded machine to send twenty heartbeats.
+            let profile = Profile { heartbeat_timeout: Duration::from_secs(2), ..Profile::hc1() };
             let mut cell = Cell::start(Clock::Real, profile).await;
-            let client = Client::start(&cell.address(), 0.5, "heartbeat");
+            let client = Client::start(&cell.address(), SLOW, "heartbeat");
             cell.wait_for("it begins", |done| done.moving).await;
             let wanted = u64::try_from(killed_after).unwrap();
             cell.wait_for("its turn", |done| done.instructions >= wanted).await;

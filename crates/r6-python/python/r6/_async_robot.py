@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Coroutine, Sequence
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from ._r6 import (
     Envelope,
     FollowCore,
     FollowOptions,
+    Listen,
     Motion,
     MotionCore,
     Percent,
@@ -26,11 +28,13 @@ from ._r6 import (
     RobotSettings,
     RunOptions,
     SubscriptionCore,
+    discovering,
 )
 from ._robot import counter, points, stopped, whole
 from ._types import (
     Accepted,
     Counter,
+    Discovered,
     Done,
     Event,
     Followed,
@@ -38,8 +42,10 @@ from ._types import (
     Integers,
     LinkQuality,
     Photo,
+    PhotosEnded,
     Point,
     QueryResult,
+    Shot,
     Snapshot,
     Status,
     StepState,
@@ -55,7 +61,7 @@ class AsyncRobot:
 
     Many tasks, and many event loops, may use one handle. Cancelling a call takes its request back if it has not left
     yet, except for a stop and a pause, which the call itself begins. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
-    ``identity``, ``accept_identity``, ``with_guard``, ``follow``.
+    ``identity``, ``accept_identity``, ``guard``, ``with_guard``, ``follow``.
 
     >>> async with await AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
     ...     print((await robot.status()).axes)
@@ -66,13 +72,13 @@ class AsyncRobot:
         self._core = core
 
     @classmethod
-    async def connect(cls, address: str, settings: RobotSettings | None = None) -> Self:
+    async def connect(cls, address: str | Listen, settings: RobotSettings | None = None) -> Self:
         """As ``Robot.connect``."""
         return cls(await run(RobotCore.connect(address, settings)))
 
     @property
     def address(self) -> str:
-        """Host and port of the controller."""
+        """As ``Robot.address``."""
         return self._core.address
 
     async def close(self) -> None:
@@ -166,9 +172,17 @@ class AsyncRobot:
         """As ``Robot.add_rcc``."""
         return await run(self._core.add_rcc(motion, replace))
 
-    async def wait_until_done(self, *, timeout: float = 60.0) -> Done:
+    async def wait_until_done(
+        self,
+        *,
+        timeout: float = 60.0,
+        interval: float = 0.05,
+        settle: float = 0.5,
+        start_within: float = 1.0,
+        idle_mode: int = 7,
+    ) -> Done:
         """As ``Robot.wait_until_done``."""
-        return await run(self._core.wait_until_done(timeout))
+        return await run(self._core.wait_until_done(timeout, interval, settle, start_within, idle_mode))
 
     def stop(self) -> Coroutine[Any, Any, StopReport]:
         """As ``Robot.stop``. The call begins it. Cancelling its task, however early, ends the waiting and not the stop,
@@ -195,6 +209,27 @@ class AsyncRobot:
         """As ``Robot.add_points``."""
         return await run(self._core.add_points(cam_id, points))
 
+    async def serve_photos(self, look: Callable[[int], Awaitable[Shot]]) -> PhotosEnded:
+        """As ``Robot.serve_photos``, with a ``look`` that is awaited: ``asyncio.to_thread`` makes one of a function that takes
+        its time. When the serving ends while it looks, by a stop or a lost connection, ``look`` is cancelled."""
+        serving = self._core.serve_photos()
+        coming = asyncio.ensure_future(run(serving.next()))
+        try:
+            while not isinstance(asked := await coming, PhotosEnded):
+                coming = asyncio.ensure_future(run(serving.next()))
+                looking = asyncio.ensure_future(look(asked))
+                try:
+                    # The next to come is another request once this one is answered; before, it is the end.
+                    await asyncio.wait({looking, coming}, return_when=asyncio.FIRST_COMPLETED)
+                    if looking.done():
+                        serving.answer(looking.result())
+                finally:
+                    looking.cancel()
+        finally:
+            coming.cancel()
+            serving.close()
+        return asked
+
     def link_quality(self) -> LinkQuality:
         """As ``Robot.link_quality``."""
         return self._core.link_quality()
@@ -207,12 +242,23 @@ class AsyncRobot:
         """As ``Robot.accept_identity``."""
         self._core.accept_identity(found)
 
+    def guard(self) -> Envelope | None:
+        """As ``Robot.guard``."""
+        return self._core.guard()
+
     def with_guard(self, envelope: Envelope) -> Self:
         """As ``Robot.with_guard``."""
         return type(self)(self._core.with_guard(envelope))
 
     def __repr__(self) -> str:
         return f"<AsyncRobot at {self.address}>"
+
+
+async def async_discover(
+    addresses: Sequence[str], settings: RobotSettings | None = None
+) -> list[Discovered]:
+    """As ``discover``, for asyncio."""
+    return await run(discovering(addresses, settings))
 
 
 class AsyncMotionHandle:
@@ -240,6 +286,10 @@ class AsyncMotionHandle:
         """As ``MotionHandle.step``."""
         self._core.step_state(number)
         return AsyncStep(self._core, number)
+
+    async def ended_within(self, time: float) -> bool:
+        """As ``MotionHandle.ended_within``."""
+        return await run(self._core.ended_within(time))
 
     async def finished(self) -> Done:
         """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""

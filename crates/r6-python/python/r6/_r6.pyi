@@ -10,6 +10,7 @@ from ._types import (
     Accepted,
     AddressInfo,
     Alarm,
+    Discovered,
     Done,
     Event,
     Followed,
@@ -18,8 +19,10 @@ from ._types import (
     LinkQuality,
     LogLine,
     MachineState,
+    PhotosEnded,
     Point,
     QueryResult,
+    Shot,
     Snapshot,
     Status,
     StepState,
@@ -34,12 +37,14 @@ __all__ = [
     "Envelope",
     "FollowCore",
     "FollowOptions",
+    "Listen",
     "Millimetres",
     "MillimetresPerSecond",
     "Motion",
     "MotionCore",
     "Operation",
     "Percent",
+    "PhotosCore",
     "Pose",
     "Progress",
     "PushedCore",
@@ -51,8 +56,11 @@ __all__ = [
     "SubscriptionCore",
     "addresses",
     "alarm",
+    "discovering",
+    "from_thousandths",
     "models",
     "profiles",
+    "to_thousandths",
 ]
 
 _T_co = TypeVar("_T_co", covariant=True)
@@ -79,7 +87,7 @@ class RobotCore:
     """What ``Robot`` and ``AsyncRobot`` have in common."""
 
     @staticmethod
-    def connect(address: str, settings: RobotSettings | None = None) -> Operation[RobotCore]: ...
+    def connect(address: str | Listen, settings: RobotSettings | None = None) -> Operation[RobotCore]: ...
     @property
     def address(self) -> str: ...
     def close(self) -> Operation[None]: ...
@@ -89,7 +97,9 @@ class RobotCore:
     def command(self, command: Command) -> Operation[Accepted]: ...
     def clear_list(self) -> Operation[Accepted]: ...
     def add_rcc(self, motion: Motion, replace: bool) -> Operation[Accepted]: ...
-    def wait_until_done(self, timeout: float) -> Operation[Done]: ...
+    def wait_until_done(
+        self, timeout: float, interval: float, settle: float, start_within: float, idle_mode: int
+    ) -> Operation[Done]: ...
     def stop(self) -> Operation[StopReport]: ...
     def run(self, motion: Motion, options: RunOptions | None = None) -> Operation[MotionCore]: ...
     def follow(self, options: FollowOptions | None = None) -> FollowCore: ...
@@ -102,9 +112,11 @@ class RobotCore:
     def pushed(self) -> PushedCore: ...
     def answer_photo(self, cam_id: int, taken: bool) -> Operation[None]: ...
     def add_points(self, cam_id: int, points: Sequence[Point]) -> Operation[Accepted]: ...
+    def serve_photos(self) -> PhotosCore: ...
     def link_quality(self) -> LinkQuality: ...
     def identity(self) -> Identity | None: ...
     def accept_identity(self, found: Identity) -> None: ...
+    def guard(self) -> Envelope | None: ...
     def with_guard(self, envelope: Envelope) -> RobotCore: ...
 
 @final
@@ -116,6 +128,7 @@ class MotionCore:
     def step_state(self, step: int) -> StepState: ...
     def step_started(self, step: int) -> Operation[bool]: ...
     def step_done(self, step: int) -> Operation[bool]: ...
+    def ended_within(self, time: float) -> Operation[bool]: ...
     def finished(self) -> Operation[Done]: ...
     def stop(self) -> Operation[StopReport]: ...
     def release(self) -> None: ...
@@ -142,6 +155,35 @@ class PushedCore:
     """What ``PushedEvents`` and ``AsyncPushedEvents`` have in common."""
 
     def next(self, timeout: float | None) -> Operation[Event | None]: ...
+
+@final
+class PhotosCore:
+    """What ``serve_photos`` of ``Robot`` and ``AsyncRobot`` have in common."""
+
+    def next(self) -> Operation[int | PhotosEnded]: ...
+    def answer(self, shot: Shot) -> None: ...
+    def close(self) -> None: ...
+
+@final
+class Listen:
+    """Waits for a controller that dials: for ``Robot.connect``.
+
+    A port of a controller is bound to one use on its pendant, in server or in client mode. In client mode the controller
+    connects to the address that is set there, again and again while nobody listens. ``address``: where to listen, such as
+    ``"0.0.0.0:9760"``; with port 0 a free one is taken. ``only_from``: the IP address of the machine whose connections are
+    taken; others are closed at once. There is no login: whoever reaches the port is taken for the controller, so name it.
+
+    It serves one ``connect``, which waits for ``RobotSettings.connect_timeout`` seconds, as the robot does after a lost
+    connection: give it longer than the controller takes to dial again. Of several connections that wait the newest counts.
+    The port is closed with the robot, or when connecting fails.
+
+    Errors: ``OSError`` if the port is in use or the address is none of this machine; ``ValueError``.
+    """
+
+    def __new__(cls, address: str, *, only_from: str | None = None) -> Listen: ...
+    @property
+    def address(self) -> str:
+        """Where it listens, ``host:port``: with port 0, the one that was free."""
 
 @final
 class Progress:
@@ -181,6 +223,9 @@ class Degrees:
     @property
     def value(self) -> float:
         """The number alone."""
+    def nearest_to(self, present: Degrees) -> Degrees:
+        """The same angle, full turns added or taken away, that is nearest to another: at most half a turn from it. For U, V
+        and W, and for an axis that may turn on; not for one whose limits leave no choice."""
     def __add__(self, other: Degrees, /) -> Degrees: ...
     def __radd__(self, other: Degrees, /) -> Degrees: ...
     def __sub__(self, other: Degrees, /) -> Degrees: ...
@@ -298,7 +343,7 @@ class Pose:
     """Where the tool is, in the work frame, and how it is turned; or only where.
 
     +180° and −180° are the same orientation and a full turn of the wrist apart: give the one that is nearer to the
-    present value, or use ``position``.
+    present value (``nearest_to``), or use ``position``.
     """
 
     def __new__(
@@ -310,6 +355,10 @@ class Pose:
     @staticmethod
     def mm_deg(values: npt.ArrayLike) -> Pose:
         """X, Y, Z in mm, shape (3,), or X, Y, Z, U, V, W in mm and degrees, shape (6,): bare numbers."""
+    def nearest_to(self, present: tuple[Degrees, Degrees, Degrees]) -> Pose:
+        """The same pose with U, V and W each told as near as possible to the present ones (``world-3`` to ``world-5``). A
+        real arm that read U −180 and was told +180 turned its wrist the long way round (reported). A pose without a turn
+        stays as it is."""
     @property
     def place(self) -> tuple[Millimetres, Millimetres, Millimetres]:
         """X, Y, Z."""
@@ -359,6 +408,9 @@ class Motion:
         """Sets an output of the first board, by its name on the pendant: ``"Y010"`` to ``"Y047"``, M, EUY (action 200)."""
     def pulse_output(self, point: str, on: bool, time: float) -> Motion:
         """Sets an output Y for a time, seconds, then sets it back (action 200, timed)."""
+    def set_board(self, points: dict[str, bool]) -> Motion:
+        """Sets many outputs of one board at once, by their names on the pendant: ``{"Y010": True, "Y017": False}``, of the
+        first two boards of Y or M: ``"Y1.010"``, ``"M010"`` (action 204). Points that are not named stay as they are."""
     def wait(self, time: float) -> Motion:
         """Waits for a time, seconds, with the arm at rest (action 100)."""
     def wait_for(self, point: str, condition: Wait = "on", *, limit: float | None = None) -> Motion:
@@ -381,7 +433,8 @@ class RobotSettings:
     from one heartbeat to the next, 0.1 to 5; the first one arms a watchdog that raises an alarm when none comes for 10 s,
     also after this program has died. ``suspect_after`` (1), ``dead_after`` (5): after how much silence values and
     connection are no longer trusted. ``reconnect_first_wait`` (0.1), ``reconnect_cap`` (5), ``reconnect_seed``: the waits
-    between attempts to connect anew.
+    between attempts to connect anew. ``type_key`` ("reqType"): the key of a request's type, ``"cmdType"`` for the oldest
+    firmware. ``ds_id`` ("long"): the form of ``dsID``, ``"short"`` for older firmware (``HCRemoteMonitor``).
     """
 
     def __new__(
@@ -396,6 +449,8 @@ class RobotSettings:
         reconnect_first_wait: float | None = None,
         reconnect_cap: float | None = None,
         reconnect_seed: int | None = None,
+        type_key: Literal["reqType", "cmdType"] | None = None,
+        ds_id: Literal["long", "short"] | None = None,
     ) -> RobotSettings: ...
 
 @final
@@ -632,6 +687,16 @@ class Simulator:
         """What a person would see at the machine, now."""
     def log(self) -> list[LogLine]:
         """What has happened since the last call; 256 lines are kept."""
+
+def discovering(addresses: Sequence[str], settings: RobotSettings | None = None) -> Operation[list[Discovered]]:
+    """For ``discover`` and ``async_discover``."""
+
+def to_thousandths(value: float) -> int:
+    """Degrees or millimetres as a register has them where a program takes positions from registers: times 1000, the nearest
+    whole number. ``OutOfRange`` for what does not fit into the 32 bits of a register."""
+
+def from_thousandths(value: int) -> float:
+    """A register's value in degrees or millimetres."""
 
 def alarm(code: int) -> Alarm:
     """What an alarm means and what to do about it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from ._r6 import (
     Envelope,
     FollowCore,
     FollowOptions,
+    Listen,
     Motion,
     MotionCore,
     Percent,
@@ -25,10 +26,12 @@ from ._r6 import (
     RobotSettings,
     RunOptions,
     SubscriptionCore,
+    discovering,
 )
 from ._types import (
     Accepted,
     Counter,
+    Discovered,
     Done,
     Event,
     Followed,
@@ -36,8 +39,10 @@ from ._types import (
     Integers,
     LinkQuality,
     Photo,
+    PhotosEnded,
     Point,
     QueryResult,
+    Shot,
     Snapshot,
     Status,
     StepState,
@@ -69,16 +74,17 @@ class Robot:
         self._core = core
 
     @classmethod
-    def connect(cls, address: str, settings: RobotSettings | None = None) -> Self:
-        """Connects to ``host`` or ``host:port``, port 9760 where none is given. Nothing is sent.
+    def connect(cls, address: str | Listen, settings: RobotSettings | None = None) -> Self:
+        """Connects to ``host`` or ``host:port``, port 9760 where none is given; or waits for a controller that dials
+        (``Listen``). Nothing is sent.
 
-        Errors: ``NotSent`` if the address is none or no connection can be made in time.
+        Errors: ``NotSent`` if the address is none or no connection can be made within ``RobotSettings.connect_timeout``.
         """
         return cls(RobotCore.connect(address, settings).wait())
 
     @property
     def address(self) -> str:
-        """Host and port of the controller."""
+        """Host and port of the controller; of one that dials, where it is waited for."""
         return self._core.address
 
     def close(self) -> None:
@@ -217,12 +223,22 @@ class Robot:
         """
         return self._core.add_rcc(motion, replace).wait()
 
-    def wait_until_done(self, *, timeout: float = 60.0) -> Done:
+    def wait_until_done(
+        self,
+        *,
+        timeout: float = 60.0,
+        interval: float = 0.05,
+        settle: float = 0.5,
+        start_within: float = 1.0,
+        idle_mode: int = 7,
+    ) -> Done:
         """Watches the state until the arm stands and the list is done, ``timeout`` seconds at most.
 
-        Errors: ``WaitError``.
+        ``interval``: seconds between two reads. ``settle``: how long the arm has to stand where the controller cannot tell the
+        length of its list, seconds. ``start_within``: how long it may take to begin to move, seconds. ``idle_mode``: the mode
+        in which this controller waits for instructions. Errors: ``WaitError``.
         """
-        return self._core.wait_until_done(timeout).wait()
+        return self._core.wait_until_done(timeout, interval, settle, start_within, idle_mode).wait()
 
     def stop(self) -> StopReport:
         """Stops the motion, ahead of all that waits, until the arm is seen to stand, 5 s at most; then clears the list.
@@ -263,6 +279,35 @@ class Robot:
         ``RequestError``."""
         return self._core.add_points(cam_id, points).wait()
 
+    def serve_photos(self, look: Callable[[int], Shot]) -> PhotosEnded:
+        """Is the camera of this controller from now on: calls ``look`` with the camera's number for each photo request, answers
+        the request, and sends the points that were found, X, Y, Z in mm and angles in degrees.
+
+        ::
+
+            def look(cam_id: int) -> r6.Shot:
+                return [r6.Point(x=20.0, y=10.0, angle=90.0)]   # or "failed", or "not_mine"
+
+            print(robot.serve_photos(look))
+
+        It keeps this thread until it cannot go on, and tells why; requests are served one after the other. ``look`` may take
+        its time and may use this robot: stops of other threads, heartbeats and motions do not wait for it. An exception of
+        ``look``, and Ctrl-C, end the serving at once and come out here; the request then gets no answer. What is no ``Shot``
+        is a ``TypeError`` or a ``ValueError``.
+
+        A program waits for the answer for a time of its own: where finding takes longer than taking the picture, use
+        ``pushed``, ``answer_photo`` and ``add_points``. Points can set the arm in motion, and no guard checks them: none
+        leave after a stop or a pause of this connection that came while their picture was under way. Nothing that failed
+        is sent again. Requests that come before this is called are not seen.
+        """
+        serving = self._core.serve_photos()
+        try:
+            while not isinstance(asked := serving.next().wait(), PhotosEnded):
+                serving.answer(look(asked))
+        finally:
+            serving.close()
+        return asked
+
     def link_quality(self) -> LinkQuality:
         """How good the connection is. Nothing is sent."""
         return self._core.link_quality()
@@ -276,6 +321,10 @@ class Robot:
         exchanged, its firmware updated, or its machine renamed."""
         self._core.accept_identity(found)
 
+    def guard(self) -> Envelope | None:
+        """The envelope that this handle checks against."""
+        return self._core.guard()
+
     def with_guard(self, envelope: Envelope) -> Self:
         """The same robot behind a guard: what this handle runs is held against the envelope first, and not sent if it
         goes beyond. Commands are not checked. Both share one connection: closing either ends it for both."""
@@ -283,6 +332,23 @@ class Robot:
 
     def __repr__(self) -> str:
         return f"<Robot at {self.address}>"
+
+
+def discover(addresses: Sequence[str], settings: RobotSettings | None = None) -> list[Discovered]:
+    """Asks at these addresses, ``host`` or ``host:port``, who is there: one ``Discovered`` for each, in their order. It only
+    reads, over one connection to each that is closed in order; no heartbeat is sent, whatever the settings say.
+
+    Name the addresses where controllers may be, and the ports that their pendants may be set to (9760; others were seen on
+    9700, 502, 503, 3388 and 8888). Do not scan a network: controllers have very few connections, and one that is left half
+    open can make the port useless until the controller is switched off and on (reported). An address at which another
+    program is connected already may not answer.
+
+    Errors: none; why an address did not answer is in its ``Discovered.who``.
+
+    >>> for found in discover(["192.168.1.10", "192.168.1.11:9700"]):        # doctest: +SKIP
+    ...     print(found.address, found.who)
+    """
+    return discovering(addresses, settings).wait()
 
 
 class MotionHandle:
@@ -315,6 +381,10 @@ class MotionHandle:
         """One step, counted from 1; ``IndexError`` if there is none such."""
         self._core.step_state(number)
         return Step(self._core, number)
+
+    def ended_within(self, time: float) -> bool:
+        """Waits for the end for so many seconds; whether it came. ``finished`` then tells it at once."""
+        return self._core.ended_within(time).wait()
 
     def finished(self) -> Done:
         """Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state.

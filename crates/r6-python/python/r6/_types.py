@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Literal, TypeAlias, Union
@@ -288,10 +288,41 @@ class Identity:
 
 
 @dataclass(frozen=True)
+class Discovered:
+    """What was found at one address."""
+
+    address: str
+    """As it was given."""
+    who: Identity | RequestError
+    """Who answered, or why nobody did."""
+
+
+@dataclass(frozen=True)
 class Photo:
     """The controller asks for a photo: answer it with ``answer_photo``."""
 
     cam_id: int
+
+
+@dataclass(frozen=True)
+class PhotosEnded:
+    """Why photos are no longer served. As text it says what to do."""
+
+    reason: Literal["connection_lost", "stopped", "closed", "request", "fell_behind"]
+    """``connection_lost``: requests reach nobody; look at the machine (``Robot.status`` connects anew), then serve again.
+    ``stopped``: a handle of this connection sent a stop or a pause while a picture was under way, and its points are held
+    back; look at the machine, then serve again. ``closed``: the robot was closed. ``request``: an answer did not leave, or
+    the points were not taken. ``fell_behind``: events were missed, and requests may be among them; serve again."""
+    cam_id: int | None
+    """The camera whose request failed."""
+    error: RequestError | None
+    """Why it failed."""
+    missed: int | None
+    """How many events were missed."""
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
 
 
 @dataclass(frozen=True)
@@ -399,6 +430,11 @@ class Point:
     similarity: float | None = None
     color: int | None = None
     relative: bool = False
+
+
+Shot: TypeAlias = Union[Sequence[Point], Literal["failed", "not_mine"]]
+"""What came of a request for a photo: the parts that are in the picture, perhaps none; ``"failed"`` if there is no picture,
+which is answered with ``ret`` 0; ``"not_mine"`` if another program is this camera, and nothing is sent."""
 
 
 @dataclass(frozen=True)

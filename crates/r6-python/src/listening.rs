@@ -1,0 +1,102 @@
+//! A controller that dials, and the controllers at some addresses.
+
+use std::net::IpAddr;
+use std::sync::{Mutex, PoisonError};
+
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyList;
+use r6_client::{RequestError, Robot};
+
+use crate::convert;
+use crate::errors::Raise;
+use crate::interpreter;
+use crate::operation::Operation;
+use crate::process::{Kept, Process};
+use crate::record::Record;
+use crate::settings::RobotSettings;
+
+/// Waits for a controller that dials: for `Robot.connect`.
+#[pyclass(frozen, module = "r6._r6")]
+pub struct Listen {
+    /// `None` once a robot has it.
+    listen: Kept<Mutex<Option<r6_client::Listen>>>,
+    #[pyo3(get)]
+    address: String,
+}
+
+#[pymethods]
+impl Listen {
+    #[new]
+    #[pyo3(signature = (address, *, only_from=None))]
+    fn new(py: Python<'_>, address: &str, only_from: Option<&str>) -> PyResult<Self> {
+        let only_from: Option<IpAddr> = only_from
+            .map(|from| from.parse().map_err(|_| PyValueError::new_err(format!("{from} is no IP address"))))
+            .transpose()?;
+        let engine = Process::current(py)?.engine();
+        // A name may have to be looked up.
+        let binding = || engine.block_on(r6_client::Listen::on(address));
+        let mut listen = interpreter::released(py, binding).0?;
+        if let Some(controller) = only_from {
+            listen = listen.only_from(controller);
+        }
+        let address = listen.address()?.to_string();
+        Ok(Self { listen: Kept::new(Mutex::new(Some(listen))), address })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Listen on {}>", self.address)
+    }
+}
+
+/// Where a robot is reached.
+pub enum Target {
+    /// Under this address.
+    Address(String),
+    /// It dials.
+    Dials(r6_client::Listen),
+}
+
+impl Target {
+    /// An address, or a `Listen` that no robot has had yet.
+    pub fn of(given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if let Ok(listen) = given.cast::<Listen>() {
+            let listen = listen.get().listen.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let used = || PyRuntimeError::new_err("this Listen was used: make another for another attempt");
+            return listen.map(Self::Dials).ok_or_else(used);
+        }
+        let wanted = |_| PyTypeError::new_err("an address is a str or an r6.Listen");
+        given.extract().map(Self::Address).map_err(wanted)
+    }
+
+    /// Connects.
+    pub async fn connect(self, settings: r6_client::RobotSettings) -> Result<Robot, RequestError> {
+        match self {
+            Self::Address(address) => Robot::connect(&address, settings).await,
+            Self::Dials(listen) => Robot::connect_with(listen, settings).await,
+        }
+    }
+}
+
+/// Asks at these addresses who is there; gives a list of `Discovered`.
+#[pyfunction]
+#[pyo3(signature = (addresses, settings=None))]
+pub fn discovering(addresses: Vec<String>, settings: Option<&RobotSettings>) -> Operation {
+    let settings = settings.map(|settings| settings.0.clone()).unwrap_or_default();
+    let asking = async move {
+        let addresses: Vec<&str> = addresses.iter().map(String::as_str).collect();
+        r6_client::discover(&addresses, &settings).await
+    };
+    Operation::new(asking, |py, found| {
+        let list = PyList::empty(py);
+        for discovered in found {
+            let record = Record::new(py, "Discovered")?.with("address", discovered.address)?;
+            let record = match discovered.who {
+                Ok(identity) => record.with("who", convert::identity(py, &identity)?)?,
+                Err(error) => record.with("who", error.exception(py))?,
+            };
+            list.append(record.build()?)?;
+        }
+        Ok(list.into_any())
+    })
+}

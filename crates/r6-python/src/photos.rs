@@ -1,0 +1,164 @@
+//! Serving as a camera: each photo request is handed to Python, and what it found is sent.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use pyo3::IntoPyObjectExt;
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyString;
+use r6_client::{PhotosEnded, Robot, Shot};
+use r6_proto::message::Point;
+use tokio::sync::{mpsc, oneshot};
+
+use crate::errors::Raise;
+use crate::handle::Streaming;
+use crate::operation::Operation;
+use crate::process::{Kept, Process};
+use crate::record::{Record, class};
+
+/// What comes from the task that serves.
+enum Came {
+    /// A photo is asked for.
+    Asked { cam_id: i64, tell: oneshot::Sender<Shot> },
+    /// No other will be.
+    Ended(PhotosEnded),
+}
+
+struct Parts {
+    /// Locked while somebody waits.
+    coming: Arc<tokio::sync::Mutex<mpsc::Receiver<Came>>>,
+    /// Who waits for the picture that was asked for last.
+    waits: Arc<Mutex<Option<oneshot::Sender<Shot>>>>,
+    serving: Streaming,
+}
+
+/// A camera that is served, until it is closed or dropped.
+#[pyclass(frozen, module = "r6._r6")]
+pub struct PhotosCore {
+    parts: Kept<Parts>,
+}
+
+impl PhotosCore {
+    /// Begins. The task waits for pictures, and no thread does: whoever looks, and however long, holds up nothing else.
+    pub fn new(py: Python<'_>, robot: Robot) -> PyResult<Self> {
+        let (ask, coming) = mpsc::channel(1);
+        let task = Process::current(py)?.engine().handle().spawn(async move {
+            let look = |cam_id| {
+                let ask = ask.clone();
+                async move {
+                    let (tell, told) = oneshot::channel();
+                    // Who looks is gone only if this is about to end, too.
+                    ask.send(Came::Asked { cam_id, tell }).await.ok();
+                    told.await.unwrap_or(Shot::NotMine)
+                }
+            };
+            let ended = robot.serve_photos(look).await;
+            ask.send(Came::Ended(ended)).await.ok();
+        });
+        let coming = Arc::new(tokio::sync::Mutex::new(coming));
+        let serving = Streaming(task.abort_handle());
+        Ok(Self { parts: Kept::new(Parts { coming, waits: Arc::default(), serving }) })
+    }
+}
+
+#[pymethods]
+impl PhotosCore {
+    /// The camera of the next request, or why there is none any more.
+    fn next(&self) -> PyResult<Operation> {
+        let parts = self.parts.here()?;
+        let (coming, waits) = (Arc::clone(&parts.coming), Arc::clone(&parts.waits));
+        let waiting = async move {
+            let mut coming = coming.lock().await;
+            loop {
+                match coming.recv().await {
+                    // Given up before anybody looked.
+                    Some(Came::Asked { tell, .. }) if tell.is_closed() => {}
+                    Some(Came::Asked { cam_id, tell }) => {
+                        *waits.lock().unwrap_or_else(PoisonError::into_inner) = Some(tell);
+                        return Ok(cam_id);
+                    }
+                    Some(Came::Ended(ended)) => return Err(ended),
+                    None => return Err(PhotosEnded::Closed),
+                }
+            }
+        };
+        Ok(Operation::new(waiting, |py, asked| match asked {
+            Ok(cam_id) => cam_id.into_bound_py_any(py),
+            Err(ended) => self::ended(py, &ended),
+        }))
+    }
+
+    /// What came of it. Nothing is sent if a stop came meanwhile, or the connection was lost.
+    fn answer(&self, shot: &Bound<'_, PyAny>) -> PyResult<()> {
+        let parts = self.parts.here()?;
+        let shot = self::shot(shot)?;
+        if let Some(tell) = parts.waits.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            // It was given up.
+            drop(tell.send(shot));
+        }
+        Ok(())
+    }
+
+    /// Ends it; a request that waits gets no answer.
+    fn close(&self) -> PyResult<()> {
+        self.parts.here()?.serving.end();
+        Ok(())
+    }
+}
+
+fn ended<'py>(py: Python<'py>, ended: &PhotosEnded) -> PyResult<Bound<'py, PyAny>> {
+    let (reason, cam_id, error, missed) = match ended {
+        PhotosEnded::ConnectionLost(_) => ("connection_lost", None, None, None),
+        PhotosEnded::Stopped => ("stopped", None, None, None),
+        PhotosEnded::Closed => ("closed", None, None, None),
+        PhotosEnded::Request { cam_id, error } => ("request", Some(*cam_id), Some(error.exception(py)), None),
+        PhotosEnded::FellBehind { missed } => ("fell_behind", None, None, Some(*missed)),
+    };
+    Record::new(py, "PhotosEnded")?
+        .with("reason", reason)?
+        .with("cam_id", cam_id)?
+        .with("error", error)?
+        .with("missed", missed)?
+        .with("text", ended.to_string())?
+        .build()
+}
+
+/// Points, or a word.
+fn shot(object: &Bound<'_, PyAny>) -> PyResult<Shot> {
+    if let Ok(word) = object.cast::<PyString>() {
+        return match word.to_cow()?.as_ref() {
+            "failed" => Ok(Shot::Failed),
+            "not_mine" => Ok(Shot::NotMine),
+            other => Err(PyValueError::new_err(format!(
+                "a photo gives points, `failed` or `not_mine`, not `{other}`"
+            ))),
+        };
+    }
+    let points: Vec<Bound<'_, PyAny>> = object.extract().map_err(|_| {
+        PyTypeError::new_err(format!("a photo gives a list of r6.Point, not {}", object.get_type()))
+    })?;
+    Ok(Shot::Points(self::points(points)?))
+}
+
+/// Objects of `r6._types.Point`.
+pub fn points(objects: Vec<Bound<'_, PyAny>>) -> PyResult<Vec<Point>> {
+    objects.iter().map(point).collect()
+}
+
+fn point(object: &Bound<'_, PyAny>) -> PyResult<Point> {
+    if !object.is_instance(&class(object.py(), "Point")?)? {
+        return Err(PyTypeError::new_err("points have to be r6.Point"));
+    }
+    Ok(Point {
+        model_id: object.getattr("model_id")?.extract()?,
+        x: object.getattr("x")?.extract()?,
+        y: object.getattr("y")?.extract()?,
+        z: object.getattr("z")?.extract()?,
+        u: object.getattr("u")?.extract()?,
+        v: object.getattr("v")?.extract()?,
+        angle: object.getattr("angle")?.extract()?,
+        similarity: object.getattr("similarity")?.extract()?,
+        color: object.getattr("color")?.extract()?,
+        relative: object.getattr("relative")?.extract()?,
+    })
+}

@@ -1,0 +1,146 @@
+"""The Python that the pages show: each block compiles, has the right types, and does what the page says."""
+
+import ast
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+import r6
+
+ROOT = Path(__file__).parents[3]
+FENCE = re.compile(r"^([ \t]*)```python[^\n]*\n(.*?)^\1```[ \t]*$", re.MULTILINE | re.DOTALL)
+
+SCRIPT = "docs/FROM_SOCKETS.md 1"
+"""The script that a page is about. It is no program of this package, and has no types."""
+
+
+@dataclass
+class Block:
+    """A block of a page."""
+
+    page: str
+    number: int
+    code: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.page} {self.number}"
+
+    @property
+    def file(self) -> str:
+        return re.sub(r"\W+", "_", self.name).lower() + ".py"
+
+
+def pages() -> Iterator[Path]:
+    for pattern in ("*.md", "docs/**/*.md", "crates/*/*.md", "examples/**/*.md", "vectors/**/*.md"):
+        yield from sorted(ROOT.glob(pattern))
+
+
+def blocks() -> Iterator[Block]:
+    for page in pages():
+        for number, match in enumerate(FENCE.finditer(page.read_text()), 1):
+            yield Block(page.relative_to(ROOT).as_posix(), number, dedent(match[2]))
+
+
+BLOCKS = {block.name: block for block in blocks()}
+
+
+def ten_lines(said: str, controller: r6.Simulator) -> None:
+    assert said == "J1 10.0 J5 30.0\n"
+    assert controller.snapshot().axes.round(3).tolist() == [10, 0, 0, 0, 30, 0]
+
+
+def script(said: str, controller: r6.Simulator) -> None:
+    """What the page says of it: the mode is printed as the name of the program, and a register is not written."""
+    assert said == f"{{'version': '{controller.snapshot().firmware}', 'curMold': '7'}}\n"
+    log = [line.text for line in controller.log()]
+    assert any("answered ok, but nothing was done" in text and "whole number" in text for text in log), log[-20:]
+    with r6.Robot.connect(controller.address) as robot:
+        assert robot.read_registers(800).tolist() == [0]
+
+
+def replacement(said: str, controller: r6.Simulator) -> None:
+    assert said.startswith(f"{controller.snapshot().firmware} None 7\nat [") and "not ready" not in said
+    with r6.Robot.connect(controller.address) as robot:
+        assert robot.read_registers(800).tolist() == [12500]
+
+
+def package(said: str, controller: r6.Simulator) -> None:
+    assert said.split() == "[10. 0. 0. 0. 30. 0.]".split()
+
+
+def watch(said: str, controller: r6.Simulator) -> None:
+    assert re.search(r"^\[0\. 7\.\] \[\d\.\d+ \d\.\d+\]$", said, re.MULTILINE)
+
+
+def passed(said: str, controller: r6.Simulator) -> None:
+    assert "2 passed" in said
+
+
+DID: dict[str, Callable[[str, r6.Simulator], None]] = {
+    "README.md 1": ten_lines,
+    "docs/FROM_SOCKETS.md 1": script,
+    "docs/FROM_SOCKETS.md 2": replacement,
+    "docs/QUICKSTART.md 1": ten_lines,
+    "crates/r6-python/README.md 1": package,
+    "crates/r6-python/README.md 2": watch,
+    "crates/r6-python/README.md 3": passed,
+}
+"""What each has said, and done to its controller."""
+
+
+def test_every_block_is_here() -> None:
+    assert set(BLOCKS) == set(DID)
+    for page in pages():
+        assert not re.search(r"```(py|python3|pycon)\b", page.read_text()), f"{page}: write ```python"
+
+
+def test_the_ten_lines_are_the_same_everywhere() -> None:
+    assert BLOCKS["README.md 1"].code == BLOCKS["docs/QUICKSTART.md 1"].code
+
+
+def mypy(folder: Path, *arguments: str) -> str:
+    command = [sys.executable, "-m", "mypy", "--cache-dir", str(folder / "cache"), *arguments]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=600)
+    return "" if ended.returncode == 0 else ended.stdout + ended.stderr
+
+
+def test_the_blocks_are_strictly_typed(tmp_path: Path) -> None:
+    for block in BLOCKS.values():
+        (tmp_path / block.file).write_text(block.code)
+    typed = [block.file for name, block in BLOCKS.items() if name != SCRIPT]
+    assert mypy(tmp_path, "--strict", *typed) == ""
+    assert mypy(tmp_path, BLOCKS[SCRIPT].file) == ""
+
+
+def program(block: Block, controller: r6.Simulator) -> str:
+    """The block as a program: the functions that take an address are called with that of the controller."""
+    if block.name == SCRIPT:
+        assert '"127.0.0.1", 9760' in block.code
+        return block.code.replace("9760", str(controller.port))
+    calls = []
+    for item in ast.parse(block.code).body:
+        if isinstance(item, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            assert [argument.arg for argument in item.args.args] == ["address"], item.name
+            call = f"{item.name}({controller.address!r})"
+            calls.append(f"asyncio.run({call})" if isinstance(item, ast.AsyncFunctionDef) else call)
+    return "\n".join([block.code, "import asyncio", *calls, ""])
+
+
+@pytest.mark.virtual_controller(clock=10)
+@pytest.mark.parametrize("name", DID)
+def test_it_does_what_the_page_says(name: str, virtual_controller: r6.Simulator, tmp_path: Path) -> None:
+    block = BLOCKS[name]
+    path = tmp_path / f"test_{block.file}"
+    tests = "def test_" in block.code
+    path.write_text(block.code if tests else program(block, virtual_controller))
+    command = [sys.executable, *(["-m", "pytest", "-q", "-p", "no:cacheprovider"] if tests else []), str(path)]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
+    assert (ended.returncode, ended.stderr) == (0, ""), ended.stdout + ended.stderr
+    DID[name](ended.stdout, virtual_controller)
