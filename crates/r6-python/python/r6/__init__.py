@@ -59,6 +59,7 @@ from ._r6 import (
     RobotSettings,
     RunOptions,
     Simulator,
+    __version__,
     addresses,
     alarm,
     models,
@@ -184,4 +185,5 @@ __all__ = [
     "discover",
     "models",
     "profiles",
+    "__version__",
 ]
