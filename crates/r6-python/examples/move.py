@@ -1,5 +1,9 @@
 """Moves a robot: axes, a straight line, an output, behind a guard. Ctrl-C stops the arm.
 
+The arm moves: to J5 = 30 degrees and all others at zero, at 10 %, then 50 mm down and up again, and it switches Y010 on
+and off. Read docs/SAFETY.md first. The guard checks targets as they are written: axes of axis moves, places of straight
+lines; of where the axes are on a line it knows nothing.
+
 python move.py [HOST:PORT]
 """
 
@@ -21,10 +25,20 @@ with addresses() as (address,), r6.Robot.connect(address) as unguarded:
     with robot.run(to_start) as moving:
         there = moving.finished()
 
+    # On the line it may go nowhere but straight down from here.
     x, y, z, u, v, w = there.pose
+    mm = r6.Millimetres
+    robot = robot.with_guard(ENVELOPE.workspace((mm(x - 1), mm(y - 1), mm(z - 60)), (mm(x + 1), mm(y + 1), mm(z + 1))))
     below = r6.Pose.mm_deg([x, y, z - 50, u, v, w])
     above = r6.Pose.mm_deg([x, y, z, u, v, w])
-    pick = r6.Motion().linear_move(below, SLOW).set_output("Y010", True).wait(0.2).linear_move(above, SLOW)
+    pick = (
+        r6.Motion()
+        .linear_move(below, SLOW)
+        .set_output("Y010", True)
+        .wait(0.2)
+        .linear_move(above, SLOW)
+        .set_output("Y010", False)
+    )
     print("it would send", *robot.dry_run(pick), sep="\n  ")
     with robot.run(pick) as moving:
         for progress in moving:

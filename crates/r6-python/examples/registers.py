@@ -1,4 +1,7 @@
-"""Registers 800 to 900, the counters and the outputs: what a taught program and this one tell each other.
+"""Registers 800 to 900 and the outputs: what a taught program and this one tell each other.
+
+It switches Y013 on and off again and leaves registers 810 to 812 changed: look first what hangs on them in your cell, for
+a program may start a motion by them. Read docs/SAFETY.md first.
 
 python registers.py [HOST:PORT]
 """
@@ -19,6 +22,7 @@ with addresses() as (address,), r6.Robot.connect(address) as robot:
     except r6.R6Error as error:
         print("not taken:", error)
 
-    robot.set_global_speed(r6.Percent(40))
+    # Counted from 0 here; on the pendant a point has its number plus 8, in octal: this is Y013.
     robot.set_output(board=0, point=3, on=True)
-    print("outputs that are on:", np.flatnonzero(robot.outputs()))
+    print("outputs that are on:", [f"Y{point + 8:03o}" for point in np.flatnonzero(robot.outputs())])
+    robot.set_output(board=0, point=3, on=False)

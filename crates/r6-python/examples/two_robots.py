@@ -1,4 +1,7 @@
-"""Moves two robots at the same time, and goes on when both have arrived.
+"""Moves two robots at the same time, and goes on when both have arrived. Ctrl-C stops both.
+
+Both arms move: J1 by 20 degrees and back, from where they stand. Nothing here keeps two arms out of each other's way: read
+docs/SAFETY.md first.
 
 python two_robots.py [HOST:PORT HOST:PORT]
 """
@@ -13,11 +16,11 @@ import r6
 async def swing(robot: r6.AsyncRobot, angle: float) -> r6.Done:
     """There and back; the arm is stopped if the other robot fails."""
     speed = r6.Percent(30)
-    motion = (
-        r6.Motion()
-        .axis_move(r6.AxisPosition.degrees([angle, 0, 0, 0, 30, 0]), speed)
-        .axis_move(r6.AxisPosition.degrees([0, 0, 0, 0, 30, 0]), speed)
-    )
+    j1 = float((await robot.status()).axes[0])
+    motion = r6.Motion()
+    for to in (j1 + angle, j1):
+        # Axes that are not named stay where they are.
+        motion = motion.axis_move(r6.AxisPosition.degrees([to]), speed)
     async with await robot.run(motion) as moving:
         return await moving.finished()
 

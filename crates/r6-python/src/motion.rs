@@ -171,7 +171,8 @@ impl Motion {
     }
 
     fn __repr__(&self) -> String {
-        format!("<Motion of {} steps>", self.0.len())
+        let count = self.0.len();
+        format!("<Motion of {count} step{}>", if count == 1 { "" } else { "s" })
     }
 }
 

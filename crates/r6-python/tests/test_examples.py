@@ -18,13 +18,20 @@ import r6
 EXAMPLES = Path(__file__).parents[1] / "examples"
 HOME = [0.0, 0.0, 0.0, 0.0, 30.0, 0.0]
 
+AWAY = [-40.0, 10.0, 5.0, 0.0, -60.0, 15.0]
+"""Where arms stand before examples that go from where they are.
+
+Nobody's home: an example that goes somewhere else first swings the arm."""
+
+FROM_WHERE_THEY_ARE = {"stream_path", "two_robots"}
+
 SAYS = {
     "read_state": "link alive",
     "move": "pose [",
     "stream_path": "500 of 500 points",
     "follow_target": "the arm stands at",
     "two_robots": "stands at",
-    "registers": "outputs that are on: [3]",
+    "registers": "outputs that are on: ['Y013']",
     "camera_pick": "picked at",
 }
 
@@ -35,8 +42,17 @@ class Seen:
 
     said: str
     controller: r6.Simulator
-    lists: list[dict[str, Any]]
-    """What it sent as ``AddRCC``."""
+    frames: list[dict[str, Any]]
+    """What it sent."""
+
+    @property
+    def lists(self) -> list[dict[str, Any]]:
+        return [frame for frame in self.frames if frame.get("reqType") == "AddRCC"]
+
+    def commands(self, word: str) -> list[list[str]]:
+        """What came with each command of this word."""
+        sent = [frame["cmdData"] for frame in self.frames if frame.get("reqType") == "command"]
+        return [data[1:] for data in sent if data[0] == word]
 
     @property
     def steps(self) -> list[dict[str, str]]:
@@ -60,8 +76,9 @@ def read_state(seen: Seen) -> None:
 
 
 def move(seen: Seen) -> None:
-    assert [step["action"] for step in seen.steps] == ["4", "10", "200", "100", "10"]
-    assert seen.controller.is_on("Y010")
+    assert [step["action"] for step in seen.steps] == ["4", "10", "200", "100", "10", "200"]
+    assert [step.get("io_status") for step in seen.steps if step["action"] == "200"] == ["1", "0"]
+    assert not seen.controller.is_on("Y010")
     # Down and up again.
     down, up = (float(seen.steps[step]["m2"]) for step in (1, 4))
     assert up - down == pytest.approx(50, abs=0.01)
@@ -70,10 +87,10 @@ def move(seen: Seen) -> None:
 
 def stream_path(seen: Seen) -> None:
     turn = np.linspace(0.0, 2.0 * np.pi, 500)
-    np.testing.assert_allclose(seen.j1, 20.0 * np.sin(turn), atol=0.001)
+    np.testing.assert_allclose(seen.j1, AWAY[0] + 20.0 * np.sin(turn), atol=0.001)
     assert max(len(sent["instructions"]) for sent in seen.lists) <= 8
     assert [sent["emptyList"] for sent in seen.lists] == ["1"] + ["0"] * (len(seen.lists) - 1)
-    seen.stands_at(HOME)
+    seen.stands_at(AWAY)
 
 
 def follow_target(seen: Seen) -> None:
@@ -90,13 +107,16 @@ def follow_target(seen: Seen) -> None:
 
 def two_robots(seen: Seen) -> None:
     """There and back, one to the left, the other to the right."""
-    assert len(seen.lists) == 1 and [abs(at) for at in seen.j1] == [20, 0]
-    seen.stands_at(HOME)
+    assert len(seen.lists) == 1 and seen.j1[1] == AWAY[0]
+    assert abs(seen.j1[0] - AWAY[0]) == pytest.approx(20)
+    seen.stands_at(AWAY)
 
 
 def registers(seen: Seen) -> None:
     assert seen.lists == []
-    assert seen.controller.is_on("Y013") and seen.controller.snapshot().global_speed == 40
+    assert seen.commands("modifyOutput") == [["0", "3", "1"], ["0", "3", "0"]]
+    assert not seen.controller.is_on("Y013")
+    assert seen.controller.snapshot().global_speed == 100
     with r6.Robot.connect(seen.controller.address) as robot:
         assert robot.read_registers(810, 3).tolist() == [500_250, -20_500, 300_000]
 
@@ -130,14 +150,13 @@ def run(name: str, *addresses: str) -> str:
     return ended.stdout
 
 
-def lists(sent: bytes) -> list[dict[str, Any]]:
-    """The lists among the frames that were sent: JSON, one behind the other."""
+def frames(sent: bytes) -> list[dict[str, Any]]:
+    """The frames that were sent: JSON, one behind the other."""
     found, text, decoder = [], sent.decode().strip(), json.JSONDecoder()
     while text:
         frame, end = decoder.raw_decode(text)
         text = text[end:].lstrip()
-        if frame.get("reqType") == "AddRCC":
-            found.append(frame)
+        found.append(frame)
     return found
 
 
@@ -160,10 +179,13 @@ def test_it_does_what_it_says_with_the_controllers_that_are_named(name: str) -> 
     with ExitStack() as stack:
         controllers = [stack.enter_context(r6.Simulator(clock=10, program=program)) for _ in range(count)]
         # They listen on the way, and do nothing to it.
+        for controller in controllers if name in FROM_WHERE_THEY_ARE else []:
+            with r6.Robot.connect(controller.address) as robot:
+                robot.run(r6.Motion().axis_path([AWAY], r6.Percent(100))).finished()
         relays = [stack.enter_context(closing(Relay())) for _ in range(count)]
         for relay, controller in zip(relays, controllers, strict=True):
             relay.target = controller.port
         said = run(name, *(relay.address for relay in relays))
         assert SAYS[name] in said
         for relay, controller in zip(relays, controllers, strict=True):
-            DID[name](Seen(said, controller, lists(bytes(relay.sent))))
+            DID[name](Seen(said, controller, frames(bytes(relay.sent))))

@@ -5,9 +5,12 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
+from relay import Relay
 
 import r6
 
@@ -70,14 +73,55 @@ try:
             moving.finished()
         finally:
             print(time.monotonic())
-except KeyboardInterrupt:
+except KeyboardInterrupt as interrupt:
     print("stopped", moving.progress.ended)
+    print(*getattr(interrupt, "__notes__", []))
 """,
         virtual_controller.address,
     )
-    assert said == "stopped True\n"
+    stopped, note = said.splitlines()
+    assert stopped == "stopped True"
+    # The exception tells it, where Python shows such lines.
+    assert "the arm stands" in note if sys.version_info >= (3, 11) else note == ""
     state = virtual_controller.snapshot()
     assert not state.moving and state.list_length == 0
+
+
+def test_sigterm_stops_the_arm_where_it_is_made_a_ctrl_c(virtual_controller: r6.Simulator) -> None:
+    process = python(
+        f"""
+import signal, sys, r6
+signal.signal(signal.SIGTERM, signal.default_int_handler)
+{PATH}
+with r6.Robot.connect(sys.argv[1]) as robot, robot.run(r6.Motion().axis_path(path, r6.Percent(5))) as moving:
+    moving.step(1).started()
+    print("moving", flush=True)
+    moving.finished()
+""",
+        virtual_controller.address,
+    )
+    assert process.stdout is not None and process.stdout.readline() == "moving\n"
+    process.terminate()
+    said, _ = process.communicate(timeout=60)
+    assert "KeyboardInterrupt" in said
+    state = virtual_controller.snapshot()
+    assert not state.moving and state.list_length == 0
+
+
+def test_a_stop_that_cannot_be_sent_says_that_the_arm_was_not_stopped(virtual_controller: r6.Simulator) -> None:
+    """The cable is out when the block ends: the last line is what to do."""
+    relay = Relay()
+    relay.target = virtual_controller.port
+    settings = r6.RobotSettings(connect_timeout=0.2, reply_timeout=0.2)
+    path = np.tile([[40.0], [-40.0]], (1000, 1))
+    with closing(relay), r6.Robot.connect(relay.address, settings) as robot:
+        with pytest.raises(r6.RequestError) as failed:
+            with robot.run(r6.Motion().axis_path(path, r6.Percent(5))) as moving:
+                moving.step(1).started()
+                relay.close()
+                raise ZeroDivisionError
+        if sys.version_info >= (3, 11):
+            assert "the arm was NOT stopped" in failed.value.__notes__[-1]
 
 
 @pytest.mark.virtual_controller(clock="100x")

@@ -1,6 +1,7 @@
 """What is read and written besides motions."""
 
 import threading
+from importlib import metadata
 
 import numpy as np
 import pytest
@@ -205,3 +206,21 @@ def test_settings_are_checked() -> None:
         r6.RunOptions(interval=float("nan"))
     with pytest.raises(TypeError):
         r6.RobotSettings(0.5)  # type: ignore[call-arg]
+
+
+def test_an_address_is_no_robot() -> None:
+    """What many type first says what to type."""
+    for robot, wanted in ((r6.Robot, "Robot.connect('10.0.0.1')"), (r6.AsyncRobot, "await AsyncRobot.connect('10.0.0.1')")):
+        with pytest.raises(TypeError) as failed:
+            robot("10.0.0.1")  # type: ignore[arg-type]
+        assert wanted in str(failed.value)
+
+
+@pytest.mark.parametrize("every", [0.0, 0.05, 5.5, 20.0, -1.0, float("nan")])
+def test_a_heartbeat_that_the_watchdog_does_not_bear_is_refused(every: float) -> None:
+    with pytest.raises(ValueError, match="0.1 to 5 s"):
+        r6.RobotSettings(heartbeat=every)
+
+
+def test_the_version_is_told() -> None:
+    assert r6.__version__ == metadata.version("r6")

@@ -59,6 +59,7 @@ from ._r6 import (
     RobotSettings,
     RunOptions,
     Simulator,
+    __version__,
     addresses,
     alarm,
     from_thousandths,
@@ -188,4 +189,5 @@ __all__ = [
     "models",
     "profiles",
     "to_thousandths",
+    "__version__",
 ]

@@ -30,7 +30,7 @@ from ._r6 import (
     SubscriptionCore,
     discovering,
 )
-from ._robot import counter, points, stopped, whole
+from ._robot import NOT_STOPPED, connected, counter, note, points, stopped, whole
 from ._types import (
     Accepted,
     Counter,
@@ -69,7 +69,7 @@ class AsyncRobot:
 
     def __init__(self, core: RobotCore) -> None:
         """Use ``AsyncRobot.connect``."""
-        self._core = core
+        self._core = connected(core)
 
     @classmethod
     async def connect(cls, address: str | Listen, settings: RobotSettings | None = None) -> Self:
@@ -319,6 +319,7 @@ class AsyncMotionHandle:
             report: StopReport | RequestError = await self.stop()
         except RequestError as failed:
             if not isinstance(error, MotionError):
+                note(failed, NOT_STOPPED)
                 raise
             report = failed
         stopped(error, report)
@@ -366,6 +367,7 @@ class AsyncFollowing:
             report: StopReport | RequestError = await self.stop()
         except RequestError as failed:
             if not isinstance(error, MotionError):
+                note(failed, NOT_STOPPED)
                 raise
             report = failed
         stopped(error, report)

@@ -29,6 +29,8 @@ from ._types import (
     StopReport,
     Wait,
 )
+
+__version__: str
 __all__ = [
     "AxisMask",
     "AxisPosition",
@@ -430,7 +432,7 @@ class RobotSettings:
 
     ``reply_timeout`` (2): how long a reply may take. ``connect_timeout`` (3): how long an attempt to connect may take.
     ``max_frame_bytes`` (2048): controllers neither answer nor execute longer lists. ``heartbeat`` (None: off): the time
-    from one heartbeat to the next, 0.1 to 5; the first one arms a watchdog that raises an alarm when none comes for 10 s,
+    from one heartbeat to the next, 0.1 to 5 and no other; the first one arms a watchdog that raises an alarm when none comes for 10 s,
     also after this program has died. ``suspect_after`` (1), ``dead_after`` (5): after how much silence values and
     connection are no longer trusted. ``reconnect_first_wait`` (0.1), ``reconnect_cap`` (5), ``reconnect_seed``: the waits
     between attempts to connect anew. ``type_key`` ("reqType"): the key of a request's type, ``"cmdType"`` for the oldest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -71,7 +72,7 @@ class Robot:
 
     def __init__(self, core: RobotCore) -> None:
         """Use ``Robot.connect``."""
-        self._core = core
+        self._core = connected(core)
 
     @classmethod
     def connect(cls, address: str | Listen, settings: RobotSettings | None = None) -> Self:
@@ -419,6 +420,7 @@ class MotionHandle:
             report: StopReport | RequestError = self.stop()
         except RequestError as failed:
             if not isinstance(error, MotionError):
+                note(failed, NOT_STOPPED)
                 raise
             report = failed
         stopped(error, report)
@@ -479,6 +481,7 @@ class Following:
             report: StopReport | RequestError = self.stop()
         except RequestError as failed:
             if not isinstance(error, MotionError):
+                note(failed, NOT_STOPPED)
                 raise
             report = failed
         stopped(error, report)
@@ -566,10 +569,31 @@ class PushedEvents:
             yield event
 
 
+NOT_STOPPED = "the arm was NOT stopped and goes on with what is in its list: use the emergency stop"
+
+
 def stopped(error: BaseException | None, report: StopReport | RequestError) -> None:
-    """Tells an error of the motion what became of the arm, if it does not know of a stop of its own."""
-    if isinstance(error, MotionError) and error.stop is None:
+    """Tells the exception that ended a ``with`` block what became of the arm."""
+    if isinstance(error, MotionError):
+        if error.stop is not None:
+            # It knows of a stop of its own.
+            return
         error.stop = report
+    if error is not None:
+        note(error, str(report) if isinstance(report, StopReport) else f"{NOT_STOPPED}; {report}")
+
+
+def note(error: BaseException, text: str) -> None:
+    """A line below the error where Python shows it, which it does from 3.11 on."""
+    if sys.version_info >= (3, 11):
+        error.add_note(text)
+
+
+def connected(core: RobotCore) -> RobotCore:
+    """What ``connect`` has made; an address, which many try first, is none."""
+    if not isinstance(core, RobotCore):
+        raise TypeError(f"a robot is made by connecting: Robot.connect({core!r}), or await AsyncRobot.connect({core!r})")
+    return core
 
 
 def points(word: int) -> npt.NDArray[np.bool_]:
