@@ -10,7 +10,6 @@ use r6_proto::message::{Command, PhotoAnswer};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc::{self, error::TrySendError};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, oneshot, watch};
-use tokio::time::Instant;
 
 use crate::backoff::Backoff;
 use crate::board::Board;
