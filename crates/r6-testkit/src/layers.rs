@@ -55,7 +55,7 @@ pub const RULES: &[Rule] = &[
     Rule {
         package: "r6-bench",
         layer: Layer::Shell,
-        may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim"],
+        may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim", "r6-testkit"],
     },
     Rule { package: "r6-testkit", layer: Layer::Testkit, may_use: &[] },
 ];
