@@ -159,11 +159,12 @@ pub fn table(rows: &[Row]) -> String {
 
 /// What is in the way of the goals that are missed, as Markdown; rows with the same reason together.
 pub fn reasons(rows: &[Row]) -> String {
-    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    let mut reasons: Vec<(&str, Vec<String>)> = Vec::new();
     for row in rows.iter().filter(|row| row.holds() == Some(false)) {
+        let what = format!("{} (beside {})", row.what, row.against);
         match reasons.iter_mut().find(|(reason, _)| *reason == row.in_the_way) {
-            Some((_, whats)) => whats.push(&row.what),
-            None => reasons.push((row.in_the_way, vec![&row.what])),
+            Some((_, whats)) => whats.push(what),
+            None => reasons.push((row.in_the_way, vec![what])),
         }
     }
     if reasons.is_empty() {
