@@ -1,6 +1,7 @@
 //! Measuring on a machine that does other things too: in turns, in short slices, as ratios.
 
 use std::io;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Rounds of each comparison. In each, every contender has one slice.
@@ -31,12 +32,18 @@ pub fn processor_time() -> Duration {
 pub fn processor_time_of(process: u32) -> Duration {
     let tasks =
         std::fs::read_dir(format!("/proc/{process}/task")).expect("Linux tells the threads of a process");
-    let nanoseconds = tasks.flatten().map(|task| {
-        // A thread that has just ended has nothing to tell.
-        let text = std::fs::read_to_string(task.path().join("schedstat")).unwrap_or_default();
-        text.split(' ').next().and_then(|number| number.parse::<u64>().ok()).unwrap_or(0)
-    });
-    Duration::from_nanos(nanoseconds.sum())
+    tasks.flatten().map(|task| ran(&task.path())).sum()
+}
+
+/// The same for the thread that asks: others may end meanwhile, and are then no longer counted.
+pub fn time_of_this_thread() -> Duration {
+    ran(Path::new("/proc/thread-self"))
+}
+
+/// How long this thread has had a processor. One that has just ended has nothing to tell.
+fn ran(thread: &Path) -> Duration {
+    let text = std::fs::read_to_string(thread.join("schedstat")).unwrap_or_default();
+    Duration::from_nanos(text.split(' ').next().and_then(|number| number.parse().ok()).unwrap_or(0))
 }
 
 /// The durations of one slice, in order.

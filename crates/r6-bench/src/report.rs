@@ -1,6 +1,7 @@
 //! The table.
 
 use crate::measure::{ROUNDS, Ratio};
+use crate::rows::PYTHON;
 
 /// One row: what was measured against what, and how it came out.
 pub struct Row {
@@ -88,7 +89,8 @@ pub fn page(rows: &[Row]) -> String {
         "# How fast it is beside others\n\nWritten by `make bench`, all rows in one run on one core. Each row is a ratio of two that took turns, {ROUNDS} rounds \
          of a fifth of a second each; the median of the rounds and, in brackets, their middle half. A goal is missed only if the \
          whole middle half is beyond it. Rounds in which the yardstick was more than 15 % off its own median do not count.\n\n\
-         Ratios travel between machines, times do not: {model}; {kernel}; {rust}.\n\n{}\n{}{HOW_TO_READ}",
+         Ratios travel between machines, times do not: {model}; {kernel}; {rust}. The others: {}.\n\n{}\n{}{HOW_TO_READ}",
+        others(),
         table(rows),
         reasons(rows)
     )
@@ -112,6 +114,33 @@ fn machine() -> [String; 3] {
     ]
 }
 
+/// The versions of what is compared with.
+fn others() -> String {
+    let mut versions = Vec::new();
+    // In Cargo.lock the version stands in the line behind the name.
+    let mut lines = include_str!("../../../Cargo.lock").lines();
+    while let Some(line) = lines.next() {
+        let name = line.strip_prefix("name = \"").and_then(|name| name.strip_suffix('"'));
+        if let Some(name) =
+            name.filter(|name| ["serde_json", "sonic-rs", "tokio", "tokio-modbus"].contains(name))
+        {
+            let version = lines.next().unwrap_or_default().trim_start_matches("version = ").trim_matches('"');
+            versions.push(format!("{name} {version}"));
+        }
+    }
+    let says = |program: &str, arguments: &[&str]| {
+        let output = std::process::Command::new(program).args(arguments).output().ok()?;
+        Some(String::from_utf8_lossy(&output.stdout).trim().to_owned()).filter(|text| !text.is_empty())
+    };
+    let redis = says("redis-server", &["--version"]);
+    versions.extend(
+        redis.and_then(|text| Some(format!("redis-server {}", text.split_once("v=")?.1.split(' ').next()?))),
+    );
+    let modbus = says(PYTHON, &["-c", "import pymodbus; print(pymodbus.__version__)"]);
+    versions.extend(modbus.map(|version| format!("pymodbus {version}")));
+    versions.join(", ")
+}
+
 /// The rows as Markdown.
 pub fn table(rows: &[Row]) -> String {
     let mut text =
@@ -130,11 +159,12 @@ pub fn table(rows: &[Row]) -> String {
 
 /// What is in the way of the goals that are missed, as Markdown; rows with the same reason together.
 pub fn reasons(rows: &[Row]) -> String {
-    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    let mut reasons: Vec<(&str, Vec<String>)> = Vec::new();
     for row in rows.iter().filter(|row| row.holds() == Some(false)) {
+        let what = format!("{} (beside {})", row.what, row.against);
         match reasons.iter_mut().find(|(reason, _)| *reason == row.in_the_way) {
-            Some((_, whats)) => whats.push(&row.what),
-            None => reasons.push((row.in_the_way, vec![&row.what])),
+            Some((_, whats)) => whats.push(what),
+            None => reasons.push((row.in_the_way, vec![what])),
         }
     }
     if reasons.is_empty() {

@@ -13,6 +13,7 @@ mod python;
 mod redis;
 mod round_trip;
 
+pub use self::python::PYTHON;
 use crate::report::Row;
 
 /// A name to choose it by, and what measures it.

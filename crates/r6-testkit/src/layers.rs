@@ -16,7 +16,7 @@ pub enum Layer {
     Pure,
     /// A shell around pure crates.
     Shell,
-    /// Test equipment: named under `[dev-dependencies]` only.
+    /// Test equipment: named under `[dev-dependencies]` only, but for the rules that allow it.
     Testkit,
 }
 
@@ -51,11 +51,11 @@ pub const RULES: &[Rule] = &[
         layer: Layer::Shell,
         may_use: &["r6-client", "r6-controller", "r6-proto", "r6-sim"],
     },
-    // Nothing depends on it; it looks at everything.
+    // Nothing depends on it and nobody is given it; it looks at everything, and counts allocations as tests do.
     Rule {
         package: "r6-bench",
         layer: Layer::Shell,
-        may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim"],
+        may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim", "r6-testkit"],
     },
     // Nothing depends on it but the programs of `fuzz/`, a workspace of their own.
     Rule { package: "r6-fuzz", layer: Layer::Shell, may_use: &["r6", "r6-controller", "r6-proto", "r6-sim"] },
@@ -173,11 +173,12 @@ fn rule(package: &str) -> Option<&'static Rule> {
 fn complaint(rule: &Rule, dependency: &Dependency) -> Option<&'static str> {
     let name = dependency.name.as_str();
     let target = self::rule(name);
-    if target.is_some_and(|target| target.layer == Layer::Testkit) {
+    let is_named = rule.may_use.contains(&name);
+    if target.is_some_and(|target| target.layer == Layer::Testkit) && !is_named {
         return Some("test equipment belongs under [dev-dependencies]");
     }
     if target.is_some() || dependency.path.is_some() {
-        return (!rule.may_use.contains(&name)).then_some("its rule does not allow this crate");
+        return (!is_named).then_some("its rule does not allow this crate");
     }
     (rule.layer == Layer::Pure && does_io(name)).then_some("a pure crate does no input and output")
 }

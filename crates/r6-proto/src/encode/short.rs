@@ -127,8 +127,8 @@ static THREES: [u32; 1_000] = {
     let mut slots = threes.as_mut_slice();
     let mut value: u32 = 0;
     while let [slot, later @ ..] = slots {
-        let digits = value / 100 | value / 10 % 10 << 8 | value % 10 << 16;
-        *slot = digits | 0x0030_3030;
+        let [hundreds, tens, ones] = [value / 100, value / 10 % 10, value % 10];
+        *slot = (hundreds | (tens << 8) | (ones << 16)) | 0x0030_3030;
         value += 1;
         slots = later;
     }
