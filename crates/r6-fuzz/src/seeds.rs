@@ -23,7 +23,7 @@ pub fn of(target: &str) -> Vec<Seed> {
         "messages" => frame_texts(),
         "client_session" => made_up(b"client", 40, 400),
         "server_session" => server_session(),
-        "controller" => made_up(b"control", 50, 500),
+        "controller" => controller(),
         "files" => files(),
         "saved_state" => saved_states(),
         "panel" => panel(),
@@ -118,6 +118,57 @@ fn made_up(name: &[u8], count: usize, most: usize) -> Vec<Seed> {
             (format!("{name}-{number}"), bytes)
         })
         .collect()
+}
+
+/// A move is under way, and something stops it, on each firmware; and random operations.
+fn controller() -> Vec<Seed> {
+    let mut seeds = made_up(b"control", 25, 500);
+    // One-shot axis moves at 20 %, to a tenth and a fifth of the way to the limits.
+    let step = |part: i16| {
+        let axes = [part, -part, part, 0, part, 0].map(i16::to_le_bytes).concat();
+        [&[0, 1, 0], &axes[..]].concat()
+    };
+    let list =
+        |replace: u8, parts: [i16; 2]| [&[0, replace, 2], &step(parts[0])[..], &step(parts[1])].concat();
+    let panel = |which: u8, more: &[u8]| [&[9, 0, 0, 1, which], more].concat();
+    let command = |number: u8| vec![3, number];
+    let (later, soon) = ([8, 100], [7, 100]);
+    let stops: [(&str, Vec<u8>); 9] = [
+        ("stop", command(0)),
+        ("pause", command(2)),
+        ("stop-button", command(3)),
+        ("key", panel(5, &[1])),
+        ("emergency-stop", panel(6, &[])),
+        ("alarm", panel(9, &[130, 0])),
+        ("power-cut", vec![12, 2]),
+        ("speed-0", command(8)),
+        ("replace", list(1, [-100, 0])),
+    ];
+    for (at, (name, stop)) in stops.into_iter().enumerate() {
+        let at = u8::try_from(at).unwrap_or_default();
+        let bytes = [
+            &[at % 4, 0, 0][..],
+            &list(1, [100, -200]),
+            &soon,
+            &stop,
+            &soon,
+            &command(10),
+            &later,
+            &command(5),
+            &command(1),
+            &list(0, [50, 20]),
+            &later,
+            &[13],
+        ];
+        seeds.push((format!("then-{name}"), bytes.concat()));
+    }
+    // By hand, with the key in manual.
+    let jog = panel(11, &[0, 0x2C, 1, 200, 0]);
+    let by_hand = [&[0, 0, 2][..], &jog, &soon, &panel(3, &[1]), &later, &jog, &soon, &panel(6, &[]), &later];
+    seeds.push(("by-hand".to_owned(), by_hand.concat()));
+    let homing = [&[1, 1, 0xF2][..], &panel(10, &[]), &later, &panel(5, &[0]), &command(1), &later];
+    seeds.push(("homing".to_owned(), homing.concat()));
+    seeds
 }
 
 fn files() -> Vec<Seed> {

@@ -7,7 +7,7 @@ use r6_fuzz::mutation::{Random, mutate};
 use r6_fuzz::{corpus, seeds, target, words};
 
 /// So many changed inputs are tried, and for no longer than [`MOST_TIME`]: the rest is what `make fuzz` is for.
-const MUTATIONS: usize = 3_000;
+const MUTATIONS: usize = 20_000;
 
 /// How long random changes are tried. It bounds the test on a busy machine, and decides nothing.
 const MOST_TIME: Duration = Duration::from_secs(8);

@@ -72,6 +72,10 @@ impl Model {
             self.stopped = None;
             self.rests_at = None;
         }
+        if matches!(operation, Operation::PowerCut) {
+            // The arm stands at zero after it.
+            self.rests_at = None;
+        }
     }
 
     fn may_start(&self, operation: &Operation<'_>) -> bool {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::body::Bytes;
-use axum::extract::rejection::BytesRejection;
+use axum::extract::rejection::{BytesRejection, PathRejection};
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
 use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderMap, StatusCode, Uri};
@@ -86,14 +86,14 @@ async fn list(State(controllers): State<Controllers>) -> Json<ControllersDto> {
     params(("n" = usize, Path, description = "The number of the controller, from 1")),
     responses(
         (status = 200, description = "Now", body = SnapshotDto),
-        (status = 404, description = "`no_such_controller`", body = ProblemDto),
+        (status = 404, description = "`no_such_controller`, `no_such_path`", body = ProblemDto),
     )
 )]
 async fn show(
     State(controllers): State<Controllers>,
-    Path(number): Path<String>,
+    number: Result<Path<String>, PathRejection>,
 ) -> Result<Json<SnapshotDto>, Problem> {
-    let (number, controller) = find(&controllers, &number)?;
+    let (number, controller) = find(&controllers, &named(number)?)?;
     Ok(Json(SnapshotDto::of(number, controller)))
 }
 
@@ -107,7 +107,7 @@ async fn show(
         (status = 200, description = "Done; a move has begun", body = SnapshotDto),
         (status = 400, description = "`bad_json`", body = ProblemDto),
         (status = 403, description = "`foreign_host`, `foreign_origin`", body = ProblemDto),
-        (status = 404, description = "`no_such_controller`", body = ProblemDto),
+        (status = 404, description = "`no_such_controller`, `no_such_path`", body = ProblemDto),
         (status = 408, description = "`too_slow`", body = ProblemDto),
         (
             status = 409,
@@ -127,11 +127,11 @@ async fn show(
 )]
 async fn act(
     State(controllers): State<Controllers>,
-    Path(number): Path<String>,
+    number: Result<Path<String>, PathRejection>,
     headers: HeaderMap,
     body: Result<Bytes, BytesRejection>,
 ) -> Result<Json<SnapshotDto>, Problem> {
-    let (number, controller) = find(&controllers, &number)?;
+    let (number, controller) = find(&controllers, &named(number)?)?;
     if !is_json(&headers) {
         return Err(Problem::new(
             StatusCode::UNSUPPORTED_MEDIA_TYPE,
@@ -160,7 +160,7 @@ async fn act(
         (status = 200, description = "Loaded", body = SnapshotDto),
         (status = 400, description = "`bad_body`", body = ProblemDto),
         (status = 403, description = "`foreign_host`, `foreign_origin`", body = ProblemDto),
-        (status = 404, description = "`no_such_controller`", body = ProblemDto),
+        (status = 404, description = "`no_such_controller`, `no_such_path`", body = ProblemDto),
         (status = 408, description = "`too_slow`: the body, or the disk that keeps it", body = ProblemDto),
         (status = 409, description = "`power_off`, `program_running`, `moving`, `no_room`", body = ProblemDto),
         (status = 413, description = "`too_long`", body = ProblemDto),
@@ -169,9 +169,10 @@ async fn act(
 )]
 async fn load(
     State(controllers): State<Controllers>,
-    Path((number, name)): Path<(String, String)>,
+    names: Result<Path<(String, String)>, PathRejection>,
     body: Result<Bytes, BytesRejection>,
 ) -> Result<Json<SnapshotDto>, Problem> {
+    let (number, name) = named(names)?;
     let (number, controller) = find(&controllers, &number)?;
     let body = whole(body, MAX_TEXT_BYTES)?;
     let text = String::from_utf8(body.into()).map_err(|error| {
@@ -180,6 +181,17 @@ async fn load(
     })?;
     controller.operate_and_keep(&PanelAction::LoadProgram { name, text }).await?;
     Ok(Json(SnapshotDto::of(number, controller)))
+}
+
+/// What a path names, where it is text.
+fn named<T>(path: Result<Path<T>, PathRejection>) -> Result<T, Problem> {
+    let Path(names) = path.map_err(|_| {
+        Problem::not_found(
+            "no_such_path",
+            "the path is no text: behind each `%` stand two digits of a byte of UTF-8",
+        )
+    })?;
+    Ok(names)
 }
 
 /// A body that was read to its end.
