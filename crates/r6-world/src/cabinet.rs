@@ -1,5 +1,6 @@
 //! The host that a controller runs on, its door, its disk, and the people who stand there.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -44,7 +45,7 @@ async fn start(shared: &Shared, robot: usize) -> Result<Simulation, Box<dyn std:
     let at = now();
     let plan = &shared.plan.robots[robot];
     let disk = shared.state().disks[robot].clone();
-    let again = plan.keeps && disk.is_used();
+    let again = plan.keeps && disk.has(Path::new("state/controller-1.json"));
     let scenario = rest_of(&plan.scenario, at);
     shared.state().floors[robot].boots(at, again, plan.keeps);
     let settings = SimSettings {
