@@ -1,5 +1,6 @@
 //! The host that a controller runs on, its door, its disk, and the people who stand there.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -22,6 +23,9 @@ const MOST_TASKS: usize = 80;
 pub async fn run(shared: Shared, robot: usize) -> turmoil::Result {
     let simulation = start(&shared, robot).await?;
     let handle = simulation.controllers().first().ok_or("no controller")?.clone();
+    let seen = handle.snapshot();
+    shared
+        .tell(format_args!("robot-{robot}: {}, alarm {}, program `{}`", seen.mode, seen.alarm, seen.program));
     let own = shared.clone();
     handle.observe(move |_, controller, lines| {
         let mut state = own.state();
@@ -44,8 +48,10 @@ async fn start(shared: &Shared, robot: usize) -> Result<Simulation, Box<dyn std:
     let at = now();
     let plan = &shared.plan.robots[robot];
     let disk = shared.state().disks[robot].clone();
-    let again = plan.keeps && disk.is_used();
+    let again = plan.keeps && disk.has(Path::new("state/controller-1.json"));
     let scenario = rest_of(&plan.scenario, at);
+    let from = if again { "its disk" } else { "nothing" };
+    shared.tell(format_args!("robot-{robot}: is switched on with what is on {from}"));
     shared.state().floors[robot].boots(at, again, plan.keeps);
     let settings = SimSettings {
         profile: Profile::named(plan.profile).ok_or("no such profile")?,

@@ -62,10 +62,10 @@ impl SimDisk {
         self.platters().full = full;
     }
 
-    /// Whether there is any file.
+    /// Whether there is this file.
     #[must_use]
-    pub fn is_used(&self) -> bool {
-        !self.platters().names.is_empty()
+    pub fn has(&self, file: &Path) -> bool {
+        self.platters().names.contains_key(file)
     }
 
     /// How many files there are, and how long the longest is.

@@ -144,7 +144,8 @@ impl Floor {
         if !keeps {
             self.kept.values_mut().for_each(|kept| kept.acknowledged = 0);
         }
-        self.booted = at;
+        // A stop before it says nothing about what runs now.
+        (self.booted, self.last_start) = (at, at);
         (self.completed, self.points, self.is_seen_to) = (0, 0, false);
         self.ahead.clear();
         self.pace.clear();

@@ -236,15 +236,16 @@ impl Line {
         let Some(steps) = steps.filter(|steps| !steps.is_empty()) else { return };
         floors[self.robot].lists_sent += 1;
         let seen = self.seen_before(at, number);
-        let most = self.patience * 4 + Duration::from_secs(1);
-        let fresh = seen.is_some_and(|seen| at.saturating_sub(seen) <= most);
+        // Where nobody numbered the step, a program sent it by itself, and when it looked is its own business.
+        let is_streamed = steps.iter().all(|step| number_in(step) > 0);
+        let most = if is_streamed { self.patience * 4 + Duration::from_secs(1) } else { Duration::MAX };
+        let is_own_business = !is_streamed && number == self.before;
+        let fresh = is_own_business || seen.is_some_and(|seen| at.saturating_sub(seen) <= most);
         record.check(Promise::I3, at, fresh, || {
             format!("a list without a look, the last at {seen:?}: {frame}")
         });
         for step in steps {
-            let place: f64 = step["m1"].as_str().and_then(|place| place.parse().ok()).unwrap_or(0.0);
-            let step = number_of(place);
-            self.step_left(at, number, step, record);
+            self.step_left(at, number, number_in(step), record);
         }
     }
 
@@ -269,11 +270,16 @@ impl Line {
     /// When the last look at mode and alarm on this connection was answered.
     fn seen_before(&self, at: Duration, number: usize) -> Option<Duration> {
         let connection = &self.connections[number];
+        // On a connection that was made anew neither what a subscription polls counts nor the question who is there: the program itself
+        // has to look. The first one begins with the program.
         let looks = |sent: &&Sent| {
-            let asked = sent.frame["queryAddr"].as_array();
-            asked.is_some_and(|asked| asked.iter().any(|address| address == "curMode"))
+            let Some(asked) = sent.frame["queryAddr"].as_array() else { return false };
+            let has = |wanted: &str| asked.iter().any(|address| address == wanted);
+            let is_who = sent.frame["queryAddr"] == serde_json::json!(WHO);
+            let is_polled = has("axis-0") && !has("isMoving");
+            has("curAlarm") && (number == self.before || !(is_polled || is_who))
         };
-        connection.sent.iter().rev().filter(looks).take(8).find_map(|sent| {
+        connection.sent.iter().rev().filter(looks).take(100).find_map(|sent| {
             let replies = connection.since(sent.at);
             replies.into_iter().filter(|(when, ..)| *when <= at + SKEW).find_map(|(when, _, reply)| {
                 (answers(&reply, &sent.frame) && reply.contains("queryData")).then_some(when)
@@ -360,6 +366,11 @@ impl Connection {
         });
         frames.collect()
     }
+}
+
+/// The number of a step on the wire.
+fn number_in(step: &Value) -> i64 {
+    number_of(step["m1"].as_str().and_then(|place| place.parse().ok()).unwrap_or(0.0))
 }
 
 /// Whether a reply has the number of a request, if it has one.

@@ -25,6 +25,9 @@ impl Work {
 
     async fn move_once(&mut self) {
         let robot = self.robot.clone();
+        if self.random.strikes(0.1) {
+            return self.send_without_a_look().await;
+        }
         let Some(Ok(status)) = self.perhaps("the status", robot.status()).await else { return };
         let unmet = status.unmet();
         for unmet in &unmet {
@@ -118,8 +121,12 @@ impl Work {
                 let floor = &floors[self.plan.robot];
                 match &finished {
                     Ok(_) => {
-                        let all = self.is_alone() && self.robot_plan().does_what_it_says;
-                        let of = if all { steps } else { &steps[steps.len() - 1..] };
+                        // Where others clear the list while the arm makes a step, that step is never counted as carried out.
+                        let of = match (self.is_alone(), self.robot_plan().does_what_it_says) {
+                            (false, _) => &[],
+                            (true, true) => steps,
+                            (true, false) => &steps[steps.len() - 1..],
+                        };
                         record.check(Promise::Once, at, floor.has_done(of), || {
                             format!("client-{}: {steps:?} came to an end, they say", self.index)
                         });
@@ -209,6 +216,21 @@ impl Work {
         }
         sleep(ms(HANDED_OVER)).await;
         self.shared.state().lines[self.index].unnumbered -= 1;
+    }
+
+    /// A list that a careless program sends without having looked: it leaves only where somebody has looked on this connection.
+    async fn send_without_a_look(&mut self) {
+        let Ok(speed) = Percent::new(50.0) else { return };
+        let motion = Motion::new().axis_move(AxisPosition::degrees([12.0]), speed);
+        let Ok(steps) = motion.instructions() else { return };
+        self.shared.state().lines[self.index].unnumbered += 1;
+        let robot = self.robot.clone();
+        if let Some(sent) = self.perhaps("a list", robot.add_rcc(false, steps.to_vec())).await {
+            self.count(&sent);
+        }
+        sleep(ms(HANDED_OVER)).await;
+        self.shared.state().lines[self.index].unnumbered -= 1;
+        sleep(ms(400)).await;
     }
 
     /// A place beyond a soft limit, the same place twice, or none: it ends with an alarm, or where it was.
