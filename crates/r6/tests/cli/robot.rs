@@ -90,6 +90,15 @@ fn commands_are_in_the_units_of_people() {
     assert_eq!(robot.value("output-0"), 8);
     let json = robot.r6(&["command", "modifyGSPD", "5", "--json"]).json();
     assert_eq!((&json["command"], &json["accepted"]), (&"modifyGSPD".into(), &true.into()));
+    assert_eq!(
+        (&json["means"], &json["on_the_wire"]),
+        (&"global speed 5 %".into(), &serde_json::json!(["50"]))
+    );
+    let slow = robot.r6(&["command", "modifyGSPD", "5"]).out;
+    assert!(slow.ends_with(" ms: global speed 5 %; on the wire \"50\"\n"), "{slow}");
+    let output = robot.r6(&["command", "modifyOutput", "Y022", "on"]).out;
+    assert!(output.ends_with(" ms: point 10 of Y = Y022, on\n"), "{output}");
+    assert_eq!(robot.value("output-0"), 8 + 1024);
 }
 
 #[test]
