@@ -9,6 +9,7 @@ use r6_proto::message::command::{COMMANDS, CommandInfo};
 use r6_proto::{Address, CommandName};
 
 use crate::exit::{Exit, Failure};
+use crate::hint;
 use crate::output::{self, table::Table};
 use crate::robot::RobotArgs;
 use crate::words::CommandWord;
@@ -112,7 +113,7 @@ async fn check_list(robot: &Robot, name: CommandName) -> Result<(), Failure> {
     Err(Failure::refused(format!(
         "{name} was not sent: {left} left in the list, and the arm would run the list"
     ))
-    .advise("`r6 stop` clears the list; --run-leftover runs it"))
+    .advise(format!("`{}` clears the list; --run-leftover runs it", hint::r6("stop"))))
 }
 
 fn named(word: &str) -> Result<CommandName, Failure> {
