@@ -140,13 +140,13 @@ impl Envelope {
             let slides = matches!(lowest, AxisCoordinate::Millimetres(_));
             let (lowest, highest) = (lowest.value(), highest.value());
             // What is no number is in no order.
-            if !(lowest <= highest) {
+            if (lowest..=highest).is_empty() {
                 return wrong(Checked::Axis(axis, slides), (lowest, highest));
             }
         }
         for (axis, (lowest, highest)) in AxisIndex::ALL.into_iter().zip(self.workspace.into_iter().flatten())
         {
-            if !(lowest.value() <= highest.value()) {
+            if (lowest.value()..=highest.value()).is_empty() {
                 return wrong(Checked::Place(axis), (lowest.value(), highest.value()));
             }
         }
