@@ -4,6 +4,8 @@
 //! (it puts a part down once X010 says that the belt has room: `r6 panel input X010 on`). **Points move the arm**: read
 //! docs/SAFETY.md first.
 
+mod ending;
+
 use std::collections::VecDeque;
 use std::error::Error;
 use std::process::ExitCode;
@@ -27,7 +29,7 @@ async fn start() -> Result<(), Box<dyn Error>> {
     tokio::select! {
         ended = run(&robot, parts()) => return Err(ended.into()),
         // Without a camera the program waits; it finishes the part that it has.
-        _ = tokio::signal::ctrl_c() => println!("the camera is switched off"),
+        () = ending::told_to_end() => println!("the camera is switched off"),
     }
     robot.close().await;
     Ok(())

@@ -1,4 +1,4 @@
-//! Follows a target that moves, 20 times a second; Ctrl-C stops the arm.
+//! Follows a target that moves, 20 times a second; Ctrl-C or SIGTERM stops the arm.
 //!
 //! `cargo run -p r6-client --example follow_target -- 127.0.0.1:9760`, and `--while-moving` behind it for closer following. **The arm
 //! moves**: J1 follows a target that sways by ±15° around where it is. Read docs/SAFETY.md first.
@@ -6,6 +6,8 @@
 //! The protocol cannot follow: replacing the list of an arm that moves raises an alarm, and small steps without a pause have
 //! overloaded the servos of a real arm (reported). So each step is at least 1° and at most 10°, slow, and by default sent only
 //! while the arm stands; the newest target counts, and those in between are skipped. What is left behind is printed.
+
+mod ending;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -41,7 +43,7 @@ async fn start() -> Result<(), Box<dyn Error>> {
     let robot = Robot::connect(&address, RobotSettings::default()).await?;
     tokio::select! {
         result = run(&robot, Duration::from_secs(20), while_moving) => { result?; }
-        _ = tokio::signal::ctrl_c() => println!("{}", robot.stop().await?),
+        () = ending::told_to_end() => println!("{}", robot.stop().await?),
     }
     robot.close().await;
     Ok(())

@@ -1,7 +1,9 @@
-//! Moves the axes to a position and back, within an envelope; Ctrl-C stops the arm.
+//! Moves the axes to a position and back, within an envelope; Ctrl-C or SIGTERM stops the arm.
 //!
 //! `cargo run -p r6-client --example move_axes -- 127.0.0.1:9760 20 0 -10 0 30 0`: where to, degrees. **The arm moves**, at 20 % of
 //! its speed times the global speed: read docs/SAFETY.md first.
+
+mod ending;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -31,7 +33,7 @@ async fn start() -> Result<(), Box<dyn Error>> {
     tokio::select! {
         result = run(&robot, target) => { result?; }
         // The motion ends with its future; the arm would finish what is in its list.
-        _ = tokio::signal::ctrl_c() => println!("{}", robot.stop().await?),
+        () = ending::told_to_end() => println!("{}", robot.stop().await?),
     }
     robot.close().await;
     Ok(())

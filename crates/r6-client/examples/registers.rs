@@ -4,6 +4,8 @@
 //! at a pulse of M011, as `r6 sim --program register-move` runs it. **The arm moves**, as fast as that program says: read
 //! docs/SAFETY.md first.
 
+mod ending;
+
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -31,7 +33,7 @@ async fn start() -> Result<(), Box<dyn Error>> {
     let robot = Robot::connect(&address, RobotSettings::default()).await?;
     tokio::select! {
         result = run(&robot, [10.0, -5.5, 7.25, 0.0, 30.0, 0.0]) => { result?; }
-        _ = tokio::signal::ctrl_c() => println!("{}", robot.stop().await?),
+        () = ending::told_to_end() => println!("{}", robot.stop().await?),
     }
     robot.close().await;
     Ok(())

@@ -1,7 +1,9 @@
-//! Streams a path of 500 points without a pause between lists, and tells how far it is; Ctrl-C stops the arm.
+//! Streams a path of 500 points without a pause between lists, and tells how far it is; Ctrl-C or SIGTERM stops the arm.
 //!
 //! `cargo run -p r6-client --example stream_path -- 127.0.0.1:9760`. **The arm moves**: J1 sways by ±20°, J5 and J6 with it,
 //! from where they are: read docs/SAFETY.md first.
+
+mod ending;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -28,7 +30,7 @@ async fn start() -> Result<(), Box<dyn Error>> {
     let robot = Robot::connect(&address, RobotSettings::default()).await?;
     tokio::select! {
         result = run(&robot) => { result?; }
-        _ = tokio::signal::ctrl_c() => println!("{}", robot.stop().await?),
+        () = ending::told_to_end() => println!("{}", robot.stop().await?),
     }
     robot.close().await;
     Ok(())

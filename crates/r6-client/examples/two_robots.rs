@@ -3,6 +3,8 @@
 //! `cargo run -p r6-client --example two_robots -- 127.0.0.1:9760 127.0.0.1:9761`; `r6 sim --count 2` starts two virtual ones there.
 //! **Both arms move**: J1 by 15° and back, J5 by 10°. Nothing here keeps two arms out of each other's way: read docs/SAFETY.md first.
 
+mod ending;
+
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -28,7 +30,7 @@ async fn start() -> Result<(), Box<dyn Error>> {
     let (left, right) = tokio::try_join!(connect(left), connect(right))?;
     tokio::select! {
         result = run(&left, &right) => result?,
-        _ = tokio::signal::ctrl_c() => stop_both(&left, &right).await,
+        () = ending::told_to_end() => stop_both(&left, &right).await,
     }
     tokio::join!(left.close(), right.close());
     Ok(())
@@ -82,7 +84,7 @@ async fn stop_both(left: &Robot, right: &Robot) {
     for (robot, stopped) in [(left, first), (right, second)] {
         match stopped {
             Ok(report) => println!("{}: {report}", robot.address()),
-            Err(error) => println!("{}: the stop failed, use the emergency stop: {error}", robot.address()),
+            Err(error) => println!("{}: {error}", robot.address()),
         }
     }
 }

@@ -272,7 +272,8 @@ fn took_its_time(error: &RequestError) -> bool {
             | NotSent::Wire(_)
             | NotSent::Closed
             | NotSent::NoEngine { .. }
-            | NotSent::OutsideEnvelope(_) => false,
+            | NotSent::OutsideEnvelope(_)
+            | NotSent::NotStopped(_) => false,
         },
         RequestError::OutcomeUnknown(unknown) => match unknown {
             OutcomeUnknown::TimedOut { .. } | OutcomeUnknown::ConnectionLost { .. } => true,

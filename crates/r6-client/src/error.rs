@@ -99,6 +99,8 @@ pub enum NotSent {
     },
     /// It goes beyond the envelope of the handle's guard.
     OutsideEnvelope(Violation),
+    /// It was a stop ([`crate::Robot::stop`]): the arm goes on with what is in its list.
+    NotStopped(Box<NotSent>),
 }
 
 /// A controller's no.
@@ -223,6 +225,9 @@ impl fmt::Display for RequestError {
 
 impl fmt::Display for NotSent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Self::NotStopped(why) = self {
+            return write!(f, "{NOT_STOPPED}; {why}");
+        }
         f.write_str("nothing was sent: ")?;
         match self {
             Self::BadAddress { address, problem } => {
@@ -264,9 +269,18 @@ impl fmt::Display for NotSent {
                 write!(f, "the system has no thread for this connection ({detail}); share one engine between robots")
             }
             Self::OutsideEnvelope(violation) => violation.fmt(f),
+            Self::NotStopped(why) => why.fmt(f),
         }
     }
 }
+
+/// What a person has to know first when a stop could not be sent.
+const NOT_STOPPED: &str =
+    "the arm was NOT stopped: it goes on with what is in its list; use the emergency stop";
+
+/// The same where nobody knows what became of a stop.
+const STOP_UNKNOWN: &str =
+    "the arm was NOT seen to stop: it may go on with what is in its list; use the emergency stop";
 
 impl fmt::Display for Refused {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -297,6 +311,9 @@ impl fmt::Display for Refused {
 impl fmt::Display for OutcomeUnknown {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let request = self.request();
+        if request.effect == Effect::Stops {
+            write!(f, "{STOP_UNKNOWN}; ")?;
+        }
         match self {
             Self::TimedOut { after, heard: None, .. } => {
                 write!(f, "{}: no reply within {after:?}", request.word)?;
@@ -322,7 +339,7 @@ impl fmt::Display for OutcomeUnknown {
                 "; the arm may move, now or at the next start. Do not send it again: look at the arm, stop it, clear the \
                  list, and begin anew"
             }
-            Effect::Stops => "; the arm may still move: send it again until the arm is seen to stand",
+            Effect::Stops => "; send it again until the arm is seen to stand",
         })
     }
 }

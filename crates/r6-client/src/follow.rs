@@ -12,7 +12,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::follow::step::Step;
-use crate::guard::Start;
+use crate::guard::{Start, Violation};
 use crate::handle::Progress;
 use crate::job::{Terms, Work};
 use crate::link::Lane;
@@ -186,7 +186,13 @@ impl Robot {
         };
         let progress = following.progress();
         tracing::info!(%cause, ?progress, "following ended");
-        let stop = if stop && progress.left > 0 { Some(Box::new(self.stop().await)) } else { None };
+        let stop = match cause {
+            _ if stop && progress.left > 0 => Some(self.stop().await),
+            // Somebody else stops the arm: until that is done, its list may not be cleared.
+            Cause::StoppedHere => self.stop_under_way().await,
+            _ => None,
+        };
+        let stop = stop.map(Box::new);
         drop(turn);
         Err(MotionError { cause, progress, stop })
     }
@@ -337,7 +343,9 @@ impl<'r> Following<'r> {
         let instruction = step::instruction(to, &self.options).map_err(Cause::Step)?;
         if let Some(guard) = self.robot.guard() {
             let from = Start { axes: self.commanded, pose: sample.pose };
-            guard.check(&[instruction], Some(from)).map_err(Cause::OutsideEnvelope)?;
+            // Steps are counted from the first that was sent, as in the progress.
+            let counted = |violation: Violation| Violation { step: self.sent + violation.step, ..violation };
+            guard.check(&[instruction], Some(from)).map_err(counted).map_err(Cause::OutsideEnvelope)?;
         }
         let place = Place::of(&instruction.action);
         self.sent += 1;

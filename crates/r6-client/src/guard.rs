@@ -13,7 +13,8 @@ pub use crate::guard::violation::{Checked, Violation};
 use crate::guard::walk::Walk;
 use crate::units::{AxisCoordinate, Degrees, Millimetres, MillimetresPerSecond, Percent};
 
-/// What a list may ask for. What is not set is not checked.
+/// What a list may ask for. What is not set is not checked; limits that are the wrong way round, the lowest above the
+/// highest, let nothing pass, and say so.
 ///
 /// Speeds are those of the list, before the global speed. Axis limits are held against the targets of axis moves, and
 /// the workspace against those of linear and curve moves: without a model of the arm nobody can tell one from the other.
@@ -44,6 +45,8 @@ pub struct Envelope {
     largest_axis_step: Option<Degrees>,
     largest_distance: Option<Millimetres>,
     only: Option<Vec<i64>>,
+    /// Another envelope that has to be passed, too.
+    also: Option<Box<Envelope>>,
 }
 
 /// Where the arm stands before the first step.
@@ -75,7 +78,7 @@ impl Envelope {
         self
     }
 
-    /// No axis move takes this axis further than this: degrees, or millimetres for an axis that slides.
+    /// No axis move takes this axis further than this: degrees, or millimetres for an axis that slides; the lowest first.
     #[must_use]
     pub fn axis_limits<T: Into<AxisCoordinate>>(mut self, axis: AxisIndex, lowest: T, highest: T) -> Self {
         if let Some(slot) = self.axis_limits.get_mut(axis.index()) {
@@ -114,29 +117,76 @@ impl Envelope {
         self
     }
 
+    /// An envelope that a list passes only if it passes this one and the other, each on its own.
+    #[must_use]
+    pub fn and(mut self, other: Self) -> Self {
+        self.also = Some(Box::new(match self.also.take() {
+            Some(also) => also.and(other),
+            None => other,
+        }));
+        self
+    }
+
+    /// This envelope, and those that have to be passed, too.
+    fn all(&self) -> impl Iterator<Item = &Self> {
+        std::iter::successors(Some(self), |envelope| envelope.also.as_deref())
+    }
+
+    /// Limits between which there is nothing are a mistake: whoever swapped them means something else.
+    fn in_order(&self) -> Result<(), Violation> {
+        let wrong = |what, limit| Err(Violation { step: 0, what, value: None, limit });
+        for (axis, limits) in AxisIndex::ALL.into_iter().zip(self.axis_limits) {
+            let Some((lowest, highest)) = limits else { continue };
+            let slides = matches!(lowest, AxisCoordinate::Millimetres(_));
+            let (lowest, highest) = (lowest.value(), highest.value());
+            // What is no number is in no order.
+            if (lowest..=highest).is_empty() {
+                return wrong(Checked::Axis(axis, slides), (lowest, highest));
+            }
+        }
+        for (axis, (lowest, highest)) in AxisIndex::ALL.into_iter().zip(self.workspace.into_iter().flatten())
+        {
+            if (lowest.value()..=highest.value()).is_empty() {
+                return wrong(Checked::Place(axis), (lowest.value(), highest.value()));
+            }
+        }
+        Ok(())
+    }
+
     /// Checks a motion, without the step from the present position to the first target.
     ///
     /// # Errors
     /// [`Violation`]: the first step that goes beyond. A motion that is wrong in itself is not looked at:
     /// [`crate::Robot::run`] refuses it.
     pub fn check_motion(&self, motion: &crate::Motion) -> Result<(), Violation> {
-        let mut walk = Walk::new(self);
-        walk.start_is_open = true;
-        motion.instructions().unwrap_or_default().iter().try_for_each(|step| walk.step(step))
+        let steps = motion.instructions().unwrap_or_default();
+        self.all().try_for_each(|envelope| {
+            envelope.in_order()?;
+            let mut walk = Walk::new(envelope);
+            walk.start_is_open = true;
+            steps.iter().try_for_each(|step| walk.step(step))
+        })
     }
 
     /// Whether the present position has to be known.
     pub(crate) fn needs_start(&self) -> bool {
-        self.largest_axis_step.is_some() || self.largest_distance.is_some() || self.workspace.is_some()
+        self.all().any(|envelope| {
+            envelope.largest_axis_step.is_some()
+                || envelope.largest_distance.is_some()
+                || envelope.workspace.is_some()
+        })
     }
 
     /// Checks a list that begins with the arm at `from`.
     pub(crate) fn check(&self, steps: &[Instruction], from: Option<Start>) -> Result<(), Violation> {
-        let mut walk = Walk::new(self);
-        if let Some(Start { axes, pose }) = from {
-            walk.axes = axes;
-            walk.pose = pose;
-        }
-        steps.iter().try_for_each(|step| walk.step(step))
+        self.all().try_for_each(|envelope| {
+            envelope.in_order()?;
+            let mut walk = Walk::new(envelope);
+            if let Some(Start { axes, pose }) = from {
+                walk.axes = axes;
+                walk.pose = pose;
+            }
+            steps.iter().try_for_each(|step| walk.step(step))
+        })
     }
 }

@@ -75,6 +75,15 @@ impl Progress {
     }
 }
 
+/// `3 of 12 steps done, 8 sent and not seen to be done, 1 not sent`.
+impl fmt::Display for Progress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { total, left, done, .. } = *self;
+        let (sent, queued) = (self.under_way(), total.saturating_sub(left));
+        write!(f, "{done} of {total} steps done, {sent} sent and not seen to be done, {queued} not sent")
+    }
+}
+
 /// A motion that runs ([`Robot::run`]).
 ///
 /// Dropping it ends the streaming: nothing more is sent, and the arm finishes what is in its list, unless
@@ -224,6 +233,7 @@ mod tests {
         use StepState::{Done, Lost, Queued, Running, Sent};
         assert_eq!(states(&progress), [Done, Running, Sent, Sent, Queued]);
         assert_eq!((progress.current(), progress.under_way()), (2, 3));
+        assert_eq!(progress.to_string(), "1 of 5 steps done, 3 sent and not seen to be done, 1 not sent");
         progress.ended = true;
         assert_eq!(states(&progress), [Done, Lost, Lost, Lost, Queued]);
         assert_eq!((progress.step(0), progress.step(6)), (None, None));

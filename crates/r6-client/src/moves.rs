@@ -68,8 +68,28 @@ impl fmt::Display for StepError {
             0 => f.write_str("the motion: ")?,
             step => write!(f, "step {step}: ")?,
         }
-        write!(f, "`{}` has to be {}", self.field, self.wanted)
+        match in_words(self.field) {
+            Some(words) => write!(f, "{words} has to be {}", self.wanted),
+            None => write!(f, "`{}` has to be {}", self.field, self.wanted),
+        }
     }
+}
+
+/// What a field of the wire is to people; `None` where it goes by its own name.
+fn in_words(field: &str) -> Option<&'static str> {
+    Some(match field {
+        "m0" => "J1 (X of a pose)",
+        "m1" => "J2 (Y of a pose)",
+        "m2" => "J3 (Z of a pose)",
+        "m3" => "J4 (U of a pose)",
+        "m4" => "J5 (V of a pose)",
+        "m5" => "J6 (W of a pose)",
+        "m6" => "J7",
+        "m7" => "J8",
+        "ckStatus" => "the axes that move",
+        "smooth" => "the blend",
+        _ => return None,
+    })
 }
 
 impl std::error::Error for StepError {}

@@ -25,6 +25,7 @@ use crate::link_quality::Meter;
 use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
 use crate::query::around_query;
 use crate::settings::RobotSettings;
+use crate::stop::Stopping;
 
 /// Requests that may wait in each lane; a caller beyond that waits for room.
 const LANE_LENGTH: usize = 64;
@@ -53,6 +54,8 @@ struct Lanes {
     runtime: Handle,
     /// Counts the stops and pauses that handles asked for: a path that is being streamed ends with the next one.
     stops: watch::Sender<u64>,
+    /// The stops that are under way: a motion that one of them ended waits for it.
+    stopping: watch::Sender<Stopping>,
     /// Whoever streams a path has it: two paths would mix in one list.
     streaming: Arc<Semaphore>,
 }
@@ -101,6 +104,7 @@ impl Robot {
             hub: Arc::clone(&hub),
             runtime: Handle::current(),
             stops: watch::Sender::new(0),
+            stopping: watch::Sender::default(),
             streaming: Arc::new(Semaphore::new(1)),
         };
         let backoff = Backoff::new(settings.reconnect, seed_from_clock);
@@ -187,12 +191,19 @@ impl Robot {
         }
     }
 
-    /// The same robot behind a guard: what [`Self::run`] and [`Self::add_rcc`] of this handle and its clones send is held
-    /// against the envelope first, and not sent if it goes beyond.
+    /// The same robot behind a guard: what [`Self::run`], [`Self::follow`] and [`Self::add_rcc`] of this handle and its clones
+    /// send is held against the envelope first, and not sent if it goes beyond.
+    ///
+    /// A guard that this handle has already goes on: both have to be passed ([`Envelope::and`]), so a wider one loosens
+    /// nothing. A handle without it is the one that it was made from.
     ///
     /// Commands are not checked: a start button, a register or an output can start a taught program that no envelope knows.
     #[must_use]
     pub fn with_guard(&self, envelope: Envelope) -> Self {
+        let envelope = match self.guard() {
+            Some(before) => before.clone().and(envelope),
+            None => envelope,
+        };
         Self { lanes: Arc::clone(&self.lanes), guard: Some(Arc::new(envelope)) }
     }
 
@@ -212,9 +223,16 @@ impl Robot {
         self.lanes.stops.subscribe()
     }
 
+    /// The stops over this connection.
+    pub(crate) fn stopping(&self) -> &watch::Sender<Stopping> {
+        &self.lanes.stopping
+    }
+
     /// The right to stream a path over this connection, if nobody has it.
     pub(crate) fn streaming(&self) -> Option<OwnedSemaphorePermit> {
-        Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()
+        let turn = Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()?;
+        self.lanes.stopping.send_modify(Stopping::forget);
+        Some(turn)
     }
 
     /// Ends once the handle is closed, for this clone or another.

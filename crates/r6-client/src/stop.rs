@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use r6_proto::message::Command;
-use tokio::time::{Instant, sleep, timeout_at};
+use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use crate::error::{NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::job::Work;
@@ -26,6 +26,53 @@ const READ_EVERY: Duration = Duration::from_millis(50);
 /// The pause after a stop that did not reach the controller: a connection that is refused at once must not become
 /// a flood of attempts.
 const PAUSE_AFTER_FAILURE: Duration = Duration::from_millis(250);
+
+/// How long a stop may take in all: [`CONFIRM_WITHIN`], and then the time of some replies to clear the list and to look.
+const STOP_WITHIN: Duration = Duration::from_secs(15);
+
+/// The stops over one connection.
+#[derive(Debug, Default)]
+pub(crate) struct Stopping {
+    under_way: usize,
+    /// What became of the last one of those that began while none was under way, or later.
+    last: Option<Result<StopReport, RequestError>>,
+}
+
+impl Stopping {
+    /// A motion begins: what was stopped before is nothing to it.
+    pub fn forget(&mut self) {
+        self.last = None;
+    }
+}
+
+/// A stop that is under way, until this is dropped.
+struct UnderWay<'r> {
+    robot: &'r Robot,
+}
+
+impl<'r> UnderWay<'r> {
+    fn begin(robot: &'r Robot) -> Self {
+        robot.stopping().send_modify(|stopping| {
+            if stopping.under_way == 0 {
+                stopping.forget();
+            }
+            stopping.under_way += 1;
+        });
+        Self { robot }
+    }
+
+    fn end(self, result: Result<StopReport, RequestError>) {
+        self.robot.stopping().send_modify(|stopping| stopping.last = Some(result));
+    }
+}
+
+impl Drop for UnderWay<'_> {
+    fn drop(&mut self) {
+        self.robot.stopping().send_modify(|stopping| {
+            stopping.under_way = stopping.under_way.saturating_sub(1);
+        });
+    }
+}
 
 /// What became of a stop.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,10 +128,31 @@ impl Robot {
     /// A lost connection is made anew for it. This is an ordinary command on a network and no emergency stop.
     ///
     /// # Errors
-    /// [`RequestError`] if no stop was answered at all. If one was, but the arm was not seen to stand, the report says so
-    /// ([`StopReport::confirmed`]).
+    /// [`RequestError`] if no stop was answered at all: [`NotSent::NotStopped`] if none could be sent. If one was answered, but
+    /// the arm was not seen to stand, the report says so ([`StopReport::confirmed`]).
     pub async fn stop(&self) -> Result<StopReport, RequestError> {
+        // Before anybody hears of it, so that whoever does finds it under way.
+        let under_way = UnderWay::begin(self);
         self.announce_stop();
+        let result = self.stop_and_clear().await.map_err(|error| match error {
+            RequestError::NotSent(why) => NotSent::NotStopped(Box::new(why)).into(),
+            RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
+        });
+        under_way.end(result.clone());
+        result
+    }
+
+    /// Waits until no stop is under way over this connection, and tells what became of the last one; `None` if there was none
+    /// (it was a pause), or if it was given up halfway.
+    pub(crate) async fn stop_under_way(&self) -> Option<Result<StopReport, RequestError>> {
+        let mut stopping = self.stopping().subscribe();
+        let over = stopping.wait_for(|stopping| stopping.under_way == 0);
+        // Nobody who dropped out is waited for without end; the sender lives as long as this handle.
+        let seen = timeout(STOP_WITHIN, over).await.ok()?.ok()?;
+        seen.last.clone()
+    }
+
+    async fn stop_and_clear(&self) -> Result<StopReport, RequestError> {
         let begun = Instant::now();
         let deadline = begun + CONFIRM_WITHIN;
         let mut attempts = 0;

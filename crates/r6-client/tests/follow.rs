@@ -151,6 +151,9 @@ async fn the_guard_holds_every_step() {
     .unwrap_err();
     assert!(matches!(error.cause, Cause::OutsideEnvelope(_)), "{error}");
     assert_eq!(controller.handle().snapshot().axes[0], 20.0, "two steps, and not the third");
+    let told = "step 3: J1 goes to 30 deg, outside of -25 to 25 deg; this step was not sent; 2 done, 0 sent and not \
+                seen to be done";
+    assert!(error.to_string().starts_with(told) && !error.to_string().contains("nothing"), "{error}");
 }
 
 #[tokio::test(start_paused = true)]

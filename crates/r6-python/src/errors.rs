@@ -104,7 +104,8 @@ impl Raise for RequestError {
                     | NotSent::Busy { .. }
                     | NotSent::Wire(_)
                     | NotSent::Closed
-                    | NotSent::OutsideEnvelope(_) => error,
+                    | NotSent::OutsideEnvelope(_)
+                    | NotSent::NotStopped(_) => error,
                 }
             }
             Self::Refused(
@@ -138,6 +139,7 @@ fn not_sent_word(error: &NotSent) -> &'static str {
         NotSent::Wire(_) => "wire",
         NotSent::Closed => "closed",
         NotSent::OutsideEnvelope(_) => "outside_envelope",
+        NotSent::NotStopped(why) => not_sent_word(why),
     }
 }
 

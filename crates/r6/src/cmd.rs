@@ -3,6 +3,7 @@
 pub mod alarm;
 pub mod command;
 pub mod completions;
+pub mod discover;
 pub mod inspect;
 pub mod job;
 pub mod r#move;

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use r6_client::{Effect, NotSent, RequestError, WaitError};
 
+use crate::hint;
 use crate::output::{self, alarm};
 
 /// The exit codes, for the help.
@@ -114,6 +115,12 @@ impl Failure {
         self
     }
 
+    /// Puts something before the message that has to be read first.
+    pub fn lead(mut self, first: impl fmt::Display) -> Self {
+        self.what = format!("{first}; {}", self.what);
+        self
+    }
+
     /// Adds more to the first line.
     pub fn add(mut self, more: impl fmt::Display) -> Self {
         self.what = format!("{}; {more}", self.what);
@@ -162,8 +169,14 @@ impl From<RequestError> for Failure {
     fn from(error: RequestError) -> Self {
         let exit = match &error {
             RequestError::NotSent(NotSent::BadAddress { .. } | NotSent::Wire(_)) => Exit::Usage,
+            RequestError::NotSent(NotSent::NotStopped(why))
+                if matches!(**why, NotSent::BadAddress { .. } | NotSent::Wire(_)) =>
+            {
+                Exit::Usage
+            }
             RequestError::NotSent(
-                NotSent::Unreachable { .. }
+                NotSent::NotStopped(_)
+                | NotSent::Unreachable { .. }
                 | NotSent::ConnectTimedOut { .. }
                 | NotSent::Disconnected
                 | NotSent::StateNotRead
@@ -197,21 +210,29 @@ impl From<WaitError> for Failure {
     fn from(error: WaitError) -> Self {
         match error {
             WaitError::AlarmRaised { code } => {
-                Self::refused(format!("the motion ended with alarm {}", alarm::short(code)))
-                    .advise(format!("{}; `r6 stop` clears the rest of the list", alarm::advice(code)))
+                Self::refused(format!("the motion ended with alarm {}", alarm::short(code))).advise(format!(
+                    "{}; `{}` clears the rest of the list",
+                    alarm::advice(code),
+                    hint::r6("stop")
+                ))
             }
-            WaitError::Stopped { mode } => {
-                Self::refused(format!("the motion was stopped: the operation mode is now {mode}"))
-                    .advise("the rest of the list may start again later: `r6 stop` clears it")
-            }
+            WaitError::Stopped { mode } => Self::refused(format!(
+                "the motion was stopped: the operation mode is now {mode}"
+            ))
+            .advise(format!("the rest of the list may start again later: `{}` clears it", hint::r6("stop"))),
             WaitError::TimedOut { after, list_length } => {
                 let left = match list_length {
                     Some(1) => ", with 1 instruction left in the list".to_owned(),
                     Some(length) => format!(", with {length} instructions left in the list"),
                     None => String::new(),
                 };
-                Self::unknown(format!("not done within {after:?}{left}; the arm may go on moving"))
-                    .advise("look with `r6 status`, end it with `r6 stop`; --timeout waits longer")
+                Self::unknown(format!("not done within {after:?}{left}; the arm may go on moving")).advise(
+                    format!(
+                        "look with `{}`, end it with `{}`; --timeout waits longer",
+                        hint::r6("status"),
+                        hint::r6("stop")
+                    ),
+                )
             }
             WaitError::Request(error) => Self::from(error)
                 .while_doing("the list was sent, then the state could not be read")

@@ -4,6 +4,7 @@
 
 mod cmd;
 mod exit;
+mod hint;
 mod limits;
 mod logs;
 mod output;
@@ -15,7 +16,9 @@ mod words;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::error::{ContextKind, ContextValue};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use r6::units;
 
 use crate::exit::{Exit, Failure};
@@ -44,6 +47,7 @@ struct Cli {
 enum Subcommands {
     Up(cmd::up::UpArgs),
     Sim(cmd::sim::SimArgs),
+    Discover(cmd::discover::DiscoverArgs),
     Status(cmd::status::StatusArgs),
     Query(cmd::query::QueryArgs),
     Watch(cmd::watch::WatchArgs),
@@ -58,8 +62,8 @@ enum Subcommands {
     Completions(cmd::completions::CompletionsArgs),
 }
 
-/// Subcommands that ask no robot: their help does not offer `--robot`.
-const OFFLINE: [&str; 7] = ["up", "sim", "plot", "panel", "alarm", "inspect", "completions"];
+/// Subcommands that ask no robot, or none that `--robot` names: their help does not offer `--robot`.
+const OFFLINE: [&str; 8] = ["up", "sim", "discover", "plot", "panel", "alarm", "inspect", "completions"];
 
 /// The whole command line, as the parser and the completions want it.
 fn command_line() -> clap::Command {
@@ -74,7 +78,13 @@ fn command_line() -> clap::Command {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::from_arg_matches(&command_line().get_matches()).unwrap_or_else(|error| error.exit());
+    let matches = command_line().try_get_matches().unwrap_or_else(|error| without_moves(error).exit());
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let robot_typed = is_typed(&matches, "robot");
+    hint::remember(cli.robot.address(), robot_typed);
+    if robot_typed && matches!(cli.subcommand, Subcommands::Panel(_)) {
+        return cmd::panel::no_robot(cli.robot.address()).report();
+    }
     let has_screen = matches!(&cli.subcommand, Subcommands::Up(args) if args.has_screen());
     let logs = match logs::begin(&cli.logs, has_screen) {
         Ok(logs) => logs,
@@ -88,11 +98,38 @@ fn main() -> ExitCode {
     }
 }
 
+/// Whether an option stands on the command line itself.
+fn is_typed(matches: &ArgMatches, option: &str) -> bool {
+    matches.value_source(option) == Some(ValueSource::CommandLine)
+}
+
+/// Subcommands that move an arm: never the guess for a word that is none.
+const MOVING: [&str; 2] = ["move", "run"];
+
+/// The same error, without the advice to type a subcommand that moves the arm.
+fn without_moves(mut error: clap::Error) -> clap::Error {
+    let moves = |word: &String| MOVING.contains(&word.as_str());
+    match error.remove(ContextKind::SuggestedSubcommand) {
+        Some(ContextValue::Strings(mut words)) => {
+            words.retain(|word| !moves(word));
+            if !words.is_empty() {
+                error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(words));
+            }
+        }
+        Some(ContextValue::String(word)) if !moves(&word) => {
+            error.insert(ContextKind::SuggestedSubcommand, ContextValue::String(word));
+        }
+        Some(_) | None => {}
+    }
+    error
+}
+
 fn run(cli: Cli) -> Result<Exit, Failure> {
     let robot = cli.robot;
     match cli.subcommand {
         Subcommands::Up(args) => cmd::block_on(cmd::up::run(args)),
         Subcommands::Sim(args) => cmd::block_on(cmd::sim::run(args)),
+        Subcommands::Discover(args) => cmd::block_on(cmd::discover::run(args)),
         Subcommands::Status(args) => cmd::block_on(cmd::status::run(args, robot)),
         Subcommands::Query(args) => cmd::block_on(cmd::query::run(args, robot)),
         Subcommands::Watch(args) => cmd::block_on(cmd::watch::run(args, robot)),

@@ -1,7 +1,7 @@
 //! Which robot a command is for, and the connection to it.
 
 use clap::Args;
-use r6_client::{Robot, RobotSettings};
+use r6_client::{RequestError, Robot, RobotSettings};
 
 use crate::exit::Failure;
 
@@ -28,10 +28,20 @@ pub fn settings() -> RobotSettings {
 }
 
 impl RobotArgs {
+    /// The controller, as it was given.
+    pub fn address(&self) -> &str {
+        &self.robot
+    }
+
+    /// Connects to it.
+    pub async fn connect(&self) -> Result<Robot, RequestError> {
+        Robot::connect(&self.robot, settings()).await
+    }
+
     /// Does something with the robot on one connection, which is closed properly whatever comes of it: controllers
     /// have few connections, and a half-open one can keep their port busy.
     pub async fn with<T>(&self, work: impl AsyncFnOnce(&Robot) -> Result<T, Failure>) -> Result<T, Failure> {
-        let robot = Robot::connect(&self.robot, settings()).await?;
+        let robot = self.connect().await?;
         let result = work(&robot).await;
         robot.close().await;
         result

@@ -7,7 +7,7 @@ use r6_proto::axis::AxisIndex;
 /// A step that goes beyond an envelope; nothing of its list was sent.
 #[derive(Clone, Copy, Debug)]
 pub struct Violation {
-    /// The step, counted from 1.
+    /// The step, counted from 1; 0 where the limits themselves are wrong.
     pub step: usize,
     /// What goes beyond.
     pub what: Checked,
@@ -57,6 +57,9 @@ impl fmt::Display for Violation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (least, most) = self.limit;
         let length = |slides: bool| if slides { "mm" } else { "deg" };
+        if self.step == 0 {
+            return self.wrong_limits(f);
+        }
         write!(f, "step {}: ", self.step)?;
         match (self.what, self.value) {
             (Checked::Speed, Some(value)) => write!(f, "the speed is {value} %, above {most} %"),
@@ -99,6 +102,30 @@ impl fmt::Display for Violation {
     }
 }
 
+impl Violation {
+    /// The limits themselves are the wrong way round.
+    fn wrong_limits(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (lowest, highest) = self.limit;
+        match self.what {
+            Checked::Axis(axis, slides) => {
+                let unit = if slides { "mm" } else { "deg" };
+                write!(f, "the limits of {axis} are {lowest} to {highest} {unit}")?;
+            }
+            Checked::Place(axis) => {
+                write!(f, "the workspace of {} is {lowest} to {highest} mm", axis.world_name())?;
+            }
+            Checked::Speed
+            | Checked::PathSpeed
+            | Checked::AxisStep(..)
+            | Checked::Distance
+            | Checked::Arc
+            | Checked::Frame
+            | Checked::Action(_) => write!(f, "the limits are {lowest} to {highest}")?,
+        }
+        f.write_str(": the lowest has to come first, and nothing is within them as they are")
+    }
+}
+
 impl std::error::Error for Violation {}
 
 struct Value(Option<f64>);
@@ -106,7 +133,8 @@ struct Value(Option<f64>);
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            Some(value) => value.fmt(f),
+            // A step that was computed has digits that nobody set.
+            Some(value) => ((value * 1e6).round() / 1e6).fmt(f),
             None => f.write_str("?"),
         }
     }

@@ -124,23 +124,32 @@ impl MotionError {
 impl fmt::Display for MotionError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let progress = &self.progress;
-        if !self.nothing_left() {
-            write!(f, "step {} of {}: ", progress.current(), progress.total)?;
+        // An arm that goes on comes before everything else.
+        if let Some(Err(error)) = self.stop.as_deref() {
+            write!(f, "{error}; the motion: ")?;
         }
-        self.cause.fmt(f)?;
+        match &self.cause {
+            // The step that goes beyond is none of those that were sent.
+            Cause::OutsideEnvelope(violation) if !self.nothing_left() => {
+                write!(f, "{violation}; this step was not sent")?;
+            }
+            cause if !self.nothing_left() => {
+                write!(f, "step {} of {}: {cause}", progress.current(), progress.total)?;
+            }
+            cause => cause.fmt(f)?,
+        }
         if !self.nothing_left() {
+            let sent = progress.under_way();
+            write!(f, "; {} done, {sent} sent and not seen to be done", progress.done)?;
+            // Of a target that is followed there is always one more step; a path has so many.
             let queued = progress.total - progress.left;
-            write!(
-                f,
-                "; {} done, {} sent and not seen to be done, {queued} never sent",
-                progress.done,
-                progress.under_way()
-            )?;
+            if queued > 0 || !matches!(self.cause, Cause::OutsideEnvelope(_)) {
+                write!(f, ", {queued} never sent")?;
+            }
         }
         match self.stop.as_deref() {
             Some(Ok(report)) => write!(f, "; {report}"),
-            Some(Err(error)) => write!(f, "; the stop failed, use the emergency stop: {error}"),
-            None => Ok(()),
+            Some(Err(_)) | None => Ok(()),
         }
     }
 }

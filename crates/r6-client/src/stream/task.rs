@@ -100,9 +100,12 @@ impl Task {
         let progress = *self.progress.borrow();
         tracing::info!(%cause, ?progress, "the motion did not come to its end");
         let stop = match cause {
-            _ if !stop || progress.left == 0 => None,
-            _ => Some(Box::new(self.robot.stop().await)),
+            _ if stop && progress.left > 0 => Some(self.robot.stop().await),
+            // Somebody else stops the arm: until that is done, its list may not be cleared.
+            Cause::StoppedHere if !stop => self.robot.stop_under_way().await,
+            _ => None,
         };
+        let stop = stop.map(Box::new);
         drop(turn);
         Err(MotionError { cause, progress, stop })
     }

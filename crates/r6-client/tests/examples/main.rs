@@ -1,5 +1,6 @@
 //! Every example does what it says, on a virtual controller: judged by what the arm did.
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
+#![allow(clippy::duplicate_mod, reason = "each example has its own way to wait for Ctrl-C, in one file")]
 
 mod cell;
 mod motion;

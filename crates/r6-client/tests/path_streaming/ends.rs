@@ -75,13 +75,37 @@ async fn a_stop_by_another_clone_ends_the_path() {
     assert!(report.confirmed, "{report}");
     let error = soon(handle.finished()).await.unwrap_err();
     assert_eq!(error.cause, Cause::StoppedHere);
-    assert!(error.stop.is_none(), "it was stopped by the other");
+    let stopped = error.stop.expect("what became of the other's stop").unwrap();
+    assert_eq!(stopped, report);
     assert_at_rest(&cell);
     let taken = cell.taken();
     assert_eq!(taken, error.progress.left);
     // The list was empty or was cleared, and nothing came after that.
     cell.robot.status().await.unwrap();
     assert_eq!(cell.taken(), taken);
+}
+
+#[tokio::test(start_paused = true)]
+async fn whoever_is_stopped_by_another_task_hears_of_it_when_the_stop_is_over() {
+    let cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let handle = under_way(&cell, RunOptions::default()).await;
+    let other = cell.robot.clone();
+    let stopping = tokio::spawn(async move { other.stop().await });
+    let error = soon(handle.finished()).await.unwrap_err();
+    // A program may end right here: nothing may be left that runs at the next start.
+    assert_at_rest(&cell);
+    assert_eq!(cell.handle().snapshot().list_length, 0);
+    assert_eq!(error.cause, Cause::StoppedHere);
+    assert!(error.to_string().contains("the arm stands"), "{error}");
+    let report = error.stop.expect("what became of the stop").unwrap();
+    assert!(report.confirmed && report.list_length == Some(0), "{report}");
+    assert_eq!(soon(stopping).await.unwrap().unwrap(), report);
+    // An older stop is nothing to the next motion.
+    cell.robot.command(Command::StartButton).await.unwrap();
+    let handle = under_way(&cell, RunOptions::default()).await;
+    cell.robot.command(Command::ActionPause).await.unwrap();
+    let error = soon(handle.finished()).await.unwrap_err();
+    assert_eq!((error.cause, error.stop), (Cause::StoppedHere, None));
 }
 
 #[tokio::test(start_paused = true)]
@@ -191,7 +215,7 @@ async fn what_is_wrong_with_a_motion_is_told_before_anything_is_sent() {
     let cell = Cell::new(profile("legacy"), Clock::Real).await;
     let wrong = through(&wave(3), 20.0, 5).blend(12);
     let error = cell.robot.run(&wrong, RunOptions::default()).await.unwrap_err();
-    assert!(error.to_string().contains("step 3: `smooth`"), "{error}");
+    assert!(error.to_string().contains("step 3: the blend has to be"), "{error}");
     let error = cell.robot.run(&Motion::new(), RunOptions::default()).await.unwrap_err();
     assert!(error.to_string().contains("one step at least"), "{error}");
     let endless = through(&wave(3), 20.0, 5).wait_for(WaitSource::Time, WaitCondition::On, None);

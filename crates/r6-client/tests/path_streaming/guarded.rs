@@ -60,6 +60,45 @@ fn axes_stay_within_their_limits_and_a_mask_counts() {
 }
 
 #[test]
+fn limits_that_are_the_wrong_way_round_are_told_and_let_nothing_pass() {
+    let still = Motion::new().wait(std::time::Duration::from_secs(1));
+    let swapped = Envelope::new().axis_limits(J1, Degrees(30.0), Degrees(-30.0));
+    let beyond = swapped.check_motion(&still).unwrap_err();
+    assert_eq!(
+        beyond.to_string(),
+        "the limits of J1 are 30 to -30 deg: the lowest has to come first, and nothing is within them as they are"
+    );
+    let box_of = |low: f64, high: f64| {
+        Envelope::new().workspace([low; 3].map(Millimetres), [high; 3].map(Millimetres))
+    };
+    assert!(box_of(0.0, 0.0).check_motion(&still).is_ok());
+    for wrong in [
+        box_of(1.0, 0.0),
+        Envelope::new().axis_limits(J1, Degrees(f64::NAN), Degrees(1.0)),
+        Envelope::new().and(swapped),
+    ] {
+        assert_eq!(wrong.check_motion(&still).unwrap_err().step, 0, "{wrong:?}");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_guard_on_a_guarded_handle_loosens_nothing() {
+    let cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let narrow = cell.robot.with_guard(Envelope::new().axis_limits(J1, Degrees(-30.0), Degrees(30.0)));
+    let both = narrow
+        .with_guard(Envelope::new().axis_limits(J1, Degrees(-90.0), Degrees(90.0)).speed_cap(percent(20.0)));
+    let to = |degrees: f64, speed: f64| Motion::new().axis_move(axes(degrees), percent(speed));
+    for (motion, what) in [(to(40.0, 10.0), Checked::Axis(J1, false)), (to(10.0, 50.0), Checked::Speed)] {
+        let error = both.run(&motion, RunOptions::default()).await.unwrap_err();
+        let Cause::OutsideEnvelope(violation) = error.cause else { panic!("{error}") };
+        assert_eq!(violation.what, what);
+        assert!(both.dry_run(&motion, RunOptions::default()).is_err());
+    }
+    assert!(both.dry_run(&to(10.0, 10.0), RunOptions::default()).is_ok());
+    assert!(narrow.dry_run(&to(10.0, 50.0), RunOptions::default()).is_ok(), "the handle before is as it was");
+}
+
+#[test]
 fn the_tool_stays_in_its_workspace_on_curves_too() {
     let corner = |by: f64| [by, by, by].map(Millimetres);
     let envelope = Envelope::new().workspace(corner(-100.0), corner(100.0));

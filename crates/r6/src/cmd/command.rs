@@ -1,6 +1,7 @@
 //! `r6 command`: sends one command of the table.
 
 mod arguments;
+mod said;
 
 use clap::Args;
 use r6_client::Robot;
@@ -8,6 +9,7 @@ use r6_proto::message::command::{COMMANDS, CommandInfo};
 use r6_proto::{Address, CommandName};
 
 use crate::exit::{Exit, Failure};
+use crate::hint;
 use crate::output::{self, table::Table};
 use crate::robot::RobotArgs;
 use crate::words::CommandWord;
@@ -17,8 +19,8 @@ use crate::words::CommandWord;
 #[command(
     arg_required_else_help = true,
     after_help = "\
-The arguments are in the units of people and are converted: modifyGSPD 5 sends 50, which is 5 %. \
-An accepted command says nothing about what the machine does: look with `r6 status`.
+The arguments are in the units of people and are converted: modifyGSPD 5 sends \"50\", which is 5 %. \
+The answer tells both. An accepted command says nothing about what the machine does: look with `r6 status`.
 
 startButton, actionSingleCycle, clearAlarmContinue and clearAlarmRunNext also start what is left in \
 the instruction list. Where the firmware tells its length and something is left, they are not sent \
@@ -27,7 +29,8 @@ the instruction list. Where the firmware tells its length and something is left,
 Examples:
   r6 command --list                          every command with its arguments
   r6 command modifyGSPD 5                    global speed 5 %
-  r6 command modifyOutput 0 3 1              output board 0, point 3, on
+  r6 command modifyOutput Y013 on            an output by its name on the pendant (octal), …
+  r6 command modifyOutput 0 3 1              … or by board and point, counted from 0: the same
   r6 command rewriteData 800 -300000 0       register 800, not kept over a power cut
   r6 command modifyCounter 0 -1 20           target of counter 0; -1 keeps its count
   r6 command clearAlarm"
@@ -64,18 +67,28 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
             if starts(name) && !args.run_leftover {
                 check_list(robot, name).await?;
             }
+            let (means, wire) = (said::words(&command), said::on_the_wire(&command));
+            let scaled = said::is_scaled(&command);
             let accepted = robot.command(command).await?;
             let milliseconds = output::readings::milliseconds(accepted.after);
             if args.json {
                 output::json(&serde_json::json!({
                     "robot": robot.address(), "command": name.word(), "accepted": true, "after_ms": milliseconds,
+                    "means": means, "on_the_wire": wire,
                 }));
             } else {
-                output::line(format_args!("{name} accepted after {milliseconds:.1} ms"));
+                let means = means.map(|means| format!(": {means}")).unwrap_or_default();
+                let wire = if scaled { format!("; on the wire {}", quoted(&wire)) } else { String::new() };
+                output::line(format_args!("{name} accepted after {milliseconds:.1} ms{means}{wire}"));
             }
             Ok(Exit::Done)
         })
         .await
+}
+
+fn quoted(words: &[String]) -> String {
+    let words: Vec<_> = words.iter().map(|word| format!("\"{word}\"")).collect();
+    words.join(" ")
 }
 
 /// Whether the machine runs what is left in its list after this command.
@@ -100,7 +113,7 @@ async fn check_list(robot: &Robot, name: CommandName) -> Result<(), Failure> {
     Err(Failure::refused(format!(
         "{name} was not sent: {left} left in the list, and the arm would run the list"
     ))
-    .advise("`r6 stop` clears the list; --run-leftover runs it"))
+    .advise(format!("`{}` clears the list; --run-leftover runs it", hint::r6("stop"))))
 }
 
 fn named(word: &str) -> Result<CommandName, Failure> {
@@ -131,6 +144,9 @@ fn pattern(info: &CommandInfo) -> String {
     }
     if info.word == CommandName::RewriteDataList.word() {
         pattern.push('…');
+    }
+    if info.word == CommandName::ModifyOutput.word() {
+        pattern.push_str(", or Y010 STATE");
     }
     pattern
 }

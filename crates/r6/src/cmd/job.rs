@@ -17,6 +17,7 @@ use crate::cmd::job::ended::Ended;
 use crate::cmd::job::guard::GuardArgs;
 pub use crate::cmd::job::progress::clear_progress;
 use crate::exit::{Exit, Failure};
+use crate::hint;
 use crate::output::{self, status};
 use crate::robot::{self, RobotArgs};
 use crate::units;
@@ -135,6 +136,7 @@ fn not_ready(robot: &Robot, unmet: &[Unmet], json: bool) -> Exit {
 
 /// How to go on from here.
 fn say_how_to_follow() {
-    output::line("end it with:    r6 stop");
-    output::line("follow it with: r6 watch isMoving RemoteCmdLen axis-0 axis-1 axis-2 axis-3 axis-4 axis-5");
+    let watch = "watch isMoving RemoteCmdLen axis-0 axis-1 axis-2 axis-3 axis-4 axis-5";
+    output::line(format_args!("end it with:    {}", hint::r6("stop")));
+    output::line(format_args!("follow it with: {}", hint::r6(watch)));
 }

@@ -23,7 +23,8 @@ pub const DEFAULT_PANEL: &str = "127.0.0.1:9770";
 #[command(
     arg_required_else_help = true,
     after_help = "\
-It talks to the panel of `r6 up`, or of `r6 sim --panel ADDR:PORT`. A real machine has no such panel.
+It talks to the panel of `r6 up`, or of `r6 sim --panel ADDR:PORT`. A real machine has no such panel. \
+Which panel is said by --panel, and not by --robot.
 
 Examples:
   r6 panel status
@@ -200,6 +201,13 @@ pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
             .advise(alarm::advice(code)));
     }
     Ok(Exit::Done)
+}
+
+/// `--robot` names a port of the protocol: a panel has another address, and another machine may be behind the usual one.
+pub fn no_robot(robot: &str) -> Failure {
+    Failure::usage(format!("--robot {robot} does not say which panel is meant; nothing was done")).advise(format!(
+        "--panel ADDR:PORT says where the panel is (else R6_PANEL, or {DEFAULT_PANEL}), --controller N which of its machines"
+    ))
 }
 
 /// What is asked of the panel.

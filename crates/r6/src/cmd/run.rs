@@ -36,6 +36,8 @@ FILE.toml is written by people: one [[instruction]] table for each step, in orde
                           until (\"on\", \"off\", \"rising\", \"falling\"), limit (seconds)
   do = \"output\"           kind (\"y\", \"m\", \"euy\"), point, on, delay (seconds before);
                           or pulse (seconds)
+                          point: counted from 0, or the name on the pendant (octal), which tells
+                          source, kind and board, too: point = \"Y010\", \"X1.010\"
   do = \"board-output\"     kind (\"y\", \"m\"), board (0, 1), set = [points], clear = [points]
   do = \"stop-on-signal\"   point, on; watch = false ends it
   do = \"path-speed\"       mm_per_s; without it the path speed is switched off

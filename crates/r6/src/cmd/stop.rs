@@ -1,7 +1,7 @@
 //! `r6 stop`: ends the motion and clears the list.
 
 use clap::Args;
-use r6_client::{ListAfterStop, StopReport};
+use r6_client::{ListAfterStop, NotSent, RequestError, StopReport};
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
@@ -33,18 +33,21 @@ pub struct StopArgs {
 
 /// Stops and prints what was seen.
 pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
-    robot
-        .with(async |robot| {
-            let report = robot.stop().await?;
-            if args.json {
-                output::json_pretty(&as_json(robot.address(), &report));
-            } else {
-                output::line(&report);
-                output::line(NO_EMERGENCY_STOP);
-            }
-            Ok(if report.confirmed { Exit::Done } else { Exit::Unknown })
-        })
-        .await
+    let connected = robot.connect().await.map_err(|error| match error {
+        RequestError::NotSent(why) => NotSent::NotStopped(Box::new(why)).into(),
+        RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
+    })?;
+    let result = connected.stop().await;
+    let address = connected.address().to_owned();
+    connected.close().await;
+    let report = result?;
+    if args.json {
+        output::json_pretty(&as_json(&address, &report));
+    } else {
+        output::line(&report);
+        output::line(NO_EMERGENCY_STOP);
+    }
+    Ok(if report.confirmed { Exit::Done } else { Exit::Unknown })
 }
 
 fn as_json(address: &str, report: &StopReport) -> Value {

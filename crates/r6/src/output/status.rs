@@ -4,6 +4,7 @@ use r6_client::{Status, Unmet};
 use r6_proto::{AXES, AxisIndex, OperationMode};
 use serde_json::{Map, Value, json};
 
+use crate::hint;
 use crate::output::alarm;
 use crate::output::table::Table;
 
@@ -82,14 +83,14 @@ pub fn verdict(status: &Status) -> String {
     }
     match status.list_length {
         Some(_) => "READY".to_owned(),
-        None => LIST_UNKNOWN.to_owned(),
+        None => format!("{LIST_UNKNOWN}; `{}` clears it", hint::r6("stop")),
     }
 }
 
 /// The verdict where only the list is not known.
 const LIST_UNKNOWN: &str = "\
 UNKNOWN: whether instructions are left in the list; all else is ready
-  this firmware does not tell the length of the list: what is left in it would run first; `r6 stop` clears it";
+  this firmware does not tell the length of the list: what is left in it would run first";
 
 /// `NOT READY:`, the conditions in one line, and a line for each that says what to do.
 pub fn not_ready(unmet: &[Unmet]) -> String {
@@ -120,27 +121,32 @@ fn advice(unmet: Unmet) -> String {
     match unmet {
         Unmet::Alarm { code } => {
             format!(
-                "alarm {}: {} (`r6 command clearAlarm`; firmware of manual V6.0 has only clearAlarmContinue and \
-                 clearAlarmRunNext, which start the program again)",
+                "alarm {}: {} (`{}`; firmware of manual V6.0 has only clearAlarmContinue and clearAlarmRunNext, which \
+                 start the program again)",
                 alarm::short(code),
-                alarm::advice(code)
+                alarm::advice(code),
+                hint::r6("command clearAlarm")
             )
         }
         Unmet::Mode { found: OperationMode::Manual | OperationMode::Stop } => {
             format!(
-                "{unmet} (a virtual controller: `r6 panel key auto`, or type `key auto` at `r6 sim`; then `r6 command \
-                 startButton`)"
+                "{unmet} (a virtual controller: {}, or type `key auto` at `r6 sim`; then `{}`)",
+                hint::at_panel("key auto", "turn the key to auto"),
+                hint::r6("command startButton")
             )
         }
-        Unmet::Mode { .. } => format!("{unmet} (a virtual controller: `r6 command startButton`)"),
+        Unmet::Mode { .. } => {
+            format!("{unmet} (a virtual controller: `{}`)", hint::r6("command startButton"))
+        }
         Unmet::LeftoverList { length } => {
             let are = if length == 1 { "is" } else { "are" };
             format!(
-                "{} {are} left in the list and would run first: clear it with `r6 stop`, or wait until it is done",
-                list_text(length)
+                "{} {are} left in the list and would run first: clear it with `{}`, or wait until it is done",
+                list_text(length),
+                hint::r6("stop")
             )
         }
-        Unmet::Moving => format!("{unmet} (`r6 stop` does both)"),
+        Unmet::Moving => format!("{unmet} (`{}` does both)", hint::r6("stop")),
         Unmet::NotHomed | Unmet::Unknown { .. } => unmet.to_string(),
     }
 }

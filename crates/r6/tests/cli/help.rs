@@ -3,9 +3,10 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-const SUBCOMMANDS: [&str; 19] = [
+const SUBCOMMANDS: [&str; 20] = [
     "up",
     "sim",
+    "discover",
     "status",
     "query",
     "watch",

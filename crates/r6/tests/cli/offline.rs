@@ -17,6 +17,20 @@ fn an_alarm_is_explained() {
 }
 
 #[test]
+fn a_word_that_is_none_is_never_taken_for_one_that_moves() {
+    for wrong in ["mov", "remove", "runn"] {
+        let outcome = r6(&[wrong]);
+        assert_eq!(outcome.code, 2);
+        assert!(
+            !outcome.err.contains("'move'") && !outcome.err.contains("'run'"),
+            "{wrong}: {}",
+            outcome.err
+        );
+    }
+    assert!(r6(&["statu"]).err.contains("'status'"));
+}
+
+#[test]
 fn an_alarm_that_nobody_knows_is_code_1() {
     let outcome = r6(&["alarm", "4999"]);
     assert_eq!(outcome.code, 1);

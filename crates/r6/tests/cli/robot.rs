@@ -90,6 +90,15 @@ fn commands_are_in_the_units_of_people() {
     assert_eq!(robot.value("output-0"), 8);
     let json = robot.r6(&["command", "modifyGSPD", "5", "--json"]).json();
     assert_eq!((&json["command"], &json["accepted"]), (&"modifyGSPD".into(), &true.into()));
+    assert_eq!(
+        (&json["means"], &json["on_the_wire"]),
+        (&"global speed 5 %".into(), &serde_json::json!(["50"]))
+    );
+    let slow = robot.r6(&["command", "modifyGSPD", "5"]).out;
+    assert!(slow.ends_with(" ms: global speed 5 %; on the wire \"50\"\n"), "{slow}");
+    let output = robot.r6(&["command", "modifyOutput", "Y022", "on"]).out;
+    assert!(output.ends_with(" ms: point 10 of Y = Y022, on\n"), "{output}");
+    assert_eq!(robot.value("output-0"), 8 + 1024);
 }
 
 #[test]
@@ -106,15 +115,27 @@ fn nobody_there_is_code_3_and_names_the_way_out() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let taken = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
     let address = taken.local_addr().unwrap().to_string();
-    for args in
-        [&["status"][..], &["query", "axis-0"], &["watch", "axis-0"], &["stop"], &["move", "axes", "1"]]
-    {
+    for args in [&["status"][..], &["query", "axis-0"], &["watch", "axis-0"], &["move", "axes", "1"]] {
         let outcome = r6(&[&["-r", &address], args].concat());
         assert_eq!(outcome.code, 3, "{args:?}: {outcome:?}");
         assert!(outcome.err.contains(&address) && outcome.err.contains("r6 up"), "{args:?}: {}", outcome.err);
         assert_eq!(outcome.err.lines().count(), 2, "{args:?}: {}", outcome.err);
     }
     assert_eq!(r6(&["-r", "127.0.0.1:no", "status"]).code, 2);
+    // A stop has more to say, and says it first.
+    let stop = r6(&["-r", &address, "stop"]);
+    let first = format!(
+        "r6: the arm was NOT stopped: it goes on with what is in its list; use the emergency stop; nothing was sent: {address} "
+    );
+    assert_eq!(stop.code, 3, "{stop:?}");
+    assert!(stop.err.starts_with(&first) && !stop.err.contains("r6 up"), "{}", stop.err);
+    assert_eq!(r6(&["-r", "127.0.0.1:no", "stop"]).code, 2);
+    let found = r6(&["discover", &address]);
+    assert_eq!(
+        (found.code, found.out.starts_with(&format!("{address}: nothing was sent"))),
+        (3, true),
+        "{found:?}"
+    );
 }
 
 #[test]
@@ -159,7 +180,7 @@ fn a_leftover_list_is_not_started_without_a_word() {
         let outcome = robot.r6(&["command", command]);
         assert_eq!((outcome.code, outcome.out.as_str()), (1, ""), "{command}: {outcome:?}");
         let wanted = format!("r6: {command} was not sent: 1 instruction is left in the list");
-        assert!(outcome.err.starts_with(&wanted) && outcome.err.contains("r6 stop"), "{}", outcome.err);
+        assert!(outcome.err.starts_with(&wanted) && outcome.err.contains(" stop`"), "{}", outcome.err);
     }
     assert_eq!(robot.value("curMode"), mode);
     let outcome = robot.r6(&["command", "startButton", "--run-leftover"]);
@@ -179,4 +200,46 @@ fn watching_a_robot_that_goes_away_is_not_code_0() {
     assert_eq!((watch.line().as_str(), watch.line().as_str()), ("axis-0", "0.000"));
     drop(robot);
     assert_eq!(watch.code(), Some(3));
+}
+
+#[test]
+fn advice_is_for_the_robot_that_was_asked() {
+    let robot = Robot::start(&["--start", "stopped"]);
+    let status = robot.r6(&["status"]).out;
+    let start = format!("`r6 --robot {} command startButton`", robot.address());
+    assert!(
+        status.contains(&start) && !status.contains("r6 command") && !status.contains("r6 panel"),
+        "{status}"
+    );
+    assert!(status.contains("turn the key to auto at its panel"), "{status}");
+}
+
+#[test]
+fn a_panel_is_not_named_by_robot() {
+    let robot = Robot::start(&[]);
+    for args in
+        [&["-r", robot.address(), "panel", "status"][..], &["panel", "estop", "--robot", robot.address()]]
+    {
+        let outcome = r6(args);
+        assert_eq!((outcome.code, outcome.out.as_str()), (2, ""), "{outcome:?}");
+        assert!(
+            outcome.err.contains("nothing was done") && outcome.err.contains("--panel ADDR:PORT"),
+            "{}",
+            outcome.err
+        );
+    }
+}
+
+#[test]
+fn whoever_is_there_is_found_by_asking() {
+    let robot = Robot::start(&[]);
+    let found = r6(&["discover", robot.address()]);
+    assert_eq!(found.code, 0, "{found:?}");
+    assert!(
+        found.out.starts_with(&format!("{}: machineName `r6 virtual ", robot.address())),
+        "{}",
+        found.out
+    );
+    let json = r6(&["discover", robot.address(), "--json"]).json();
+    assert_eq!((&json[0]["robot"], &json[0]["axis_count"]), (&robot.address().into(), &6.into()));
 }

@@ -23,7 +23,8 @@ fn a_list_that_repeats_is_named_and_has_no_end() {
     let robot = Robot::start(&[]);
     let outcome = robot.r6(&["run", MANUAL_EXAMPLE]);
     assert_eq!(outcome.code, 0, "{outcome:?}");
-    assert!(outcome.out.contains("this list repeats until stopped: r6 stop"), "{}", outcome.out);
+    let stop = format!("this list repeats until stopped: r6 --robot {} stop\n", robot.address());
+    assert!(outcome.out.contains(&stop), "{}", outcome.out);
     assert_eq!(robot.value("RemoteCmdLen"), 1);
     assert_eq!(robot.r6(&["stop"]).code, 0);
     assert_eq!(robot.value("RemoteCmdLen"), 0);

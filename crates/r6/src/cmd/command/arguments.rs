@@ -4,7 +4,10 @@ use std::borrow::Cow;
 use std::str::FromStr;
 
 use r6_proto::address::RegisterIndex;
+use r6_proto::io_point::IoPoint;
 use r6_proto::{Command, CommandName};
+
+use super::said;
 
 /// Reads the arguments of a command, in the units of the table of commands.
 pub fn read(name: CommandName, words: &[String]) -> Result<Command<'static>, String> {
@@ -25,10 +28,17 @@ pub fn read(name: CommandName, words: &[String]) -> Result<Command<'static>, Str
             current: arguments.count(1)?,
             target: arguments.count(2)?,
         },
-        CommandName::ModifyOutput => Command::ModifyOutput {
-            board: arguments.up_to(0, 7)?,
-            point: arguments.up_to(1, 31)?,
-            on: arguments.flag(2)?,
+        CommandName::ModifyOutput => match arguments.signal()? {
+            Some(named) => Command::ModifyOutput {
+                board: said::board_of(named)?,
+                point: named.point,
+                on: arguments.flag_at(1, 2)?,
+            },
+            None => Command::ModifyOutput {
+                board: arguments.up_to(0, 7)?,
+                point: arguments.up_to(1, 31)?,
+                on: arguments.flag(2)?,
+            },
         },
         CommandName::ModifyStackData => Command::ModifyStackData {
             stack: arguments.whole(0)?,
@@ -74,7 +84,8 @@ impl Arguments<'_> {
         let wanted = self.name.info().arguments.len();
         let given = self.words.len();
         let open_ended = self.name == CommandName::RewriteDataList;
-        let enough = given == wanted || (open_ended && given > wanted);
+        let by_name = self.names_signal();
+        let enough = if by_name { given == 2 } else { given == wanted || (open_ended && given > wanted) };
         if enough {
             return Ok(());
         }
@@ -83,7 +94,24 @@ impl Arguments<'_> {
             1 => "1 argument".to_owned(),
             _ => format!("{wanted} arguments"),
         };
+        if by_name {
+            return Err(format!("a signal's name takes 1 more argument, on or off; {} given", given - 1));
+        }
         Err(format!("it takes {arguments}, {given} given"))
+    }
+
+    /// Whether `modifyOutput` is told the name of a signal instead of board and point.
+    fn names_signal(&self) -> bool {
+        let begins_with_letter = self.word(0).starts_with(|first: char| first.is_ascii_alphabetic());
+        self.name == CommandName::ModifyOutput && begins_with_letter
+    }
+
+    /// The signal that is named, if one is.
+    fn signal(&self) -> Result<Option<IoPoint>, String> {
+        if !self.names_signal() {
+            return Ok(None);
+        }
+        self.word(0).parse().map(Some).map_err(|error: r6_proto::io_point::BadPoint| error.to_string())
     }
 
     fn word(&self, index: usize) -> &str {
@@ -113,10 +141,18 @@ impl Arguments<'_> {
     }
 
     fn flag(&self, index: usize) -> Result<bool, String> {
+        self.flag_at(index, index)
+    }
+
+    /// The flag in the place of another argument.
+    fn flag_at(&self, index: usize, of: usize) -> Result<bool, String> {
         match self.word(index) {
             "1" | "on" => Ok(true),
             "0" | "off" => Ok(false),
-            _ => Err(self.wrong(index, "1 or 0")),
+            other => {
+                let name = self.name.info().arguments.get(of).map_or("argument", |argument| argument.name);
+                Err(format!("{name} is `{other}`, but has to be 1 (on) or 0 (off)"))
+            }
         }
     }
 
@@ -180,6 +216,25 @@ mod tests {
             read_words("modifyCounter 3 -1 20"),
             Ok(Command::ModifyCounter { id: 3, current: None, target: Some(20) })
         );
+    }
+
+    #[test]
+    fn an_output_goes_by_its_name_too() {
+        let output = |board, point, on| Ok(Command::ModifyOutput { board, point, on });
+        assert_eq!(read_words("modifyOutput 0 10 1"), output(0, 10, true));
+        assert_eq!(read_words("modifyOutput Y022 on"), output(0, 10, true));
+        assert_eq!(read_words("modifyOutput y1.010 0"), output(1, 0, false));
+        assert_eq!(read_words("modifyOutput M010 off"), output(4, 0, false));
+        assert_eq!(read_words("modifyOutput EUY047 1"), output(7, 31, true));
+        for (wrong, says) in [
+            ("modifyOutput Y10 on", "names no point"),
+            ("modifyOutput X010 on", "is an input"),
+            ("modifyOutput Y010 perhaps", "state is `perhaps`"),
+            ("modifyOutput Y010 0 1", "1 more argument"),
+        ] {
+            let error = read_words(wrong).unwrap_err();
+            assert!(error.contains(says), "{error}");
+        }
     }
 
     #[test]

@@ -7,11 +7,14 @@ use r6_client::{Cause, Missed, MotionError, Progress, RequestError, StopReport};
 
 use crate::cmd::job::guard;
 use crate::exit::{Exit, Failure};
+use crate::hint;
 use crate::output::alarm;
 
 /// What to do where the arm stands elsewhere.
-pub const ELSEWHERE: &str =
-    "look at the arm and at `r6 status`; a curve wants a move before it, and masks leave axes out";
+pub fn elsewhere() -> String {
+    let status = hint::r6("status");
+    format!("look at the arm and at `{status}`; a curve wants a move before it, and masks leave axes out")
+}
 
 /// A job that did not come to what was asked for.
 #[derive(Debug)]
@@ -50,8 +53,8 @@ impl Ended {
             Ok(report) if report.confirmed => (failure.add(format_args!("stopped: {report}")), Some(report)),
             Ok(report) => (failure.add(&report).with_exit(Exit::Unknown), Some(report)),
             Err(error) => {
-                let failure = failure.add(format_args!("the stop failed, use the emergency stop: {error}"));
-                (failure.with_exit(Exit::Unknown), None)
+                // An arm that goes on comes before everything else.
+                (failure.lead(error).with_exit(Exit::Unknown), None)
             }
         };
         Self { failure, progress: None, stop }
@@ -126,11 +129,11 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
                 .advise("somebody stopped or paused it, or turned the key: look at the machine first")
         }
         Cause::Elsewhere(missed @ Missed { found: Some(_), .. }) => {
-            Failure::refused(format!("the list was accepted, but {missed}")).advise(ELSEWHERE)
+            Failure::refused(format!("the list was accepted, but {missed}")).advise(elsewhere())
         }
         Cause::Elsewhere(missed) => {
             Failure::unknown(format!("the list was accepted and the arm stands, but {missed}"))
-                .advise("look at the arm and at `r6 status`")
+                .advise(format!("look at the arm and at `{}`", hint::r6("status")))
         }
         Cause::Stalled { after } => {
             Failure::refused(format!("nothing has gone on for {:.1} s", after.as_secs_f64()))
@@ -194,7 +197,8 @@ mod tests {
     #[test]
     fn an_arm_that_was_not_seen_to_stand_leaves_the_outcome_unknown() {
         let cause = || Cause::AlarmRaised { code: 130 };
-        for stop in [Ok(report(false)), Err(NotSent::Disconnected.into())] {
+        let not_sent = NotSent::NotStopped(Box::new(NotSent::Disconnected));
+        for stop in [Ok(report(false)), Err(not_sent.into())] {
             let failure = ended(cause(), progress(24, 24), Some(stop));
             assert_eq!(failure.exit(), Exit::Unknown);
             assert!(failure.what().contains("emergency stop"), "{failure}");

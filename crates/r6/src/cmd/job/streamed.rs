@@ -9,6 +9,7 @@ use crate::cmd::job::ended::{Ended, GivenUp};
 use crate::cmd::job::progress::{TOLD_EVERY, Teller, clear_progress, show_progress};
 use crate::cmd::job::{JobArgs, events, not_ready, say_how_to_follow};
 use crate::exit::{Exit, Failure};
+use crate::hint;
 use crate::output::{self, action, status};
 use crate::robot;
 use crate::signals::Ending;
@@ -118,8 +119,14 @@ async fn give_up(robot: &Robot, handle: MotionHandle, why: GivenUp, stop: bool) 
     let progress = *watch.borrow();
     let length = robot.status().await.ok().and_then(|status| status.list_length);
     let advice = match why {
-        GivenUp::Interrupted => "the arm finishes its list: end the motion with `r6 stop`",
-        GivenUp::TimedOut(_) => "look with `r6 status`, end it with `r6 stop`; --timeout waits longer",
+        GivenUp::Interrupted => {
+            format!("the arm finishes its list: end the motion with `{}`", hint::r6("stop"))
+        }
+        GivenUp::TimedOut(_) => format!(
+            "look with `{}`, end it with `{}`; --timeout waits longer",
+            hint::r6("status"),
+            hint::r6("stop")
+        ),
     };
     let what = format!("{why}; the arm may go on moving: {}", what_goes_on(&progress, length));
     Ended { progress: Some(progress), ..Failure::unknown(what).advise(advice).into() }

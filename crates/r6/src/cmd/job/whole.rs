@@ -5,13 +5,14 @@ use std::time::Duration;
 use r6_client::{Done, Envelope, Instruction, Robot, Unmet, WaitError, WaitOptions};
 use r6_proto::message::Action;
 
-use crate::cmd::job::ended::{ELSEWHERE, Ended, GivenUp};
+use crate::cmd::job::ended::{Ended, GivenUp, elsewhere};
 use crate::cmd::job::events::Accepted;
 use crate::cmd::job::progress::{clear_progress, show_progress};
 use crate::cmd::job::streamed::stands;
 use crate::cmd::job::target::{Missed, Target};
 use crate::cmd::job::{JobArgs, guard, not_ready, repeats, say_how_to_follow};
 use crate::exit::{Exit, Failure};
+use crate::hint;
 use crate::output;
 use crate::signals::Ending;
 use r6::program_file::Batch;
@@ -53,7 +54,7 @@ pub fn prepare(batches: Vec<Batch>, envelope: Option<&Envelope>, room: usize) ->
 /// Prints the frames that would be sent.
 pub fn print_frames(batches: &[Batch]) -> Result<Exit, Failure> {
     if repeats(batches) {
-        output::note("this list repeats until stopped: r6 stop");
+        output::note(format_args!("this list repeats until stopped: {}", hint::r6("stop")));
     }
     for (number, batch) in batches.iter().enumerate() {
         let frame = batch.encode(&(number + 1).to_string()).map_err(Failure::usage)?;
@@ -91,7 +92,7 @@ pub async fn run(
     }
     if !args.json {
         if repeats(batches) {
-            output::line("this list repeats until stopped: r6 stop");
+            output::line(format_args!("this list repeats until stopped: {}", hint::r6("stop")));
         }
         say_how_to_follow();
     }
@@ -194,7 +195,8 @@ async fn follow(
         Some(Err(error)) => return Err(Failure::from(error).into()),
         None => (
             GivenUp::Interrupted,
-            Failure::unknown("no longer waiting; the arm goes on").advise("end the motion with `r6 stop`"),
+            Failure::unknown("no longer waiting; the arm goes on")
+                .advise(format!("end the motion with `{}`", hint::r6("stop"))),
         ),
     };
     if args.stop_on_interrupt {
@@ -209,10 +211,10 @@ fn compare(target: Option<Target>, done: &Done) -> Result<Exit, Failure> {
         None => Ok(Exit::Done),
         Some(missed @ Missed::Unread { .. }) => {
             Err(Failure::unknown(format!("the list was accepted and the arm stands, but {missed}"))
-                .advise("look at the arm and at `r6 status`"))
+                .advise(format!("look at the arm and at `{}`", hint::r6("status"))))
         }
         Some(missed @ Missed::Elsewhere { .. }) => {
-            Err(Failure::refused(format!("the list was accepted, but {missed}")).advise(ELSEWHERE))
+            Err(Failure::refused(format!("the list was accepted, but {missed}")).advise(elsewhere()))
         }
     }
 }

@@ -23,6 +23,8 @@ pub enum Wanted {
     Wholes(u32),
     /// A mask, as a number or as a text.
     Mask,
+    /// A point, as a whole number from 0 up to this or as a text.
+    Point(u32),
 }
 
 /// The keys of the file itself, `instruction` apart.
@@ -162,6 +164,7 @@ impl Wanted {
                 .as_array()
                 .is_some_and(|all| all.iter().all(|one| Self::Whole(last).takes(one.get_ref()))),
             Self::Mask => value.is_str() || Self::Whole(255).takes(value),
+            Self::Point(last) => value.is_str() || Self::Whole(last).takes(value),
         }
     }
 
@@ -179,6 +182,7 @@ impl Wanted {
             Self::Numbers => "numbers in brackets, such as [10, -20.5]".to_owned(),
             Self::Wholes(last) => format!("whole numbers from 0 to {last} in brackets, such as [1, 2]"),
             Self::Mask => "a mask such as 0x3F or \"0x3F\"".to_owned(),
+            Self::Point(last) => format!("a whole number from 0 to {last}, or a name such as \"Y010\""),
         }
     }
 }

@@ -31,7 +31,7 @@ pub const KEYS: [(&str, Wanted); 23] = [
     ("seconds", Wanted::Number),
     ("source", Wanted::Word(&["input", "m", "eu"])),
     ("board", Wanted::Whole(4)),
-    ("point", Wanted::Whole(32)),
+    ("point", Wanted::Point(32)),
     ("until", Wanted::Word(&["on", "off", "rising", "falling"])),
     ("limit", Wanted::Number),
     ("kind", Wanted::Word(&["y", "m", "euy"])),
@@ -61,7 +61,7 @@ pub struct Step {
     seconds: Option<f64>,
     source: Option<SourceWord>,
     board: Option<u8>,
-    point: Option<u8>,
+    point: Option<PointWord>,
     until: Option<UntilWord>,
     limit: Option<f64>,
     kind: Option<OutputWord>,
@@ -96,6 +96,14 @@ enum Kind {
 enum MaskWord {
     Bits(u8),
     Text(String),
+}
+
+/// A point as a number, or by its name on the pendant.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(untagged)]
+enum PointWord {
+    Number(u8),
+    Name(String),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -157,7 +165,7 @@ impl Step {
                 let in_use = self.watch.unwrap_or(true);
                 Ok(Action::StopOnSignal(StopOnSignal {
                     in_use,
-                    input: point(required("point", self.point)?)?,
+                    input: self.watched_input()?,
                     on: if in_use { required("on", self.on)? } else { self.on.unwrap_or(false) },
                 }))
             }
@@ -317,6 +325,36 @@ mod tests {
         let Action::BoardOutput(output) = action(text).unwrap() else { panic!() };
         assert_eq!((output.low.bits(), output.high.bits()), (151_388_258, 393_222));
         assert_eq!(action("do=\"board-output\"\nset=[1]\nclear=[1]").unwrap_err(), "point 1 is named twice");
+    }
+
+    #[test]
+    fn a_point_goes_by_its_name_too() {
+        for (named, counted) in [
+            ("do=\"output\"\npoint=\"Y022\"\non=true", "do=\"output\"\npoint=10\non=true"),
+            ("do=\"output\"\npoint=\"M010\"\non=true", "do=\"output\"\nkind=\"m\"\npoint=0\non=true"),
+            ("do=\"output\"\npoint=\"Y1.010\"\npulse=1", "do=\"output\"\npoint=32\npulse=1"),
+            (
+                "do=\"wait\"\npoint=\"X1.011\"\nuntil=\"on\"",
+                "do=\"wait\"\nsource=\"input\"\nboard=1\npoint=1\nuntil=\"on\"",
+            ),
+            ("do=\"stop-on-signal\"\npoint=\"X011\"\non=true", "do=\"stop-on-signal\"\npoint=1\non=true"),
+        ] {
+            assert_eq!(action(named).unwrap(), action(counted).unwrap(), "{named}");
+        }
+        for (wrong, says) in [
+            ("do=\"output\"\npoint=\"X010\"\non=true", "X010 is an input"),
+            ("do=\"output\"\npoint=\"Y1.011\"\non=true", "beyond this instruction"),
+            (
+                "do=\"output\"\nkind=\"y\"\npoint=\"Y010\"\non=true",
+                "`kind` goes with a point that is a number",
+            ),
+            ("do=\"output\"\npoint=\"Y10\"\non=true", "names no point"),
+            ("do=\"wait\"\npoint=\"Y010\"\nuntil=\"on\"", "Y010 is an output"),
+            ("do=\"stop-on-signal\"\npoint=\"X1.010\"\non=true", "cannot stop a move"),
+        ] {
+            let error = action(wrong).unwrap_err();
+            assert!(error.contains(says), "{wrong}: {error}");
+        }
     }
 
     #[test]

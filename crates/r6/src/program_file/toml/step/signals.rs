@@ -1,12 +1,12 @@
 //! Steps about signals: waits and outputs.
 
-use r6_proto::io_point::PairMask;
+use r6_proto::io_point::{IoPoint, PairMask, PointKind};
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{
     BoardOutput, Output, OutputBoard, OutputKind, Wait, WaitCondition, WaitSource,
 };
 
-use super::{OutputWord, SourceWord, Step, UntilWord, point, required, seconds, up_to};
+use super::{OutputWord, PointWord, SourceWord, Step, UntilWord, point, required, seconds, up_to};
 
 impl Step {
     /// A wait for a time or for a signal.
@@ -21,13 +21,9 @@ impl Step {
             }));
         }
         self.uses(&["seconds", "source", "board", "point", "until", "limit"])?;
-        let source = self.source.ok_or("`seconds` is missing, or `source` with `point` and `until`")?;
-        let point = point(required("point", self.point)?)?;
-        let board = self.board.unwrap_or(0);
-        let source = match source {
-            SourceWord::Input => WaitSource::Input { board: up_to("board", board, 4)?, point },
-            SourceWord::M => WaitSource::M { board: up_to("board", board, 2)?, point },
-            SourceWord::Eu => WaitSource::Eu { point },
+        let source = match self.named(&["source", "board"])? {
+            Some(named) => awaited(named)?,
+            None => self.counted_source()?,
         };
         let condition = match required("until", self.until)? {
             UntilWord::Off => WaitCondition::Off,
@@ -39,15 +35,60 @@ impl Step {
         Ok(Action::Wait(Wait { source, condition, limit, unlimited: self.limit.is_none() }))
     }
 
+    /// What is waited for, where it is told by `source`, `board` and `point`.
+    fn counted_source(&self) -> Result<WaitSource, String> {
+        let source = self.source.ok_or("`seconds` is missing, or `source` with `point` and `until`")?;
+        let point = point(self.counted()?)?;
+        let board = self.board.unwrap_or(0);
+        Ok(match source {
+            SourceWord::Input => WaitSource::Input { board: up_to("board", board, 4)?, point },
+            SourceWord::M => WaitSource::M { board: up_to("board", board, 2)?, point },
+            SourceWord::Eu => WaitSource::Eu { point },
+        })
+    }
+
+    /// The signal, where `point` is its name, which tells the rest: these keys must not say it again.
+    fn named(&self, told: &[&str]) -> Result<Option<IoPoint>, String> {
+        let Some(PointWord::Name(name)) = &self.point else { return Ok(None) };
+        let named: IoPoint = name.parse().map_err(|wrong| format!("`point`: {wrong}"))?;
+        match self.given().find(|key| told.contains(key)) {
+            Some(key) => Err(format!("`{key}` goes with a point that is a number; {named} tells all of it")),
+            None => Ok(Some(named)),
+        }
+    }
+
+    /// The point, where it is a number.
+    fn counted(&self) -> Result<u8, String> {
+        match required("point", self.point.as_ref())? {
+            PointWord::Number(number) => Ok(*number),
+            PointWord::Name(name) => Err(format!("`point` is \"{name}\", but has to be a number here")),
+        }
+    }
+
+    /// The input of a stop on a signal: those of the first board alone.
+    pub(super) fn watched_input(&self) -> Result<u8, String> {
+        match self.named(&[])? {
+            Some(IoPoint { kind: PointKind::X, board: 0, point }) => Ok(point),
+            Some(other) => Err(format!("{other} cannot stop a move: X010 to X047 can")),
+            None => point(self.counted()?),
+        }
+    }
+
     /// One output, or a pulse on it.
     pub(super) fn output(&self) -> Result<Action, String> {
         self.uses(&["kind", "point", "on", "delay", "pulse"])?;
-        let point = up_to("point", required("point", self.point)?, 32)?;
-        let kind = match self.kind.unwrap_or(OutputWord::Y) {
-            OutputWord::Y => OutputKind::Y,
-            OutputWord::M => OutputKind::M,
-            OutputWord::Euy => OutputKind::Euy,
+        let (kind, point) = match self.named(&["kind"])? {
+            Some(named) => set_by_name(named)?,
+            None => {
+                let kind = match self.kind.unwrap_or(OutputWord::Y) {
+                    OutputWord::Y => OutputKind::Y,
+                    OutputWord::M => OutputKind::M,
+                    OutputWord::Euy => OutputKind::Euy,
+                };
+                (kind, self.counted()?)
+            }
         };
+        let point = up_to("point", point, 32)?;
         let Some(pulse) = self.pulse else {
             let on = required("on", self.on)?;
             let delay = seconds("delay", self.delay.unwrap_or(0.0))?;
@@ -84,5 +125,33 @@ impl Step {
         }
         let [low, high] = halves.map(PairMask::from_bits);
         Ok(Action::BoardOutput(BoardOutput { board, low, high }))
+    }
+}
+
+/// What is waited for, by its name.
+fn awaited(named: IoPoint) -> Result<WaitSource, String> {
+    let IoPoint { kind, board, point } = named;
+    match kind {
+        PointKind::X => Ok(WaitSource::Input { board: up_to("board", board, 4)?, point }),
+        PointKind::M => Ok(WaitSource::M { board: up_to("board", board, 2)?, point }),
+        PointKind::Eux => Ok(WaitSource::Eu { point }),
+        PointKind::Y | PointKind::Euy => Err(format!("{named} is an output, and is not waited for")),
+    }
+}
+
+/// What is set, by its name: kind and point.
+fn set_by_name(named: IoPoint) -> Result<(OutputKind, u8), String> {
+    let IoPoint { kind, board, point } = named;
+    let kind = match kind {
+        PointKind::Y => OutputKind::Y,
+        PointKind::M => OutputKind::M,
+        PointKind::Euy => OutputKind::Euy,
+        PointKind::X | PointKind::Eux => return Err(format!("{named} is an input, and is not set")),
+    };
+    // Point 32 is the first one of the next board, and the last that this instruction has.
+    let point = u16::from(board) * 32 + u16::from(point);
+    match u8::try_from(point).ok().filter(|point| *point <= 32) {
+        Some(point) => Ok((kind, point)),
+        None => Err(format!("{named} is beyond this instruction, which ends with the first of board 1")),
     }
 }

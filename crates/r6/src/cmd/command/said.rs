@@ -1,0 +1,130 @@
+//! What a command did, in words: values with their units, signals by their names, and how the wire has them.
+
+use r6_proto::dialect::Envelope;
+use r6_proto::io_point::{IoPoint, PointKind};
+use r6_proto::{Command, Request};
+
+/// What the command asks for; `None` where its name says all.
+pub fn words(command: &Command<'_>) -> Option<String> {
+    let keeps = |savable: bool| if savable { "kept over a power cut" } else { "not kept over a power cut" };
+    Some(match command {
+        Command::ModifyGspd { percent } => format!("global speed {percent} %"),
+        Command::ModifyAccDec { acceleration, deceleration } => {
+            format!("acceleration within {acceleration} s, deceleration within {deceleration} s")
+        }
+        Command::ModifyTool { tool, offset: [x, y, z, rx, ry, rz] } => {
+            format!("tool {tool}: X {x} mm, Y {y} mm, Z {z} mm, RX {rx} deg, RY {ry} deg, RZ {rz} deg")
+        }
+        Command::ModifyStackData { stack, spacing: [dx, dy, dz], count: [nx, ny, nz] } => {
+            format!("stack {stack}: {nx} x {ny} x {nz}, {dx} mm, {dy} mm and {dz} mm apart")
+        }
+        Command::ModifyOutput { board, point, on } => {
+            let state = if *on { "on" } else { "off" };
+            match output(*board, *point) {
+                Some(named) => format!("point {point} of {} = {named}, {state}", bank(named)),
+                None => format!("board {board}, point {point}, {state}"),
+            }
+        }
+        Command::RewriteData { register, value, savable } => {
+            format!("register {} = {value}, {}", register.number(), keeps(*savable))
+        }
+        Command::RewriteDataList { first, savable, values } => {
+            let values: Vec<_> = values.iter().map(ToString::to_string).collect();
+            format!("registers from {} = {}, {}", first.number(), values.join(", "), keeps(*savable))
+        }
+        Command::ModifyCounter { id, current, target } => {
+            let told =
+                |count: &Option<u32>| count.map_or_else(|| "as it was".to_owned(), |count| count.to_string());
+            format!("counter {id}: count {}, target {}", told(current), told(target))
+        }
+        Command::SwitchMold { mold } => format!("program `{mold}`"),
+        Command::SwitchTool { tool } => format!("tool {tool}"),
+        Command::SwitchCoordinate { workbench } => format!("workbench {workbench}"),
+        Command::ActionStop
+        | Command::ActionPause
+        | Command::ActionSingleCycle
+        | Command::StartButton
+        | Command::StopButton
+        | Command::ClearAlarmRunNext
+        | Command::ClearAlarmContinue
+        | Command::ClearAlarm => return None,
+    })
+}
+
+/// The arguments as they left, out of the frame itself.
+pub fn on_the_wire(command: &Command<'_>) -> Vec<String> {
+    let mut frame = Vec::new();
+    let encoded = Request::Command(command).encode(&Envelope::default(), &mut frame);
+    let value = encoded.ok().and_then(|()| serde_json::from_slice::<serde_json::Value>(&frame).ok());
+    let data = value.as_ref().and_then(|value| value.get("cmdData")?.as_array());
+    let words = data.into_iter().flatten().skip(1);
+    words.filter_map(|word| word.as_str().map(str::to_owned)).collect()
+}
+
+/// Whether the wire has other numbers than the command line, so that both are told.
+pub fn is_scaled(command: &Command<'_>) -> bool {
+    matches!(command, Command::ModifyGspd { .. } | Command::ModifyAccDec { .. } | Command::ModifyTool { .. })
+}
+
+/// The signal that `modifyOutput` means by a board and a point (manual 4.2.1 #8).
+fn output(board: u8, point: u8) -> Option<IoPoint> {
+    let (kind, board) = match board {
+        0..=3 => (PointKind::Y, board),
+        4..=6 => (PointKind::M, board - 4),
+        7 => (PointKind::Euy, 0),
+        _ => return None,
+    };
+    Some(IoPoint { kind, board, point })
+}
+
+/// Board and point of `modifyOutput` for a signal, or why it has none.
+pub fn board_of(named: IoPoint) -> Result<u8, String> {
+    match (named.kind, named.board) {
+        (PointKind::Y, board @ 0..=3) => Ok(board),
+        (PointKind::M, board @ 0..=2) => Ok(board + 4),
+        (PointKind::Euy, 0) => Ok(7),
+        (PointKind::X | PointKind::Eux, _) => Err(format!("{named} is an input, and is not set")),
+        (PointKind::Y | PointKind::M | PointKind::Euy, _) => {
+            Err(format!("{named} cannot be set by this command: it has boards 0 to 3 of Y and 0 to 2 of M"))
+        }
+    }
+}
+
+/// What its points are counted on: `Y`, `Y board 1`.
+fn bank(named: IoPoint) -> String {
+    let letters = named.kind.letters();
+    if named.board == 0 { letters.to_owned() } else { format!("{letters}, board {}", named.board) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_scaled_is_told_with_its_unit_and_as_the_wire_has_it() {
+        let slow = Command::ModifyGspd { percent: 5.0 };
+        assert_eq!(words(&slow).as_deref(), Some("global speed 5 %"));
+        assert_eq!(on_the_wire(&slow), ["50"]);
+        let ramps = Command::ModifyAccDec { acceleration: 0.2, deceleration: 0.35 };
+        assert_eq!(words(&ramps).as_deref(), Some("acceleration within 0.2 s, deceleration within 0.35 s"));
+        assert_eq!(on_the_wire(&ramps), ["200", "350"]);
+        assert_eq!(words(&Command::ActionStop), None);
+    }
+
+    #[test]
+    fn every_output_of_the_command_has_its_name_and_back() {
+        for board in 0..=7_u8 {
+            for point in 0..32_u8 {
+                let named = output(board, point).unwrap();
+                assert_eq!((board_of(named), named.point), (Ok(board), point));
+            }
+        }
+        let said = |board, point| words(&Command::ModifyOutput { board, point, on: true }).unwrap();
+        assert_eq!(said(0, 10), "point 10 of Y = Y022, on");
+        assert_eq!(said(1, 0), "point 0 of Y, board 1 = Y1.010, on");
+        assert_eq!(said(4, 3), "point 3 of M = M013, on");
+        for wrong in ["X010", "EUX010", "Y4.010", "M3.010"] {
+            assert!(board_of(wrong.parse().unwrap()).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! `r6 discover`: who answers at the addresses that are named.
+
+use clap::Args;
+use r6_client::{Discovered, Identity, discover};
+use serde_json::{Value, json};
+
+use crate::exit::{Exit, Failure};
+use crate::output;
+use crate::robot;
+
+/// More addresses than a cell has; a network is not scanned.
+const MOST_ADDRESSES: usize = 64;
+
+/// Ask at the addresses that are named who is there; nothing moves
+#[derive(Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+It reads version, machineName and axisNum, over one connection to each address that is closed in \
+order. There is no scan of a network, on purpose: controllers have very few connections, and one \
+that is left half open can block their port. The port is 9760 where none is given; others were \
+seen on 9700, 502, 503, 3388 and 8888.
+
+The exit code is 0 if a controller answers at each address, else 3.
+
+Examples:
+  r6 discover 192.168.1.10 192.168.1.11
+  r6 discover 192.168.1.10:9760 192.168.1.10:9700 --json"
+)]
+pub struct DiscoverArgs {
+    /// Where controllers may be
+    #[arg(value_name = "HOST[:PORT]", required = true, num_args = 1..=MOST_ADDRESSES)]
+    addresses: Vec<String>,
+    /// Print one JSON array
+    #[arg(long)]
+    json: bool,
+}
+
+/// Asks all of them and prints who answered.
+pub async fn run(args: DiscoverArgs) -> Result<Exit, Failure> {
+    let addresses: Vec<_> = args.addresses.iter().map(String::as_str).collect();
+    let found = discover(&addresses, &robot::settings()).await;
+    let silent = found.iter().filter(|found| found.who.is_err()).count();
+    if args.json {
+        output::json_pretty(&found.iter().map(as_json).collect::<Vec<_>>());
+    } else {
+        for Discovered { address, who } in &found {
+            match who {
+                Ok(identity) => output::line(format_args!("{address}: {identity}")),
+                Err(error) => output::line(format_args!("{address}: {error}")),
+            }
+        }
+    }
+    if silent > 0 {
+        let asked = found.len();
+        return Err(Failure::no_reply(format!("no controller answered at {silent} of {asked}")));
+    }
+    Ok(Exit::Done)
+}
+
+fn as_json(Discovered { address, who }: &Discovered) -> Value {
+    match who {
+        Ok(Identity { firmware, machine_name, axis_count }) => json!({
+            "robot": address, "firmware": firmware, "machine_name": machine_name, "axis_count": axis_count,
+        }),
+        Err(error) => json!({ "robot": address, "error": error.to_string() }),
+    }
+}
