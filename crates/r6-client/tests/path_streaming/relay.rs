@@ -76,6 +76,11 @@ impl Relay {
         state.sent.iter().filter(|frame| frame["reqType"] == "AddRCC").cloned().collect()
     }
 
+    /// Whether the link has broken where it was told to.
+    pub fn has_broken(&self) -> bool {
+        self.state.lock().unwrap().breaks.is_none()
+    }
+
     async fn carry(&self, mut from: OwnedReadHalf, mut to: OwnedWriteHalf, is_reply: bool) {
         let mut received = Vec::new();
         let mut bytes = [0; 4096];
