@@ -45,8 +45,8 @@ pub struct Envelope {
     largest_axis_step: Option<Degrees>,
     largest_distance: Option<Millimetres>,
     only: Option<Vec<i64>>,
-    /// Another envelope that has to be passed, too.
-    also: Option<Box<Envelope>>,
+    /// Others that have to be passed, too; each of them has none, and none is there twice.
+    also: Vec<Envelope>,
 }
 
 /// Where the arm stands before the first step.
@@ -119,17 +119,25 @@ impl Envelope {
 
     /// An envelope that a list passes only if it passes this one and the other, each on its own.
     #[must_use]
-    pub fn and(mut self, other: Self) -> Self {
-        self.also = Some(Box::new(match self.also.take() {
-            Some(also) => also.and(other),
-            None => other,
-        }));
+    pub fn and(mut self, mut other: Self) -> Self {
+        let others = std::mem::take(&mut other.also);
+        for one in std::iter::once(other).chain(others) {
+            // Whoever guards again and again has no more to check for it.
+            if !self.all().any(|known| known.same_bounds(&one)) {
+                self.also.push(one);
+            }
+        }
         self
+    }
+
+    fn same_bounds(&self, other: &Self) -> bool {
+        let alone = |envelope: &Self| Self { also: Vec::new(), ..envelope.clone() };
+        alone(self) == alone(other)
     }
 
     /// This envelope, and those that have to be passed, too.
     fn all(&self) -> impl Iterator<Item = &Self> {
-        std::iter::successors(Some(self), |envelope| envelope.also.as_deref())
+        std::iter::once(self).chain(&self.also)
     }
 
     /// Limits between which there is nothing are a mistake: whoever swapped them means something else.

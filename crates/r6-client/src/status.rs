@@ -193,6 +193,11 @@ impl Robot {
 impl fmt::Display for Unmet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Mode { found: found @ OperationMode::Auto } => write!(
+                f,
+                "the operation mode is {found}, not running (7): on the pendant turn Cycle on and press Start, or, with nobody \
+                 near the arm, send the command startButton; the program must wait in its \"wait for remote commands\" step"
+            ),
             Self::Mode { found } => write!(
                 f,
                 "the operation mode is {found}, not running (7): on the pendant switch to Auto, turn Cycle on and press \

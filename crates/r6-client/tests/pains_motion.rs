@@ -54,7 +54,11 @@ async fn pain_01_it_does_not_move_and_says_why() {
         let (controller, robot) = cell(VirtualController::builder().stands(start)).await;
         let refused = cause(&robot, &there).await;
         assert!(matches!(&refused, Cause::NotReady(unmet) if matches!(unmet[..], [Unmet::Mode { .. }])));
-        assert!(refused.to_string().contains("on the pendant switch to Auto, turn Cycle on and press Start"));
+        let wanted = match start {
+            StartState::Auto => "on the pendant turn Cycle on and press Start",
+            _ => "on the pendant switch to Auto, turn Cycle on and press Start",
+        };
+        assert!(refused.to_string().contains(wanted), "{refused}");
         // The simulator refuses the same list, in its own words.
         let mut log = controller.handle().log();
         robot.add_rcc(true, there.instructions().unwrap().to_vec()).await.unwrap_err();

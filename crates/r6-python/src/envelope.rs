@@ -22,6 +22,10 @@ impl Envelope {
         Self::default()
     }
 
+    fn __and__(&self, other: &Self) -> Self {
+        Self(self.0.clone().and(other.0.clone()))
+    }
+
     fn speed_cap(&self, cap: &Percent) -> Self {
         Self(self.0.clone().speed_cap(cap.0))
     }

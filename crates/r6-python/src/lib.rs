@@ -37,7 +37,6 @@ mod _r6 {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         let py = module.py();
-        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         crate::record::load(py)?;
         crate::errors::load(py)?;
         crate::interpreter::watch(py)

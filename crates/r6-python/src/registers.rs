@@ -52,8 +52,10 @@ pub fn from_thousandths(value: i64) -> f64 {
 /// The first of so many registers, if all of them exist.
 pub fn first(first: u16, count: usize) -> PyResult<RegisterIndex> {
     let beyond = count.checked_sub(1).ok_or_else(|| PyValueError::new_err("count has to be 1 or more"))?;
+    // What was given is what is named, before the last of them.
+    let found = register(first)?;
     register(first.saturating_add(u16::try_from(beyond).unwrap_or(u16::MAX)))?;
-    register(first)
+    Ok(found)
 }
 
 /// An int64 array.

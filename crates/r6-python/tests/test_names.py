@@ -85,7 +85,7 @@ METHODS: list[tuple[str, str, type[Any], Table]] = [
             "instructions": " StepError comes at once",
         },
     ),
-    ("guard.rs", "Envelope", r6.Envelope, {"new": "__new__"}),
+    ("guard.rs", "Envelope", r6.Envelope, {"new": "__new__", "and": "__and__"}),
     ("units.rs", "Percent", r6.Percent, {"new": "__new__"}),
     ("units.rs", "MillimetresPerSecond", r6.MillimetresPerSecond, {"new": "__new__"}),
     ("units/position.rs", "AxisPosition", r6.AxisPosition, {"none": "__new__", "with": "with_axis"}),

@@ -208,3 +208,15 @@ async fn a_long_path_within_the_envelope_is_streamed() {
     soon(handle.unwrap().finished()).await.unwrap();
     assert_eq!(cell.taken(), 100);
 }
+
+#[test]
+fn an_envelope_that_is_laid_over_itself_again_and_again_stays_one() {
+    let narrow = Envelope::new().axis_limits(J1, Degrees(-30.0), Degrees(30.0));
+    let slow = Envelope::new().speed_cap(percent(20.0));
+    let both = narrow.clone().and(slow.clone());
+    let again = (0..100_000).fold(both.clone(), |envelope, _| envelope.and(slow.clone()).and(narrow.clone()));
+    assert_eq!(again, both);
+    let fast = Motion::new().axis_move(AxisPosition::degrees([10.0]), percent(21.0));
+    let far = Motion::new().axis_move(AxisPosition::degrees([31.0]), percent(20.0));
+    assert!(both.check_motion(&fast).is_err() && both.check_motion(&far).is_err());
+}

@@ -14,6 +14,8 @@ error of mypy. Errors are sorted by what to do next (``R6Error`` and its tree). 
 This is no safety function: a stop from here is an ordinary command on a network.
 """
 
+from importlib import metadata
+
 from ._async_robot import (
     AsyncFollowing,
     AsyncMotionHandle,
@@ -59,7 +61,6 @@ from ._r6 import (
     RobotSettings,
     RunOptions,
     Simulator,
-    __version__,
     addresses,
     alarm,
     from_thousandths,
@@ -102,6 +103,8 @@ from ._types import (
     Unmet,
     Value,
 )
+
+__version__ = metadata.version("r6")
 
 __all__ = [
     "Accepted",
@@ -181,6 +184,7 @@ __all__ = [
     "Unmet",
     "Value",
     "WaitError",
+    "__version__",
     "addresses",
     "alarm",
     "async_discover",
@@ -189,5 +193,4 @@ __all__ = [
     "models",
     "profiles",
     "to_thousandths",
-    "__version__",
 ]

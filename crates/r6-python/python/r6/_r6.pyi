@@ -29,8 +29,6 @@ from ._types import (
     StopReport,
     Wait,
 )
-
-__version__: str
 __all__ = [
     "AxisMask",
     "AxisPosition",
@@ -526,6 +524,8 @@ class Envelope:
     """
 
     def __new__(cls) -> Envelope: ...
+    def __and__(self, other: Envelope, /) -> Envelope:
+        """An envelope that a list passes only if it passes both."""
     def speed_cap(self, cap: Percent) -> Envelope:
         """No move is faster than this."""
     def path_speed_cap(self, cap: MillimetresPerSecond) -> Envelope:
