@@ -6,7 +6,7 @@ use std::pin::Pin;
 use std::task::{Context, Poll};
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::sync::mpsc::{self, error::TryRecvError};
+use tokio::sync::mpsc;
 use tokio::time::{Instant, Sleep, sleep_until};
 
 use crate::clock::Clock;
@@ -58,7 +58,7 @@ impl Waiter {
     ) -> Woken {
         poll_fn(|cx| {
             if link.has_room(Lane::Urgent)
-                && let Some(job) = at_hand(urgent)
+                && let Poll::Ready(job) = at_hand(urgent, cx)
             {
                 return Poll::Ready(Woken::Urgent(job));
             }
@@ -71,7 +71,7 @@ impl Waiter {
                 return Poll::Ready(Woken::Time);
             }
             if link.has_room(Lane::Ordinary)
-                && let Some(job) = at_hand(ordinary)
+                && let Poll::Ready(job) = at_hand(ordinary, cx)
             {
                 return Poll::Ready(Woken::Ordinary(job));
             }
@@ -98,9 +98,15 @@ impl Waiter {
         .await
     }
 
-    /// Whether the deadline was over when the timer went off.
-    fn is_due(&self, deadline: Option<Instant>) -> bool {
-        deadline.is_some_and(|deadline| deadline <= self.timer.deadline())
+    /// Whether the deadline was over when the timer went off. If not, the timer is set for it: whoever always has something to
+    /// read comes no further than here.
+    fn is_due(&mut self, deadline: Option<Instant>) -> bool {
+        let Some(deadline) = deadline else { return false };
+        let due = deadline <= self.timer.deadline();
+        if !due {
+            self.timer.as_mut().reset(deadline);
+        }
+        due
     }
 
     /// Ready once the deadline is over; never without one.
@@ -124,13 +130,11 @@ fn deadline(link: &Link, clock: Clock) -> Option<Instant> {
     link.deadline().map(|due| clock.at(Some(due)))
 }
 
-/// What a lane has now: a job, or `Some(None)` where none will ever come again.
-fn at_hand<T>(lane: &mut mpsc::Receiver<T>) -> Option<Option<T>> {
-    match lane.try_recv() {
-        Ok(job) => Some(Some(job)),
-        Err(TryRecvError::Empty) => None,
-        Err(TryRecvError::Disconnected) => Some(None),
-    }
+/// What a lane has now: a job, or `None` where none will ever come again. Most have nothing, and to see that costs less than to
+/// ask to be woken. What is there is taken as everywhere: in turn with other tasks, and without waiting for a sender that is
+/// not done yet.
+fn at_hand<T>(lane: &mut mpsc::Receiver<T>, cx: &mut Context<'_>) -> Poll<Option<T>> {
+    if lane.is_empty() && !lane.is_closed() { Poll::Pending } else { lane.poll_recv(cx) }
 }
 
 /// Gives to the stream what it takes. Whoever gave up while it took nothing has not asked for anything any more.
