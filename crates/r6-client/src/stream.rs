@@ -19,6 +19,7 @@ use crate::robot::Robot;
 use crate::settings::RobotSettings;
 use crate::status::{Status, Unmet};
 pub use crate::stream::error::{Cause, MotionError};
+pub(crate) use crate::stream::task::Ended;
 use crate::stream::task::Task;
 
 /// How a motion is run.
