@@ -170,8 +170,7 @@ impl Robot {
             stop: None,
         };
         options.check().map_err(|error| failed(Cause::Step(error)))?;
-        let turn = self.streaming().ok_or_else(|| failed(Cause::AnotherRuns))?;
-        let mut stops = self.stops();
+        let (turn, mut stops) = self.turn().await.map_err(failed)?;
         let ready = RunOptions { idle_mode: options.idle_mode, ..RunOptions::default() };
         let (status, connection) = self.look_before(ready).await.map_err(failed)?;
         let mut following = Following::new((self, connection), targets, options, status.axes);

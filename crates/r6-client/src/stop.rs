@@ -4,6 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use r6_proto::message::Command;
+use tokio::sync::{OwnedSemaphorePermit, watch};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use crate::error::{NotSent, OutcomeUnknown, Refused, RequestError};
@@ -11,6 +12,7 @@ use crate::job::Work;
 use crate::link::Lane;
 use crate::motion::Sample;
 use crate::robot::Robot;
+use crate::stream::Cause;
 use r6_proto::OperationMode;
 
 /// How long an arm may take to stand. One was seen to stop within 0.1 s, a paused one within 0.5 s; the rest is room for
@@ -39,8 +41,8 @@ pub(crate) struct Stopping {
 }
 
 impl Stopping {
-    /// A motion begins: what was stopped before is nothing to it.
-    pub fn forget(&mut self) {
+    /// What was stopped before is nothing to what begins now.
+    fn forget(&mut self) {
         self.last = None;
     }
 }
@@ -140,6 +142,21 @@ impl Robot {
         });
         under_way.end(result.clone());
         result
+    }
+
+    /// The right to stream a path over this connection, and news of every stop from now on. One that is under way is waited for: it
+    /// may still clear the list, which would be that of a moving arm by then.
+    pub(crate) async fn turn(&self) -> Result<(OwnedSemaphorePermit, watch::Receiver<u64>), Cause> {
+        let turn = self.streaming().ok_or(Cause::AnotherRuns)?;
+        // Before the look at what is under way: a stop that is not seen there is heard of.
+        let stops = self.stops();
+        let mut stopping = self.stopping().subscribe();
+        let over = stopping.wait_for(|stopping| stopping.under_way == 0);
+        if !matches!(timeout(STOP_WITHIN, over).await, Ok(Ok(_))) {
+            return Err(Cause::StoppedHere);
+        }
+        self.stopping().send_modify(Stopping::forget);
+        Ok((turn, stops))
     }
 
     /// Waits until no stop is under way over this connection, and tells what became of the last one; `None` if there was none

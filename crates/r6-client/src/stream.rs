@@ -111,7 +111,7 @@ impl Robot {
     /// # Errors
     /// [`MotionError`], nothing of the motion was sent: a wrong step, a step beyond the guard's envelope
     /// ([`Robot::with_guard`]), a condition of the machine that is not met, another motion that is being streamed, or
-    /// a state that cannot be read.
+    /// a state that cannot be read. A stop that is under way is waited for, 15 s at most ([`Cause::StoppedHere`]).
     pub async fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
         let failed = |cause| MotionError {
             cause,
@@ -125,8 +125,7 @@ impl Robot {
         }
         let frames = cut(steps, self.settings(), options.frame_length())
             .map_err(|error| failed(Cause::Step(error)))?;
-        let turn = self.streaming().ok_or_else(|| failed(Cause::AnotherRuns))?;
-        let stops = self.stops();
+        let (turn, stops) = self.turn().await.map_err(failed)?;
         let (status, connection) = self.look_before(options).await.map_err(failed)?;
         let sample = status.sample();
         if status.list_length.is_none() && ends_in_endless_wait(motion) {
