@@ -173,7 +173,7 @@ impl Robot {
         let begun = Instant::now();
         let deadline = begun + CONFIRM_WITHIN;
         let mut attempts = 0;
-        let mut last_error = None;
+        let mut failed: Option<RequestError> = None;
         let mut answered = false;
         let mut seen = None;
         let mut confirmed = false;
@@ -186,10 +186,12 @@ impl Robot {
                     answered = true;
                 }
                 // Nothing will ever be sent on this handle again.
-                Ok(Err(error @ RequestError::NotSent(NotSent::Closed))) if !answered => return Err(error),
+                Ok(Err(error @ RequestError::NotSent(NotSent::Closed))) if !answered => {
+                    return Err(rather(failed, error));
+                }
                 Ok(Err(error)) => {
                     attempts += u32::from(!matches!(error, RequestError::NotSent(_)));
-                    last_error = Some(error);
+                    failed = Some(rather(failed, error));
                     sleep(PAUSE_AFTER_FAILURE).await;
                     continue;
                 }
@@ -203,7 +205,7 @@ impl Robot {
         if !answered {
             let request = Work::Command(Command::ActionStop).sent();
             let timed_out = OutcomeUnknown::TimedOut { request, after: CONFIRM_WITHIN, heard: None };
-            return Err(last_error.unwrap_or(timed_out.into()));
+            return Err(failed.unwrap_or(timed_out.into()));
         }
         let list = self.clear_after_stop(confirmed, seen).await;
         if let Ok(sample) = self.sample(Lane::Urgent).await {
@@ -265,6 +267,14 @@ impl Robot {
             Err(RequestError::OutcomeUnknown(unknown)) => ListAfterStop::Unknown(unknown),
             Err(RequestError::NotSent(error)) => ListAfterStop::NotTried(NotTried::NotSent(error)),
         }
+    }
+}
+
+/// What to tell of stops that failed: one that left may be carried out, whatever became of those after it.
+fn rather(before: Option<RequestError>, error: RequestError) -> RequestError {
+    match (before, error) {
+        (Some(left @ RequestError::OutcomeUnknown(_)), RequestError::NotSent(_)) => left,
+        (_, error) => error,
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use r6_client::units::{AxisPosition, Percent};
-use r6_client::{Cause, FollowOptions, Motion, MotionError, Robot, RunOptions};
+use r6_client::{Cause, FollowOptions, Motion, MotionError, RequestError, Robot, RunOptions};
 use r6_proto::Command;
 use r6_proto::address::Address;
 use serde_json::Value;
@@ -94,4 +94,16 @@ async fn no_motion_begins_while_a_stop_is_under_way_and_a_pause_in_it_is_no_stop
         let error = soon(moving).await.unwrap();
         assert_eq!((error.cause, error.stop), (Cause::StoppedHere, None), "following: {following}");
     }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_that_left_is_not_said_to_be_unsent() {
+    let (wires, robot, mut peer) = Wires::with_robot(settings()).await;
+    let (result, ()) = tokio::join!(soon(robot.stop()), async {
+        assert_eq!(command_word(&peer.any_frame().await), "actionStop");
+        // Nobody listens from here on.
+        drop((wires, peer));
+    });
+    let error = result.unwrap_err();
+    assert!(matches!(error, RequestError::OutcomeUnknown(_)), "{error}");
 }
