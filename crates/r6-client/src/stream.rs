@@ -11,6 +11,8 @@ use tokio::sync::{oneshot, watch};
 
 use crate::guard::Start;
 use crate::handle::{MotionHandle, Progress};
+use crate::job::{Terms, Work};
+use crate::link::Lane;
 use crate::motion::WaitOptions;
 use crate::moves::{Motion, StepError};
 use crate::path::progress::{PathProgress, standing_time};
@@ -185,7 +187,10 @@ impl Robot {
         };
         let mut found = unmet(&status);
         if options.clear_leftover && matches!(found.as_slice(), [Unmet::LeftoverList { .. }]) {
-            self.clear_list().await.map_err(Cause::NotCleared)?;
+            // What is left over on another connection was not looked at.
+            let terms = Terms { only_on: Some(connection), ..Terms::default() };
+            let clear = Work::AddRcc { replace: true, instructions: Vec::new() };
+            self.accepted_on(terms, clear, Lane::Ordinary).await.map_err(Cause::NotCleared)?;
             status = self.status().await.map_err(Cause::Unreadable)?;
             found = unmet(&status);
         }

@@ -3,15 +3,17 @@
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use r6_client::units::{AxisPosition, Percent};
-use r6_client::{Cause, FollowOptions, Motion, MotionError, RequestError, Robot, RunOptions};
+use r6_client::units::{AxisPosition, Millimetres, Percent, Pose};
+use r6_client::{
+    Cause, Envelope, FollowOptions, Motion, MotionError, NotSent, RequestError, Robot, RunOptions,
+};
 use r6_proto::Command;
 use r6_proto::address::Address;
 use serde_json::Value;
-use tokio::sync::watch;
+use tokio::sync::{mpsc, watch};
 use tokio::time::sleep;
 
-use crate::controller::{Wires, asked, command_word, settings, soon, values, verdict};
+use crate::controller::{Peer, Wires, asked, command_word, settings, soon, values, verdict};
 
 /// The answer of a machine that is ready and stands at zero, with so much in its list; its yes to all else.
 fn reply(request: &Value, list: usize) -> String {
@@ -106,4 +108,70 @@ async fn a_stop_that_left_is_not_said_to_be_unsent() {
     });
     let error = result.unwrap_err();
     assert!(matches!(error, RequestError::OutcomeUnknown(_)), "{error}");
+}
+
+/// Answers what is asked of the state until it is asked in full, and returns that question unanswered.
+async fn until_looked(peer: &mut Peer, list: usize) -> Value {
+    loop {
+        let request = peer.any_frame().await;
+        if asked(&request).contains(&"isMoving") {
+            return request;
+        }
+        peer.send(reply(&request, list)).await;
+    }
+}
+
+/// Nine others who ask in what state the machine is: one more than the link has room for.
+fn crowd(robot: &Robot) {
+    for _ in 0..9 {
+        let robot = robot.clone();
+        tokio::spawn(async move { robot.query(&[Address::CurMode, Address::CurAlarm]).await });
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_list_that_was_judged_on_one_connection_does_not_leave_on_another() {
+    for clears in [false, true] {
+        let (mut wires, robot, mut peer) = Wires::with_robot(settings()).await;
+        // A list is left over where it is to be cleared.
+        let list = usize::from(clears);
+        let mover = robot.clone();
+        let sending = tokio::spawn(async move {
+            if clears {
+                let options = RunOptions { clear_leftover: true, ..RunOptions::default() };
+                let error = mover.run(&there_and_back(), options).await.unwrap_err();
+                match error.cause {
+                    Cause::NotCleared(error) => error,
+                    other => panic!("{other}"),
+                }
+            } else {
+                let box_of = [-900.0, 900.0].map(|at| [at; 3].map(Millimetres));
+                let guarded = mover.with_guard(Envelope::new().workspace(box_of[0], box_of[1]));
+                let slow = Percent::new(5.0).unwrap();
+                let motion = Motion::new().linear_move(Pose::position([1.0; 3].map(Millimetres)), slow);
+                guarded.add_rcc(true, motion.instructions().unwrap().to_vec()).await.unwrap_err()
+            }
+        });
+        let look = until_looked(&mut peer, list).await;
+        crowd(&robot);
+        for _ in 0..7 {
+            peer.any_frame().await;
+        }
+        // Its list waits behind the ninth.
+        peer.send(reply(&look, list)).await;
+        peer.any_frame().await;
+        sleep(Duration::from_millis(100)).await;
+        drop(peer);
+        let peer = wires.recv().await.unwrap();
+        let (told, mut heard) = mpsc::unbounded_channel();
+        tokio::spawn(peer.answer_all(move |request| {
+            if request["reqType"] != "query" {
+                told.send(request.clone()).unwrap();
+            }
+            Some(reply(request, list))
+        }));
+        let error = soon(sending).await.unwrap();
+        assert_eq!(error, RequestError::NotSent(NotSent::Disconnected), "clears: {clears}");
+        assert!(heard.try_recv().is_err(), "clears: {clears}");
+    }
 }
