@@ -264,6 +264,11 @@ impl<'r> Following<'r> {
                 continue;
             }
             self.failed = 0;
+            if self.under_way.is_some() && self.robot.connection() != self.connection {
+                // What another connection shows says nothing of a step that left on this one.
+                sample.check(self.options.idle_mode)?;
+                return Err(Cause::Unreadable(NotSent::Disconnected.into()));
+            }
             self.judge(&sample, Instant::now())?;
             let ended = self.look_at_target();
             if ended && self.under_way.is_none() {

@@ -181,7 +181,9 @@ impl MotionHandle {
             end.send(()).ok();
         }
         match self.ended().await {
-            Ended { result: Err(MotionError { stop: Some(stopped), .. }), stopped_as_asked: true } => *stopped,
+            Ended { result: Err(MotionError { stop: Some(stopped), .. }), stopped_as_asked: true } => {
+                *stopped
+            }
             // Whatever stopped it before, the arm may have been started again since.
             Ended { .. } => self.robot.stop().await,
         }

@@ -87,7 +87,8 @@ impl Robot {
     /// It returns once everything is checked; what then happens is told by the handle. How far the arm is, is read from the
     /// length of the list (`RemoteCmdLen`), or, from firmware without it, from where the arm is. A list whose outcome is
     /// unknown is never sent again: the motion ends there. What has not left when the connection is lost never does
-    /// ([`Cause::NotSent`]): no motion goes on over another connection by itself.
+    /// ([`Cause::NotSent`]): no motion goes on over another connection by itself, nor is its end seen there
+    /// ([`Cause::Unreadable`]).
     ///
     /// ```
     /// # #[tokio::main(flavor = "current_thread")]

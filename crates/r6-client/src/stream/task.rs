@@ -128,6 +128,7 @@ impl Task {
             match self.robot.sample(Lane::Ordinary).await {
                 Ok(sample) => {
                     self.failed = 0;
+                    self.check_connection(&sample)?;
                     if self.judge(&sample, Instant::now())? {
                         return Ok(Done {
                             axes: sample.axes,
@@ -151,6 +152,20 @@ impl Task {
                 sleep(self.options.interval).await;
             }
         }
+    }
+
+    /// Fails once the connection is another, unless it was seen to move before, and all steps to be over. A controller that was switched off and on has
+    /// an empty list, too, and may stand where the path ends; what is in its list may be somebody else's.
+    fn check_connection(&self, sample: &Sample) -> Result<(), Cause> {
+        // It only counts upwards: if it is the first one still, the read was answered on it. A list that has not begun seems to be over, too.
+        let over = self.watch.moved && self.path.done == self.path.steps().len();
+        if over || self.robot.connection() == self.connection {
+            return Ok(());
+        }
+        // An alarm, or a mode in which nothing runs, says more.
+        sample.check(self.options.idle_mode)?;
+        let lost = NotSent::Disconnected;
+        Err(if self.frames.is_empty() { Cause::Unreadable(lost.into()) } else { lost.into() })
     }
 
     fn has_room(&self) -> bool {

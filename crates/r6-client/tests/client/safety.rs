@@ -17,6 +17,11 @@ use crate::controller::{Peer, Wires, asked, command_word, settings, soon, values
 
 /// The answer of a machine that is ready and stands at zero, with so much in its list; its yes to all else.
 fn reply(request: &Value, list: usize) -> String {
+    reply_at(request, list, "0")
+}
+
+/// The same with J1 elsewhere.
+fn reply_at(request: &Value, list: usize, j1: &str) -> String {
     if request["reqType"] != "query" {
         let word = request["cmdData"][0].as_str().unwrap_or("AddRCC");
         return verdict(request, &[word, "ok"]);
@@ -26,6 +31,7 @@ fn reply(request: &Value, list: usize) -> String {
         "origin" => "1".to_owned(),
         "axisNum" => "6".to_owned(),
         "RemoteCmdLen" => list.to_string(),
+        "axis-0" => j1.to_owned(),
         _ => "0".to_owned(),
     };
     let data: Vec<Value> = asked(request).into_iter().map(|name| Value::from(value(name))).collect();
@@ -173,5 +179,43 @@ async fn a_list_that_was_judged_on_one_connection_does_not_leave_on_another() {
         let error = soon(sending).await.unwrap();
         assert_eq!(error, RequestError::NotSent(NotSent::Disconnected), "clears: {clears}");
         assert!(heard.try_recv().is_err(), "clears: {clears}");
+    }
+}
+
+/// Plays a machine until it has all of a motion, and then another connection, with so much in the list and J1 there.
+async fn after_a_break((list, j1): (usize, &'static str), following: bool) -> MotionError {
+    let (mut wires, robot, mut peer) = Wires::with_robot(settings()).await;
+    let (target, targets) = watch::channel(AxisPosition::degrees([5.0]));
+    let moving = tokio::spawn(async move {
+        if following {
+            robot.follow(targets, FollowOptions::default()).await.unwrap_err()
+        } else {
+            runs(&robot).await
+        }
+    });
+    let (mut left, mut looks) = (0, 0);
+    while looks < 3 {
+        let request = peer.any_frame().await;
+        if request["reqType"] == "AddRCC" {
+            left = request["instructions"].as_array().unwrap().len();
+        }
+        looks += usize::from(left > 0 && asked(&request).contains(&"isMoving"));
+        peer.send(reply(&request, left)).await;
+    }
+    drop((peer, target));
+    let peer = wires.recv().await.unwrap();
+    tokio::spawn(peer.answer_all(move |request| Some(reply_at(request, list, j1))));
+    soon(moving).await.unwrap()
+}
+
+#[tokio::test(start_paused = true)]
+async fn what_another_connection_shows_is_no_progress_of_a_motion() {
+    // A controller that was off and on has nothing in its list, and stands where the motion ends; or has a list of somebody.
+    for (then, following) in [((0, "0"), false), ((1, "0"), false), ((0, "5"), true)] {
+        let error = after_a_break(then, following).await;
+        let lost = RequestError::NotSent(NotSent::Disconnected);
+        assert_eq!(error.cause, Cause::Unreadable(lost), "{then:?}: {error}");
+        let steps = if following { 1 } else { 2 };
+        assert_eq!((error.progress.done, error.progress.left), (0, steps), "{then:?}: {error}");
     }
 }
