@@ -170,8 +170,7 @@ impl Robot {
             stop: None,
         };
         options.check().map_err(|error| failed(Cause::Step(error)))?;
-        let turn = self.streaming().ok_or_else(|| failed(Cause::AnotherRuns))?;
-        let mut stops = self.stops();
+        let (turn, mut stops) = self.turn().await.map_err(failed)?;
         let ready = RunOptions { idle_mode: options.idle_mode, ..RunOptions::default() };
         let (status, connection) = self.look_before(ready).await.map_err(failed)?;
         let mut following = Following::new((self, connection), targets, options, status.axes);
@@ -265,6 +264,11 @@ impl<'r> Following<'r> {
                 continue;
             }
             self.failed = 0;
+            if self.under_way.is_some() && self.robot.connection() != self.connection {
+                // What another connection shows says nothing of a step that left on this one.
+                sample.check(self.options.idle_mode)?;
+                return Err(Cause::Unreadable(NotSent::Disconnected.into()));
+            }
             self.judge(&sample, Instant::now())?;
             let ended = self.look_at_target();
             if ended && self.under_way.is_none() {

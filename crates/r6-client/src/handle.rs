@@ -10,7 +10,7 @@ use crate::error::RequestError;
 use crate::motion::Done;
 use crate::robot::Robot;
 use crate::stop::StopReport;
-use crate::stream::{Cause, MotionError};
+use crate::stream::{Cause, Ended, MotionError};
 
 /// What has become of one step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,9 +95,9 @@ pub struct MotionHandle {
     pub(crate) progress: watch::Receiver<Progress>,
     /// Sends when the arm is to stop; dropped with the handle.
     pub(crate) end: Option<oneshot::Sender<()>>,
-    pub(crate) task: JoinHandle<Result<Done, MotionError>>,
+    pub(crate) task: JoinHandle<Ended>,
     /// How it ended, once that was seen.
-    pub(crate) outcome: Option<Result<Done, MotionError>>,
+    pub(crate) outcome: Option<Ended>,
     pub(crate) steps: Vec<Instruction>,
 }
 
@@ -151,19 +151,24 @@ impl MotionHandle {
     /// # Errors
     /// As [`Self::finished`].
     pub async fn wait(&mut self) -> Result<Done, MotionError> {
-        if let Some(outcome) = &self.outcome {
-            return outcome.clone();
+        self.ended().await.result
+    }
+
+    async fn ended(&mut self) -> Ended {
+        if let Some(ended) = &self.outcome {
+            return ended.clone();
         }
-        let outcome = match (&mut self.task).await {
-            Ok(outcome) => outcome,
+        let ended = match (&mut self.task).await {
+            Ok(ended) => ended,
             // The task does not panic; a runtime that was shut down ends it.
             Err(_gone) => {
                 let progress = Progress { ended: true, ..self.progress() };
-                Err(MotionError { cause: Cause::Abandoned, progress, stop: None })
+                let result = Err(MotionError { cause: Cause::Abandoned, progress, stop: None });
+                Ended { result, stopped_as_asked: false }
             }
         };
-        self.outcome = Some(outcome.clone());
-        outcome
+        self.outcome = Some(ended.clone());
+        ended
     }
 
     /// Ends the streaming and stops the arm, verified, its list cleared ([`Robot::stop`]). A motion that has ended is stopped
@@ -172,13 +177,15 @@ impl MotionHandle {
     /// # Errors
     /// As [`Robot::stop`].
     pub async fn stop(mut self) -> Result<StopReport, RequestError> {
-        let ended_before = self.outcome.is_some();
         if let Some(end) = self.end.take() {
             end.send(()).ok();
         }
-        match self.wait().await {
-            Err(MotionError { stop: Some(stopped), .. }) if !ended_before => *stopped,
-            Ok(_) | Err(_) => self.robot.stop().await,
+        match self.ended().await {
+            Ended { result: Err(MotionError { stop: Some(stopped), .. }), stopped_as_asked: true } => {
+                *stopped
+            }
+            // Whatever stopped it before, the arm may have been started again since.
+            Ended { .. } => self.robot.stop().await,
         }
     }
 }

@@ -10,7 +10,7 @@ use tokio::time::{Instant, sleep, timeout_at};
 
 use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::guard::Start;
-use crate::job::Work;
+use crate::job::{Terms, Work};
 use crate::link::Lane;
 use crate::robot::{Accepted, Robot};
 use crate::status::{AlarmAdvice, components, position_addresses};
@@ -239,32 +239,43 @@ impl Robot {
     /// that moves has raised alarm 200 (reported, unit A).
     ///
     /// # Errors
-    /// [`RequestError`]. It is never sent twice by itself. A list longer than [`crate::RobotSettings::max_frame_bytes`] is
+    /// [`RequestError`]. It is never sent twice by itself. Behind a guard that asks where the arm is, it does not leave on another
+    /// connection than that was read on ([`NotSent::Disconnected`]). A list longer than [`crate::RobotSettings::max_frame_bytes`] is
     /// not sent at all: send fewer instructions and append the rest.
     pub async fn add_rcc(
         &self,
         replace: bool,
         instructions: Vec<Instruction>,
     ) -> Result<Accepted, RequestError> {
-        self.held_against_guard(replace, &instructions).await?;
-        self.accepted(Work::AddRcc { replace, instructions }, Lane::Ordinary).await
+        let only_on = self.held_against_guard(replace, &instructions).await?;
+        let terms = Terms { only_on, ..Terms::default() };
+        self.accepted_on(terms, Work::AddRcc { replace, instructions }, Lane::Ordinary).await
     }
 
-    /// Checks a list against the guard of this handle, if it has one.
+    /// Checks a list against the guard of this handle, if it has one. Tells the connection that the list was judged on, if where the
+    /// arm is counts: on another it may stand elsewhere.
     async fn held_against_guard(
         &self,
         replace: bool,
         instructions: &[Instruction],
-    ) -> Result<(), RequestError> {
-        let Some(envelope) = self.guard() else { return Ok(()) };
-        let mut from = None;
+    ) -> Result<Option<u64>, RequestError> {
+        let Some(envelope) = self.guard() else { return Ok(None) };
+        let (mut from, mut only_on) = (None, None);
         if envelope.needs_start() && !instructions.is_empty() {
-            let sample = self.sample(Lane::Ordinary).await?;
+            let mut connection = self.connection();
+            let mut sample = self.sample(Lane::Ordinary).await?;
+            if connection != self.connection() {
+                // It may have been answered on either.
+                connection = self.connection();
+                sample = self.sample(Lane::Ordinary).await?;
+            }
+            only_on = Some(connection);
             // What is appended begins where the list ends, and nobody knows where that is.
             let at_rest = sample.moving == Some(false) && (replace || sample.list_length == Some(0));
             from = at_rest.then_some(Start { axes: sample.axes, pose: sample.pose });
         }
-        envelope.check(instructions, from).map_err(|violation| NotSent::OutsideEnvelope(violation).into())
+        envelope.check(instructions, from).map_err(NotSent::OutsideEnvelope)?;
+        Ok(only_on)
     }
 
     /// Empties the instruction list, so that nothing left in it runs at the next start.

@@ -230,9 +230,7 @@ impl Robot {
 
     /// The right to stream a path over this connection, if nobody has it.
     pub(crate) fn streaming(&self) -> Option<OwnedSemaphorePermit> {
-        let turn = Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()?;
-        self.lanes.stopping.send_modify(Stopping::forget);
-        Some(turn)
+        Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()
     }
 
     /// Ends once the handle is closed, for this clone or another.

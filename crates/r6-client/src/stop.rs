@@ -4,6 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use r6_proto::message::Command;
+use tokio::sync::{OwnedSemaphorePermit, watch};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use crate::error::{NotSent, OutcomeUnknown, Refused, RequestError};
@@ -11,6 +12,7 @@ use crate::job::Work;
 use crate::link::Lane;
 use crate::motion::Sample;
 use crate::robot::Robot;
+use crate::stream::Cause;
 use r6_proto::OperationMode;
 
 /// How long an arm may take to stand. One was seen to stop within 0.1 s, a paused one within 0.5 s; the rest is room for
@@ -39,8 +41,8 @@ pub(crate) struct Stopping {
 }
 
 impl Stopping {
-    /// A motion begins: what was stopped before is nothing to it.
-    pub fn forget(&mut self) {
+    /// What was stopped before is nothing to what begins now.
+    fn forget(&mut self) {
         self.last = None;
     }
 }
@@ -142,6 +144,21 @@ impl Robot {
         result
     }
 
+    /// The right to stream a path over this connection, and news of every stop from now on. One that is under way is waited for: it
+    /// may still clear the list, which would be that of a moving arm by then.
+    pub(crate) async fn turn(&self) -> Result<(OwnedSemaphorePermit, watch::Receiver<u64>), Cause> {
+        let turn = self.streaming().ok_or(Cause::AnotherRuns)?;
+        // Before the look at what is under way: a stop that is not seen there is heard of.
+        let stops = self.stops();
+        let mut stopping = self.stopping().subscribe();
+        let over = stopping.wait_for(|stopping| stopping.under_way == 0);
+        if !matches!(timeout(STOP_WITHIN, over).await, Ok(Ok(_))) {
+            return Err(Cause::StoppedHere);
+        }
+        self.stopping().send_modify(Stopping::forget);
+        Ok((turn, stops))
+    }
+
     /// Waits until no stop is under way over this connection, and tells what became of the last one; `None` if there was none
     /// (it was a pause), or if it was given up halfway.
     pub(crate) async fn stop_under_way(&self) -> Option<Result<StopReport, RequestError>> {
@@ -156,7 +173,7 @@ impl Robot {
         let begun = Instant::now();
         let deadline = begun + CONFIRM_WITHIN;
         let mut attempts = 0;
-        let mut last_error = None;
+        let mut failed: Option<RequestError> = None;
         let mut answered = false;
         let mut seen = None;
         let mut confirmed = false;
@@ -169,10 +186,12 @@ impl Robot {
                     answered = true;
                 }
                 // Nothing will ever be sent on this handle again.
-                Ok(Err(error @ RequestError::NotSent(NotSent::Closed))) if !answered => return Err(error),
+                Ok(Err(error @ RequestError::NotSent(NotSent::Closed))) if !answered => {
+                    return Err(rather(failed, error));
+                }
                 Ok(Err(error)) => {
                     attempts += u32::from(!matches!(error, RequestError::NotSent(_)));
-                    last_error = Some(error);
+                    failed = Some(rather(failed, error));
                     sleep(PAUSE_AFTER_FAILURE).await;
                     continue;
                 }
@@ -186,7 +205,7 @@ impl Robot {
         if !answered {
             let request = Work::Command(Command::ActionStop).sent();
             let timed_out = OutcomeUnknown::TimedOut { request, after: CONFIRM_WITHIN, heard: None };
-            return Err(last_error.unwrap_or(timed_out.into()));
+            return Err(failed.unwrap_or(timed_out.into()));
         }
         let list = self.clear_after_stop(confirmed, seen).await;
         if let Ok(sample) = self.sample(Lane::Urgent).await {
@@ -248,6 +267,14 @@ impl Robot {
             Err(RequestError::OutcomeUnknown(unknown)) => ListAfterStop::Unknown(unknown),
             Err(RequestError::NotSent(error)) => ListAfterStop::NotTried(NotTried::NotSent(error)),
         }
+    }
+}
+
+/// What to tell of stops that failed: one that left may be carried out, whatever became of those after it.
+fn rather(before: Option<RequestError>, error: RequestError) -> RequestError {
+    match (before, error) {
+        (Some(left @ RequestError::OutcomeUnknown(_)), RequestError::NotSent(_)) => left,
+        (_, error) => error,
     }
 }
 

@@ -11,6 +11,8 @@ use tokio::sync::{oneshot, watch};
 
 use crate::guard::Start;
 use crate::handle::{MotionHandle, Progress};
+use crate::job::{Terms, Work};
+use crate::link::Lane;
 use crate::motion::WaitOptions;
 use crate::moves::{Motion, StepError};
 use crate::path::progress::{PathProgress, standing_time};
@@ -19,6 +21,7 @@ use crate::robot::Robot;
 use crate::settings::RobotSettings;
 use crate::status::{Status, Unmet};
 pub use crate::stream::error::{Cause, MotionError};
+pub(crate) use crate::stream::task::Ended;
 use crate::stream::task::Task;
 
 /// How a motion is run.
@@ -84,7 +87,8 @@ impl Robot {
     /// It returns once everything is checked; what then happens is told by the handle. How far the arm is, is read from the
     /// length of the list (`RemoteCmdLen`), or, from firmware without it, from where the arm is. A list whose outcome is
     /// unknown is never sent again: the motion ends there. What has not left when the connection is lost never does
-    /// ([`Cause::NotSent`]): no motion goes on over another connection by itself.
+    /// ([`Cause::NotSent`]): no motion goes on over another connection by itself, nor is its end seen there
+    /// ([`Cause::Unreadable`]).
     ///
     /// ```
     /// # #[tokio::main(flavor = "current_thread")]
@@ -110,7 +114,7 @@ impl Robot {
     /// # Errors
     /// [`MotionError`], nothing of the motion was sent: a wrong step, a step beyond the guard's envelope
     /// ([`Robot::with_guard`]), a condition of the machine that is not met, another motion that is being streamed, or
-    /// a state that cannot be read.
+    /// a state that cannot be read. A stop that is under way is waited for, 15 s at most ([`Cause::StoppedHere`]).
     pub async fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
         let failed = |cause| MotionError {
             cause,
@@ -124,8 +128,7 @@ impl Robot {
         }
         let frames = cut(steps, self.settings(), options.frame_length())
             .map_err(|error| failed(Cause::Step(error)))?;
-        let turn = self.streaming().ok_or_else(|| failed(Cause::AnotherRuns))?;
-        let stops = self.stops();
+        let (turn, stops) = self.turn().await.map_err(failed)?;
         let (status, connection) = self.look_before(options).await.map_err(failed)?;
         let sample = status.sample();
         if status.list_length.is_none() && ends_in_endless_wait(motion) {
@@ -185,7 +188,10 @@ impl Robot {
         };
         let mut found = unmet(&status);
         if options.clear_leftover && matches!(found.as_slice(), [Unmet::LeftoverList { .. }]) {
-            self.clear_list().await.map_err(Cause::NotCleared)?;
+            // What is left over on another connection was not looked at.
+            let terms = Terms { only_on: Some(connection), ..Terms::default() };
+            let clear = Work::AddRcc { replace: true, instructions: Vec::new() };
+            self.accepted_on(terms, clear, Lane::Ordinary).await.map_err(Cause::NotCleared)?;
             status = self.status().await.map_err(Cause::Unreadable)?;
             found = unmet(&status);
         }

@@ -64,7 +64,8 @@ pub enum Cause {
         /// For how long.
         after: Duration,
     },
-    /// The state cannot be read; the motion may go on.
+    /// The state cannot be read; the motion may go on. With [`NotSent::Disconnected`]: all of it had left when the connection was lost,
+    /// and what another one shows does not tell whether it came to its end.
     Unreadable(RequestError),
     /// The runtime ended; the motion may go on.
     Abandoned,

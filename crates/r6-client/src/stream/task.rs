@@ -19,6 +19,14 @@ use crate::robot::Robot;
 use crate::stream::RunOptions;
 use crate::stream::error::{Cause, MAX_FAILED, MotionError};
 
+/// How a motion ended.
+#[derive(Clone, Debug)]
+pub(crate) struct Ended {
+    pub result: Result<Done, MotionError>,
+    /// Whether it was stopped because its handle asked for that, and for no other reason.
+    pub stopped_as_asked: bool,
+}
+
 /// A motion that is being streamed.
 #[derive(Debug)]
 pub(super) struct Task {
@@ -79,20 +87,24 @@ impl Task {
         mut ended: oneshot::Receiver<()>,
         mut stops: watch::Receiver<u64>,
         turn: OwnedSemaphorePermit,
-    ) -> Result<Done, MotionError> {
+    ) -> Ended {
+        let mut asked_to_stop = false;
         let result = tokio::select! {
             biased;
-            asked = &mut ended => Err(match asked {
-                Ok(()) => (Cause::StoppedHere, true),
-                Err(_dropped) => (Cause::Dropped, self.options.stop_on_drop),
-            }),
+            asked = &mut ended => {
+                asked_to_stop = asked.is_ok();
+                Err(match asked {
+                    Ok(()) => (Cause::StoppedHere, true),
+                    Err(_dropped) => (Cause::Dropped, self.options.stop_on_drop),
+                })
+            }
             cause = stopped(&mut stops) => Err((cause, false)),
             result = self.stream() => result.map_err(|cause| (cause, self.options.stop_on_failure)),
         };
         let (cause, stop) = match result {
             Ok(done) => {
                 self.publish(true);
-                return Ok(done);
+                return Ended { result: Ok(done), stopped_as_asked: false };
             }
             Err(failed) => failed,
         };
@@ -107,7 +119,7 @@ impl Task {
         };
         let stop = stop.map(Box::new);
         drop(turn);
-        Err(MotionError { cause, progress, stop })
+        Ended { stopped_as_asked: asked_to_stop, result: Err(MotionError { cause, progress, stop }) }
     }
 
     async fn stream(&mut self) -> Result<Done, Cause> {
@@ -116,6 +128,7 @@ impl Task {
             match self.robot.sample(Lane::Ordinary).await {
                 Ok(sample) => {
                     self.failed = 0;
+                    self.check_connection(&sample)?;
                     if self.judge(&sample, Instant::now())? {
                         return Ok(Done {
                             axes: sample.axes,
@@ -139,6 +152,20 @@ impl Task {
                 sleep(self.options.interval).await;
             }
         }
+    }
+
+    /// Fails once the connection is another, unless it was seen to move before, and all steps to be over. A controller that was switched off and on has
+    /// an empty list, too, and may stand where the path ends; what is in its list may be somebody else's.
+    fn check_connection(&self, sample: &Sample) -> Result<(), Cause> {
+        // It only counts upwards: if it is the first one still, the read was answered on it. A list that has not begun seems to be over, too.
+        let over = self.watch.moved && self.path.done == self.path.steps().len();
+        if over || self.robot.connection() == self.connection {
+            return Ok(());
+        }
+        // An alarm, or a mode in which nothing runs, says more.
+        sample.check(self.options.idle_mode)?;
+        let lost = NotSent::Disconnected;
+        Err(if self.frames.is_empty() { Cause::Unreadable(lost.into()) } else { lost.into() })
     }
 
     fn has_room(&self) -> bool {

@@ -14,6 +14,7 @@ mod queries;
 mod reconnecting;
 mod registers;
 mod replies;
+mod safety;
 mod status;
 mod stopping;
 mod subscriptions;

@@ -10,4 +10,5 @@ mod relay;
 mod ends;
 mod guarded;
 mod long;
+mod stops;
 mod unknown;

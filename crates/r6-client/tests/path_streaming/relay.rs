@@ -76,6 +76,12 @@ impl Relay {
         state.sent.iter().filter(|frame| frame["reqType"] == "AddRCC").cloned().collect()
     }
 
+    /// How many stops the controller was given.
+    pub fn stops(&self) -> usize {
+        let state = self.state.lock().unwrap();
+        state.sent.iter().filter(|frame| frame["cmdData"][0] == "actionStop").count()
+    }
+
     /// Whether the link has broken where it was told to.
     pub fn has_broken(&self) -> bool {
         self.state.lock().unwrap().breaks.is_none()

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use r6_client::{
-    Cause, Done, MotionError, NotSent, OutcomeUnknown, Robot, RobotSettings, RunOptions, StepState,
+    Cause, Done, MotionError, NotSent, OutcomeUnknown, RequestError, Robot, RobotSettings, RunOptions,
+    StepState,
 };
 use r6_controller::Profile;
 use r6_sim::Clock;
@@ -137,17 +138,34 @@ async fn a_link_that_breaks_with_a_question_under_way_ends_the_path_with_it() {
     }
 }
 
-/// Before the first list, and after the last one: nothing is sent that belongs to the connection that is lost.
 #[tokio::test(start_paused = true)]
-async fn a_link_that_breaks_before_anything_left_or_after_all_has_hinders_no_path() {
-    for number in [2, 350] {
-        for breaks in [Break::Reply("query", number), Break::Request("query", number)] {
-            let (mut cell, relay, result) = over(breaks, Duration::ZERO).await;
-            result.unwrap_or_else(|error| panic!("{breaks:?}: {error}"));
-            assert!(relay.has_broken(), "{breaks:?}");
-            assert_eq!((cell.taken(), relay.lists().len()), (100, 13), "{breaks:?}");
-            assert!(cell.error(&wave(100)[99]) < 0.01);
-        }
+async fn a_link_that_breaks_before_anything_left_hinders_no_path() {
+    for breaks in [Break::Reply("query", 2), Break::Request("query", 2)] {
+        let (mut cell, relay, result) = over(breaks, Duration::ZERO).await;
+        result.unwrap_or_else(|error| panic!("{breaks:?}: {error}"));
+        assert!(relay.has_broken(), "{breaks:?}");
+        assert_eq!((cell.taken(), relay.lists().len()), (100, 13), "{breaks:?}");
+        assert!(cell.error(&wave(100)[99]) < 0.01);
+    }
+}
+
+/// Nobody can tell over another connection whether it is the end of this path that is seen there.
+#[tokio::test(start_paused = true)]
+async fn a_link_that_breaks_after_all_has_left_ends_the_path_with_what_was_seen_done() {
+    for breaks in [Break::Reply("query", 350), Break::Request("query", 350)] {
+        let (mut cell, relay, result) = over(breaks, Duration::ZERO).await;
+        let error = result.unwrap_err();
+        let lost = RequestError::NotSent(NotSent::Disconnected);
+        assert_eq!(error.cause, Cause::Unreadable(lost), "{breaks:?}: {error}");
+        let progress = error.progress;
+        assert_eq!((progress.left, progress.accepted), (100, 100), "{breaks:?}");
+        assert!((50..100).contains(&progress.done), "{breaks:?}: {progress:?}");
+        assert_eq!(progress.step(100), Some(StepState::Lost));
+        // Nothing came twice, but for the list that clears the rest.
+        assert_eq!((cell.taken(), relay.lists().len()), (100, 14), "{breaks:?}");
+        assert!(error.stop.unwrap().unwrap().confirmed, "{breaks:?}");
+        let snapshot = cell.handle().snapshot();
+        assert_eq!((snapshot.moving, snapshot.list_length), (false, 0), "{breaks:?}");
     }
 }
 
