@@ -195,8 +195,8 @@ impl fmt::Display for Unmet {
         match self {
             Self::Mode { found: found @ OperationMode::Auto } => write!(
                 f,
-                "the operation mode is {found}, not running (7): on the pendant turn Cycle on and press Start, or, with nobody \
-                 near the arm, send the command startButton; the program must wait in its \"wait for remote commands\" step"
+                "the operation mode is {found}, not running (7): in Auto turn Cycle on at the pendant and press Start, or, with \
+                 nobody near the arm, send the command startButton; the program must wait in its \"wait for remote commands\" step"
             ),
             Self::Mode { found } => write!(
                 f,

@@ -12,6 +12,7 @@ use turmoil::net::{TcpListener, TcpStream};
 
 use crate::fault::Promise;
 use crate::floor::Door;
+use crate::kept::STATE;
 use crate::plan::rest_of;
 use crate::shared::{Shared, State, now};
 use crate::wire::{CAMERA_PORT, PORT, Served};
@@ -48,7 +49,7 @@ async fn start(shared: &Shared, robot: usize) -> Result<Simulation, Box<dyn std:
     let at = now();
     let plan = &shared.plan.robots[robot];
     let disk = shared.state().disks[robot].clone();
-    let again = plan.keeps && disk.has(Path::new("state/controller-1.json"));
+    let again = plan.keeps && disk.has(Path::new(STATE));
     let scenario = rest_of(&plan.scenario, at);
     let from = if again { "its disk" } else { "nothing" };
     shared.tell(format_args!("robot-{robot}: is switched on with what is on {from}"));
@@ -123,10 +124,11 @@ fn operate(shared: &Shared, robot: usize, handle: &ControllerHandle, action: &Pa
         _ => false,
     };
     shared.tell(format_args!("robot-{robot}: somebody does {action:?}"));
-    if starts {
-        shared.state().floors[robot].starts(now());
-    }
+    let before = starts.then(|| shared.state().floors[robot].starts(now()));
     if let Err(refused) = handle.operate(action) {
+        if let Some(before) = before {
+            shared.state().floors[robot].was_refused(before);
+        }
         shared.tell(format_args!("robot-{robot}: {refused}"));
     }
 }

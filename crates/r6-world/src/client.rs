@@ -12,6 +12,7 @@ use r6_controller::random::Random;
 use tokio::time::{sleep, timeout};
 
 use crate::fault::Promise;
+use crate::kept::look_at_disk;
 use crate::plan::{ClientPlan, RobotPlan};
 use crate::shared::{Shared, State, now};
 use crate::wire::{Dialler, End};
@@ -69,7 +70,8 @@ pub async fn run(shared: Shared, index: usize) -> turmoil::Result {
     let writing = tokio::spawn(work.part(3).write());
     let keeping = tokio::spawn(work.part(4).keep());
     let moving = tokio::spawn(work.part(5).move_about());
-    for task in [asking, writing, keeping, moving] {
+    let hasty = tokio::spawn(work.part(7).be_hasty());
+    for task in [asking, writing, keeping, moving, hasty] {
         task.await?;
     }
     shared.tell(format_args!("client-{index}: its work is done"));
@@ -136,7 +138,9 @@ impl Work {
     async fn perhaps<T>(&mut self, what: &str, call: impl Future<Output = T>) -> Option<T> {
         if self.plan.drops && self.random.strikes(0.15) {
             let patience = self.random.up_to(ms(120));
-            return timeout(patience, call).await.ok();
+            let done = timeout(patience, call).await.ok();
+            self.shared.state().record.tally.dropped += u64::from(done.is_none());
+            return done;
         }
         Some(self.bounded(what, call).await)
     }
@@ -265,7 +269,7 @@ impl Work {
         let says_truly = self.robot_plan().does_what_it_says;
         {
             let mut state = self.shared.state();
-            let State { record, lines, floors, .. } = &mut *state;
+            let State { record, lines, floors, disks, .. } = &mut *state;
             let line = &mut lines[self.index];
             let times = line.times_sent(value);
             let holds = match &result {
@@ -280,7 +284,11 @@ impl Work {
             if result.is_ok() {
                 line.answered(value, begun, at, record);
                 if savable && says_truly {
-                    floors[self.plan.robot].kept.entry(register.number()).or_default().acknowledged = value;
+                    let number = register.number();
+                    floors[self.plan.robot].kept.entry(number).or_default().acknowledged = value;
+                    if self.robot_plan().keeps {
+                        look_at_disk(&disks[self.plan.robot], (number, value), at, record);
+                    }
                 }
             }
         }

@@ -76,6 +76,14 @@ impl SimDisk {
         (platters.names.len(), longest.map(|file| file.now.len()).max().unwrap_or(0))
     }
 
+    /// What a file has if the power fails now and nothing of what is not safe is there afterwards.
+    #[must_use]
+    pub fn surely(&self, file: &Path) -> Option<Vec<u8>> {
+        let platters = self.platters();
+        let found = platters.safe.get(file).and_then(|file| platters.files.get(*file));
+        found.map(|file| file.safe.clone())
+    }
+
     /// The power fails: of what is not safe any part is there afterwards.
     pub fn cut_power(&self) {
         let mut platters = self.platters();
@@ -200,8 +208,10 @@ mod tests {
                 let disk = SimDisk::new(seed);
                 replace(&disk, "old", 4);
                 replace(&disk, "newer", steps);
+                let sure = disk.surely(Path::new("s/state")).unwrap();
                 disk.cut_power();
                 seen.insert(read(&disk).map(|bytes| String::from_utf8(bytes).unwrap()));
+                assert_eq!(sure, if steps < 4 { b"old".as_slice() } else { b"newer" });
             }
             let all: Vec<_> = seen.iter().flatten().map(String::as_str).collect();
             let wanted: &[&str] = match steps {

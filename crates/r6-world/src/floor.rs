@@ -10,6 +10,7 @@ use r6_proto::{Address, AxisIndex};
 use tokio::sync::watch;
 
 use crate::fault::Promise;
+use crate::kept::Kept;
 use crate::record::Record;
 
 /// An arm that is stopped rests after this long at the latest (`docs/FIDELITY.md`: a pause takes half a second).
@@ -76,6 +77,8 @@ pub struct Floor {
     /// Lists that it took, and those that left for it.
     taken: u64,
     pub lists_sent: u64,
+    /// From when on no program may run: an alarm, an emergency stop or a start from the disk has ended it.
+    rests: Option<Duration>,
     /// From when on nothing may move, and where it then stood.
     halted: Option<(Duration, Option<[f64; AXES]>)>,
     last_stop: Duration,
@@ -94,13 +97,12 @@ pub struct Floor {
     pub kept: std::collections::BTreeMap<u16, Kept>,
 }
 
-/// A register that is kept: what was acknowledged last, and what was sent last.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Kept {
-    /// Acknowledged.
-    pub acknowledged: i64,
-    /// Sent.
-    pub sent: i64,
+/// What kept the machine at rest before somebody tried to set it in motion.
+#[derive(Clone, Copy, Debug)]
+pub struct AtRest {
+    rests: Option<Duration>,
+    halted: Option<(Duration, Option<[f64; AXES]>)>,
+    last_start: Duration,
 }
 
 /// What an instruction is known by: J2 in thousandths of a degree. Nobody sends the same twice, nought apart.
@@ -125,6 +127,7 @@ impl Floor {
             ahead: VecDeque::new(),
             taken: 0,
             lists_sent: 0,
+            rests: None,
             halted: None,
             last_stop: Duration::ZERO,
             last_start: Duration::ZERO,
@@ -151,14 +154,21 @@ impl Floor {
         self.pace.clear();
         self.sights.clear();
         self.is_new = again;
-        self.halted = again.then_some((at, None));
+        (self.halted, self.rests) = (again.then_some((at, None)), again.then_some(at));
         self.door.send_replace(Door::Open);
     }
 
-    /// Somebody who may has set it in motion.
-    pub fn starts(&mut self, at: Duration) {
+    /// Somebody who may sets it in motion; tells what was before, in case that it is refused.
+    pub fn starts(&mut self, at: Duration) -> AtRest {
+        let before = AtRest { rests: self.rests, halted: self.halted, last_start: self.last_start };
         self.last_start = at;
-        self.halted = None;
+        (self.halted, self.rests) = (None, None);
+        before
+    }
+
+    /// It was refused: all is as it was before.
+    pub fn was_refused(&mut self, before: AtRest) {
+        (self.rests, self.halted, self.last_start) = (before.rests, before.halted, before.last_start);
     }
 
     /// A client saw it stand after its stop: unless somebody started it since, it stands until somebody does.
@@ -181,6 +191,9 @@ impl Floor {
         for line in lines {
             record.tell(at, format_args!("{}: {line}", self.name));
             self.read(at, &line.text);
+            if line.text.starts_with("alarm ") && !line.text.ends_with("cleared") {
+                record.tally.alarms[usize::from(!line.text.starts_with("alarm 7:"))] += 1;
+            }
         }
         self.count(at, controller, record);
         self.see(at, controller, record);
@@ -189,7 +202,7 @@ impl Floor {
         let saved = machine.saved_mark();
         if std::mem::take(&mut self.is_new) || self.starts != saved {
             self.starts = saved;
-            self.compare_kept(at, controller, record);
+            crate::kept::compare((&self.name, &machine.saved().to_json()), &self.kept, at, record);
         }
     }
 
@@ -207,16 +220,19 @@ impl Floor {
         ];
         let takes = text.starts_with("AddRCC: ") && !text.starts_with("AddRCC: 0 ");
         self.taken += u64::from(takes);
-        if takes || STARTS.iter().any(|start| text.starts_with(start)) {
+        let is_done = !text.contains("not carried out");
+        if is_done && (takes || STARTS.iter().any(|start| text.starts_with(start))) {
             self.starts(at);
         } else if text.starts_with("actionStop") {
             self.last_stop = at;
-        } else if text.starts_with("alarm ") && self.halted.is_none() {
-            self.halted = Some((at + COMES_TO_REST, None));
+        } else if text.starts_with("alarm ") {
+            self.halted.get_or_insert((at + COMES_TO_REST, None));
+            self.rests.get_or_insert(at);
         }
         if text.contains("the mains fail") {
-            // The brakes catch it at once.
+            // The brakes catch it at once, and nothing runs when they are back.
             self.pace.clear();
+            self.rests.get_or_insert(at);
         }
     }
 
@@ -288,6 +304,12 @@ impl Floor {
                 format!("{} moves from {place:?} to {:?}, and nobody started it", self.name, sight.axes)
             });
         }
+        if let Some(since) = self.rests {
+            let (name, mode) = (&self.name, machine.mode());
+            record.check(Promise::I4, at, !mode.may_run(), || {
+                format!("{name} is in mode {mode}, and nobody started it since {since:?}")
+            });
+        }
         self.limit(&sight, controller, record);
         while self.sights.front().is_some_and(|sight| sight.at + REMEMBERED < at) && self.sights.len() > 1 {
             self.sights.pop_front();
@@ -338,19 +360,6 @@ impl Floor {
             });
             record.check(Promise::I11, sight.at, jerk.abs() <= most_jerk, || {
                 format!("{}: J{} has a jerk of {jerk} °/s³, of {most_jerk}", self.name, number + 1)
-            });
-        }
-    }
-
-    /// What it keeps is what was acknowledged last, or sent since.
-    fn compare_kept(&self, at: Duration, controller: &Controller, record: &mut Record) {
-        let text = controller.machine().saved().to_json();
-        let saved: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
-        for (register, kept) in &self.kept {
-            let found = saved["registers"][register.to_string()].as_i64().unwrap_or(0);
-            let holds = (kept.acknowledged..=kept.sent).contains(&found);
-            record.check(Promise::I7, at, holds, || {
-                format!("{}: register {register} keeps {found}, {kept:?}", self.name)
             });
         }
     }

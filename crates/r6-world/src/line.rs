@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use r6_client::{Address, Reading};
 use serde_json::Value;
+use tokio::sync::watch;
 
 use crate::fault::Promise;
 use crate::floor::{Floor, SKEW, number_of};
@@ -53,6 +54,8 @@ struct Sent {
 #[derive(Debug)]
 struct Run {
     steps: BTreeSet<i64>,
+    /// When it was asked for.
+    begun: Duration,
     /// The connection that it began on.
     on: Option<usize>,
 }
@@ -81,6 +84,8 @@ pub struct Line {
     /// Whether its program has done its work, and whether all worked then.
     pub is_done: bool,
     pub is_well: bool,
+    /// The number of connections, whenever it grows.
+    pub news: watch::Sender<usize>,
     deaf: bool,
     waker: Option<Waker>,
 }
@@ -106,6 +111,7 @@ impl Line {
             next_value: 0,
             is_done: false,
             is_well: false,
+            news: watch::Sender::new(0),
             deaf: false,
             waker: None,
         }
@@ -120,10 +126,16 @@ impl Line {
     }
 
     /// Its program streams these steps from now on.
-    pub fn run_begins(&mut self, steps: &[i64]) -> u64 {
+    pub fn run_begins(&mut self, begun: Duration, steps: &[i64]) -> u64 {
         self.next_run += 1;
-        self.runs.insert(self.next_run, Run { steps: steps.iter().copied().collect(), on: None });
+        self.runs.insert(self.next_run, Run { steps: steps.iter().copied().collect(), begun, on: None });
         self.next_run
+    }
+
+    /// Whether nothing is under way that may send a list, and the program is not on its first connection.
+    #[must_use]
+    pub fn is_free_to_be_hasty(&self) -> bool {
+        self.runs.is_empty() && self.unnumbered == 0 && self.connections.len() > self.before + 1
     }
 
     /// Nothing of it may leave any more.
@@ -169,6 +181,7 @@ impl Line {
             last.begun = Vec::new();
         }
         self.connections.push(Connection::default());
+        self.news.send_replace(self.connections.len());
         self.connections.len() - 1
     }
 
@@ -235,9 +248,13 @@ impl Line {
         let steps = frame["instructions"].as_array().filter(|_| is_list);
         let Some(steps) = steps.filter(|steps| !steps.is_empty()) else { return };
         floors[self.robot].lists_sent += 1;
-        let seen = self.seen_before(at, number);
-        // Where nobody numbered the step, a program sent it by itself, and when it looked is its own business.
+        // Where nobody numbered the step, a program sent it by itself, and when it looked is its own business. What streams steps looks by
+        // itself once it was asked to, whoever else did before.
         let is_streamed = steps.iter().all(|step| number_in(step) > 0);
+        let streams =
+            |run: &&Run| is_streamed && steps.iter().any(|step| run.steps.contains(&number_in(step)));
+        let asked = self.runs.values().find(streams).map(|run| run.begun);
+        let seen = self.seen_before(at, number, asked);
         let most = if is_streamed { self.patience * 4 + Duration::from_secs(1) } else { Duration::MAX };
         let is_own_business = !is_streamed && number == self.before;
         let fresh = is_own_business || seen.is_some_and(|seen| at.saturating_sub(seen) <= most);
@@ -267,17 +284,23 @@ impl Line {
         });
     }
 
-    /// When the last look at mode and alarm on this connection was answered.
-    fn seen_before(&self, at: Duration, number: usize) -> Option<Duration> {
+    /// When the last look at mode and alarm on this connection was answered; for a motion that was asked for at a time: the last look of
+    /// its own.
+    fn seen_before(&self, at: Duration, number: usize, asked: Option<Duration>) -> Option<Duration> {
         let connection = &self.connections[number];
         // On a connection that was made anew neither what a subscription polls counts nor the question who is there: the program itself
         // has to look. The first one begins with the program.
         let looks = |sent: &&Sent| {
-            let Some(asked) = sent.frame["queryAddr"].as_array() else { return false };
-            let has = |wanted: &str| asked.iter().any(|address| address == wanted);
+            let Some(addresses) = sent.frame["queryAddr"].as_array() else { return false };
+            let has = |wanted: &str| addresses.iter().any(|address| address == wanted);
             let is_who = sent.frame["queryAddr"] == serde_json::json!(WHO);
             let is_polled = has("axis-0") && !has("isMoving");
-            has("curAlarm") && (number == self.before || !(is_polled || is_who))
+            let is_own = !(is_polled || is_who);
+            has("curAlarm")
+                && match asked {
+                    Some(asked) => is_own && sent.at >= asked,
+                    None => is_own || number == self.before,
+                }
         };
         connection.sent.iter().rev().filter(looks).take(100).find_map(|sent| {
             let replies = connection.since(sent.at);

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use r6_world::fault::Promise;
 use r6_world::record::{Tally, Violation};
-use r6_world::report;
+use r6_world::report::{self, Course};
 use r6_world::world::{self, Outcome};
 
 /// Each tenth seed runs twice, and has to be the same both times.
@@ -20,7 +20,7 @@ const ENOUGH_SEEDS: u64 = 1000;
 /// So many failures are told.
 const MOST_FAILURES: usize = 5;
 
-const USAGE: &str = "usage: r6-world [--seeds N] [--from N] [--seed N] [--jobs N] [--quiet]";
+const USAGE: &str = "usage: r6-world [--seeds N] [--from N] [--seed N] [--jobs N] [--markdown] [--quiet]";
 
 struct Wanted {
     seeds: u64,
@@ -28,16 +28,25 @@ struct Wanted {
     one: Option<u64>,
     jobs: usize,
     aloud: bool,
+    markdown: bool,
 }
 
 fn read_arguments() -> Option<Wanted> {
     let jobs = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut wanted = Wanted { seeds: ENOUGH_SEEDS, from: 1, one: None, jobs, aloud: true };
+    let mut wanted = Wanted { seeds: ENOUGH_SEEDS, from: 1, one: None, jobs, aloud: true, markdown: false };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
-        if word == "--quiet" {
-            wanted.aloud = false;
-            continue;
+        match word.as_str() {
+            "--quiet" => {
+                wanted.aloud = false;
+                continue;
+            }
+            // The section of docs/SIMULATION.md about the last full run.
+            "--markdown" => {
+                wanted.markdown = true;
+                continue;
+            }
+            _ => {}
         }
         let number: u64 = words.next()?.parse().ok()?;
         match word.as_str() {
@@ -135,7 +144,19 @@ fn many(wanted: &Wanted) -> ExitCode {
         }
     });
     eprintln!();
-    println!("{}", report::table(done, &tally));
+    if wanted.markdown {
+        let course = Course {
+            from: wanted.from,
+            wanted: wanted.seeds,
+            done,
+            failed: failures.clone(),
+            jobs: wanted.jobs,
+            took: begun.elapsed(),
+        };
+        println!("{}", report::section(&course, &tally));
+    } else {
+        println!("{}", report::table(done, &tally));
+    }
     let never = world::never_seen(&tally);
     let incomplete = wanted.seeds >= ENOUGH_SEEDS && failures.is_empty() && !never.is_empty();
     if incomplete {

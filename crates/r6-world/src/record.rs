@@ -54,6 +54,10 @@ pub struct Tally {
     pub felt: [u64; 2],
     /// Points of cameras that arrived.
     pub points: u64,
+    /// Calls that were dropped while they waited.
+    pub dropped: u64,
+    /// Emergency stops, and other alarms.
+    pub alarms: [u64; 2],
 }
 
 impl Default for Tally {
@@ -71,6 +75,8 @@ impl Default for Tally {
             reconnects: 0,
             felt: [0; 2],
             points: 0,
+            dropped: 0,
+            alarms: [0; 2],
         }
     }
 }
@@ -82,7 +88,8 @@ impl Tally {
             self.checks.iter_mut().zip(&other.checks).chain(self.faults.iter_mut().zip(&other.faults));
         let small =
             self.motions.iter_mut().zip(&other.motions).chain(self.stops.iter_mut().zip(&other.stops));
-        let more = self.requests.iter_mut().zip(&other.requests);
+        let more =
+            self.requests.iter_mut().zip(&other.requests).chain(self.alarms.iter_mut().zip(&other.alarms));
         let rest = self.restarts.iter_mut().zip(&other.restarts).chain(self.felt.iter_mut().zip(&other.felt));
         let singles = [
             (&mut self.millis, &other.millis),
@@ -90,6 +97,7 @@ impl Tally {
             (&mut self.instructions, &other.instructions),
             (&mut self.reconnects, &other.reconnects),
             (&mut self.points, &other.points),
+            (&mut self.dropped, &other.dropped),
         ];
         pairs.chain(small).chain(more).chain(rest).chain(singles).for_each(|(sum, more)| *sum += more);
     }

@@ -1,14 +1,66 @@
-//! What many seeds came to, as a table.
+//! What many seeds came to, as tables.
 
 use std::fmt::Write;
+use std::time::Duration;
 
 use crate::fault::{CLASSES, PROMISES};
 use crate::record::Tally;
 use crate::world::Outcome;
 
-/// What was done in so many worlds.
+/// How many worlds were run, and how.
+#[derive(Clone, Debug)]
+pub struct Course {
+    /// The first seed that was wanted.
+    pub from: u64,
+    /// How many were wanted.
+    pub wanted: u64,
+    /// How many were run to their end.
+    pub done: u64,
+    /// Those that failed.
+    pub failed: Vec<u64>,
+    /// Worlds at the same time.
+    pub jobs: usize,
+    /// How long it took, in real time.
+    pub took: Duration,
+}
+
+/// The section of `docs/SIMULATION.md` that tells of a run, as it stands there.
+#[must_use]
+pub fn section(course: &Course, tally: &Tally) -> String {
+    let Course { from, wanted, done, failed, jobs, took } = course;
+    let begins = if *from == 1 { String::new() } else { format!(" FROM={from}") };
+    let profile = if cfg!(debug_assertions) { "dev" } else { "release" };
+    let holds = match failed.as_slice() {
+        [] => "all hold".to_owned(),
+        failed => format!("{} fail ({})", failed.len(), listed(failed)),
+    };
+    let minutes = took.as_secs().div_ceil(60);
+    let mut out = format!(
+        "`make sim SEEDS={wanted}{begins}` in the {profile} profile, {jobs} at a time, {minutes} minutes. Of {done} seeds {holds}.\n\n"
+    );
+    out.push_str(&what_was_done(*done, tally));
+    let checks = PROMISES.map(|(promise, _)| format!("{promise:?} {}", tally.checks[promise.index()]));
+    let faults = CLASSES.map(|(class, _)| format!("{class:?} {}", tally.faults[class.index()]));
+    let _ = write!(out, "\nChecks: {}.\n\nFaults drawn: {}.\n", checks.join("; "), faults.join("; "));
+    out
+}
+
+/// What was done in so many worlds, for whoever reads a terminal.
 #[must_use]
 pub fn table(seeds: u64, tally: &Tally) -> String {
+    let mut out = what_was_done(seeds, tally);
+    out.push_str("\n| promise | what | checks |\n|---|---|---|\n");
+    for (promise, what) in PROMISES {
+        let _ = writeln!(out, "| {promise:?} | {what} | {} |", tally.checks[promise.index()]);
+    }
+    out.push_str("\n| fault | what | times drawn |\n|---|---|---|\n");
+    for (class, what) in CLASSES {
+        let _ = writeln!(out, "| {class:?} | {what} | {} |", tally.faults[class.index()]);
+    }
+    out
+}
+
+fn what_was_done(seeds: u64, tally: &Tally) -> String {
     let mut out = String::new();
     #[expect(clippy::cast_precision_loss, reason = "for people")]
     let hours = tally.millis as f64 / 3_600_000.0;
@@ -24,18 +76,12 @@ pub fn table(seeds: u64, tally: &Tally) -> String {
         ("connections made anew", tally.reconnects.to_string()),
         ("time-outs and losses, frames of no use", listed(&tally.felt)),
         ("points of cameras", tally.points.to_string()),
+        ("calls dropped where they waited", tally.dropped.to_string()),
+        ("emergency stops, other alarms", listed(&tally.alarms)),
     ];
     out.push_str("| what | how many |\n|---|---|\n");
     for (what, many) in rows {
         let _ = writeln!(out, "| {what} | {many} |");
-    }
-    out.push_str("\n| promise | what | checks |\n|---|---|---|\n");
-    for (promise, what) in PROMISES {
-        let _ = writeln!(out, "| {promise:?} | {what} | {} |", tally.checks[promise.index()]);
-    }
-    out.push_str("\n| fault | what | times |\n|---|---|---|\n");
-    for (class, what) in CLASSES {
-        let _ = writeln!(out, "| {class:?} | {what} | {} |", tally.faults[class.index()]);
     }
     out
 }

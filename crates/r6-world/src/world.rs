@@ -7,6 +7,7 @@ use crate::disk::{MOST_BYTES, MOST_FILES};
 use crate::fault::{Class, Promise};
 use crate::floor::Door;
 use crate::plan::{Blow, Plan};
+use crate::pulse::Pulse;
 use crate::record::{Tally, Violation};
 use crate::shared::Shared;
 use crate::{cabinet, camera, client};
@@ -130,6 +131,7 @@ impl<'s> World<'s> {
             self.shared.state().record.strikes(*class);
         }
         let mut blows = plan.blows.iter().peekable();
+        let pulse = Pulse::of(plan.seed);
         let quiet = plan.over + HELD_UP;
         loop {
             let at = self.sim.elapsed();
@@ -137,6 +139,7 @@ impl<'s> World<'s> {
                 self.strike(*blow);
             }
             self.sim.step().map_err(|error| error.to_string())?;
+            pulse.beat();
             for robot in std::mem::take(&mut self.dying) {
                 self.crash(&robot_name(robot));
             }

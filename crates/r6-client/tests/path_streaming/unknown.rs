@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
+use r6_client::units::AxisPosition;
 use r6_client::{
-    Cause, Done, MotionError, NotSent, OutcomeUnknown, RequestError, Robot, RobotSettings, RunOptions,
-    StepState,
+    Cause, Done, FollowOptions, MotionError, NotSent, OutcomeUnknown, RequestError, Robot, RobotSettings,
+    RunOptions, StepState,
 };
 use r6_controller::Profile;
 use r6_sim::Clock;
@@ -166,6 +167,39 @@ async fn a_link_that_breaks_after_all_has_left_ends_the_path_with_what_was_seen_
         assert!(error.stop.unwrap().unwrap().confirmed, "{breaks:?}");
         let snapshot = cell.handle().snapshot();
         assert_eq!((snapshot.moving, snapshot.list_length), (false, 0), "{breaks:?}");
+    }
+}
+
+/// The source goes on for much longer than the connection: a target that is followed is a path that nobody knows the end of.
+#[tokio::test(start_paused = true)]
+async fn a_target_that_is_followed_ends_with_its_connection() {
+    for number in [20, 45] {
+        for breaks in [Break::Reply("query", number), Break::Request("query", number)] {
+            let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
+            let (relay, address) = Relay::to(cell.controller.address(), breaks, Duration::ZERO).await;
+            let robot = Robot::connect(&address.to_string(), RobotSettings::default()).await.unwrap();
+            let (target, targets) = tokio::sync::watch::channel(AxisPosition::none());
+            let source = async move {
+                while !target.is_closed() {
+                    target.send_replace(AxisPosition::degrees([150.0]));
+                    tokio::time::sleep(Duration::from_millis(50)).await;
+                }
+            };
+            let following = robot.follow(targets, FollowOptions::default());
+            let (followed, ()) = soon(async { tokio::join!(following, source) }).await;
+            let error = followed.expect_err("its connection is lost");
+            let lost = matches!(error.cause, Cause::NotSent(NotSent::Disconnected));
+            assert!(relay.has_broken() && lost, "{breaks:?}: {error}");
+            // Each step is a list of its own; the last of them clears what is left, and is none.
+            let (left, stop) = (error.progress.left, error.stop.unwrap().unwrap());
+            assert!(left > 0 && cell.taken() == left, "{breaks:?}: {left} of {} left", cell.taken());
+            let steps =
+                relay.lists().iter().filter(|list| list["instructions"] != serde_json::json!([])).count();
+            assert_eq!(steps, left, "{breaks:?}");
+            assert!(stop.confirmed, "{breaks:?}: {stop}");
+            let now = cell.handle().snapshot();
+            assert!(!now.moving && now.list_length == 0 && now.axes[0] < 140.0, "{breaks:?}: {now:?}");
+        }
     }
 }
 

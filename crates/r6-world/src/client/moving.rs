@@ -2,7 +2,7 @@
 
 use r6_client::units::{AxisPosition, Degrees, Percent};
 use r6_client::{Command, FollowOptions, Motion, MotionHandle, OperationMode, RunOptions, StepState, Unmet};
-use tokio::time::sleep;
+use tokio::time::{sleep, timeout};
 
 use super::{Work, ms};
 use crate::fault::Promise;
@@ -82,7 +82,7 @@ impl Work {
         let Some((steps, motion)) = self.path() else { return };
         let options =
             RunOptions { frame_instructions: 1 + self.random.below(4), room: 6, ..RunOptions::default() };
-        let run = self.shared.state().lines[self.index].run_begins(&steps);
+        let run = self.shared.state().lines[self.index].run_begins(now(), &steps);
         let robot = self.robot.clone();
         let begun = self.perhaps("a motion", robot.run(&motion, options)).await;
         if let Some(Ok(handle)) = begun {
@@ -220,6 +220,24 @@ impl Work {
 
     /// A list that a careless program sends without having looked: it leaves only where somebody has looked on this connection.
     async fn send_without_a_look(&mut self) {
+        self.send_blindly().await;
+        sleep(ms(400)).await;
+    }
+
+    /// Sends such a list as soon as a connection was made anew: ahead of whoever looks there, or together with him.
+    pub(super) async fn be_hasty(mut self) {
+        let mut news = self.shared.state().lines[self.index].news.subscribe();
+        while self.plan.moves && !self.is_over() {
+            // A program whose robot stays away ends all the same.
+            if matches!(timeout(ms(100), news.changed()).await, Ok(Ok(())))
+                && self.shared.state().lines[self.index].is_free_to_be_hasty()
+            {
+                self.send_blindly().await;
+            }
+        }
+    }
+
+    async fn send_blindly(&mut self) {
         let Ok(speed) = Percent::new(50.0) else { return };
         let motion = Motion::new().axis_move(AxisPosition::degrees([12.0]), speed);
         let Ok(steps) = motion.instructions() else { return };
@@ -230,7 +248,6 @@ impl Work {
         }
         sleep(ms(HANDED_OVER)).await;
         self.shared.state().lines[self.index].unnumbered -= 1;
-        sleep(ms(400)).await;
     }
 
     /// A place beyond a soft limit, the same place twice, or none: it ends with an alarm, or where it was.
@@ -254,7 +271,7 @@ impl Work {
     /// When all is well a motion comes to its end, and each of its steps was carried out.
     pub(super) async fn move_to_the_end(&mut self) -> Result<(), String> {
         let Some((steps, motion)) = self.path() else { return Ok(()) };
-        let run = self.shared.state().lines[self.index].run_begins(&steps);
+        let run = self.shared.state().lines[self.index].run_begins(now(), &steps);
         let handle = self
             .robot
             .run(&motion, RunOptions::default())
