@@ -282,8 +282,11 @@ impl Machine {
     pub(crate) fn pulse(&mut self, due: Instant, point: OutputPoint, back_to: bool) {
         self.pulses.retain(|(_, other, _)| *other != point);
         if self.pulses.len() >= MAX_PULSES {
-            let (_, point, on) = self.pulses.remove(0);
-            self.io.set(point, on);
+            let earliest = self.pulses.iter().enumerate().min_by_key(|(_, (due, _, _))| *due);
+            if let Some((at, _)) = earliest {
+                let (_, point, on) = self.pulses.remove(at);
+                self.io.set(point, on);
+            }
         }
         self.pulses.push((due, point, back_to));
     }

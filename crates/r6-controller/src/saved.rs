@@ -156,6 +156,9 @@ impl SavedState {
                 }
             }
         }
+        for (field, number) in [("tool", self.tool), ("bench", self.bench)] {
+            below(field, number, MAX_FRAMES)?;
+        }
         for number in self.stacks.keys() {
             below("stacks", *number, MAX_STACKS)?;
         }

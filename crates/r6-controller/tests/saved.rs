@@ -168,7 +168,7 @@ fn what_may_have_changed_has_another_mark() {
 
 #[test]
 fn a_damaged_state_names_the_field_the_value_and_what_it_has_to_be() {
-    let cases: [(&str, Value, &[&str]); 15] = [
+    let cases: [(&str, Value, &[&str]); 17] = [
         ("/counters/0/current", json!("x"), &["`counters.0.current`", "\"x\"", "i64"]),
         ("/counters/0/current", json!(i64::MAX), &["`counters.0.current`", "9223372036854775807", "a count"]),
         ("/counters/0", json!({"target": 1}), &["`counters.0`", "current"]),
@@ -176,6 +176,8 @@ fn a_damaged_state_names_the_field_the_value_and_what_it_has_to_be() {
         ("/tools", json!({"32": [0, 0, 0, 0, 0, 0]}), &["`tools`", "32", "0 to 31"]),
         ("/tools/2", json!([0, 0, 0, 0, 0, 1e300]), &["`tools.2`", "1e300", "finite"]),
         ("/tools/2", json!([0, 0, 0]), &["`tools.2`", "length 3"]),
+        ("/tool", json!(32), &["`tool`", "32", "0 to 31"]),
+        ("/bench", json!(u32::MAX), &["`bench`", "4294967295", "0 to 31"]),
         ("/stacks", json!({"40": {"spacing": [1, 1, 1], "count": [1, 1, 1]}}), &["`stacks`", "40"]),
         ("/stacks/3/count", json!([1, -1, 1]), &["`stacks.3.count[1]`", "-1"]),
         ("/mode", json!("running"), &["`mode`", "running", "auto"]),

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use ledger::Ledger;
 use r6_proto::client::{ClientSession, ClientSettings, Event, MAX_OUTPUT_BYTES};
+use r6_proto::dialect::DsIdForm;
 use r6_proto::message::instruction::{Coordinates, Manner, Move};
 use r6_proto::message::{Action, Body, Instruction, PhotoAnswer, Point, TypeKey};
 use r6_proto::request::CameraPoints;
@@ -35,6 +36,7 @@ pub fn run(bytes: &[u8]) {
         max_frame_bytes: [2048, 120][usize::from(settings >> 2 & 1)],
         type_key: if settings & 8 == 0 { TypeKey::ReqType } else { TypeKey::CmdType },
         first_pack_id: [1, 0, 1 << 40, 9][usize::from(settings >> 4 & 3)],
+        ds_id: if settings & 64 == 0 { DsIdForm::Long } else { DsIdForm::Short },
         ..ClientSettings::default()
     };
     let mut peer =

@@ -1,18 +1,16 @@
-//! How long each target has been tried since it last changed: `fuzz/ledger.tsv`, shown by `docs/RELIABILITY.md`.
+//! How long each target has been tried, and at which commit last: `fuzz/ledger.tsv`, shown by `docs/RELIABILITY.md`.
 
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::{TARGETS, corpus};
 
-/// What was done for one target since its source last changed.
+/// What was done for one target, all runs together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Row {
     /// The target.
     pub target: String,
-    /// A number for its source: another one, and the row begins anew.
-    pub source: String,
     /// Time of processors, s.
     pub seconds: u64,
     /// Inputs that were tried.
@@ -21,6 +19,10 @@ pub struct Row {
     pub coverage: u64,
     /// Runs that ended with a finding.
     pub findings: u64,
+    /// The commit whose code the last run tried, with a `+` where files of it were changed.
+    pub code: String,
+    /// The day of that commit, as 2026-11-22.
+    pub day: String,
 }
 
 /// Where the figures stand.
@@ -38,21 +40,6 @@ pub fn page() -> PathBuf {
 const BEGIN: &str = "<!-- ledger: written by `make fuzz RECORD=1` -->\n";
 const END: &str = "<!-- end of the ledger -->\n";
 
-/// A number for the source of a target (FNV-1a over its files).
-#[must_use]
-pub fn source(target: &str) -> String {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = vec![folder.join(format!("{target}.rs"))];
-    let parts = fs::read_dir(folder.join(target)).into_iter().flatten().flatten();
-    files.extend(parts.map(|entry| entry.path()).filter(|path| path.is_file()));
-    files.sort();
-    let bytes = files.iter().flat_map(|file| corpus::read(file));
-    let sum = bytes.fold(0xcbf2_9ce4_8422_2325_u64, |sum, byte| {
-        (sum ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
-    });
-    format!("{sum:016x}")
-}
-
 /// The rows that are there.
 #[must_use]
 pub fn rows() -> Vec<Row> {
@@ -63,20 +50,25 @@ pub fn rows() -> Vec<Row> {
 fn row(line: &str) -> Option<Row> {
     let mut fields = line.split('\t');
     let mut text = || fields.next().map(str::to_owned);
-    let (target, source) = (text()?, text()?);
+    let target = text()?;
     let mut number = || text()?.parse().ok();
     let (seconds, executions, coverage, findings) = (number()?, number()?, number()?, number()?);
-    Some(Row { target, source, seconds, executions, coverage, findings })
+    Some(Row {
+        target,
+        seconds,
+        executions,
+        coverage,
+        findings,
+        code: fields.next()?.to_owned(),
+        day: fields.next()?.to_owned(),
+    })
 }
 
-/// Adds a run to what is there: a target whose source has changed begins anew.
+/// Adds a run to what is there.
 pub fn record(run: Row) {
     let mut rows: Vec<Row> = rows().into_iter().filter(|row| row.target != run.target).collect();
-    let source = source(&run.target);
-    let before = self::rows().into_iter().find(|row| row.target == run.target && row.source == source);
-    let before = before.unwrap_or_default();
+    let before = self::rows().into_iter().find(|row| row.target == run.target).unwrap_or_default();
     rows.push(Row {
-        source,
         seconds: before.seconds + run.seconds,
         executions: before.executions + run.executions,
         coverage: before.coverage.max(run.coverage),
@@ -84,9 +76,9 @@ pub fn record(run: Row) {
         ..run
     });
     rows.sort_by_key(|row| TARGETS.iter().position(|(name, _)| *name == row.target));
-    let mut text = "# target\tsource\tprocessor seconds\texecutions\tcoverage\tfindings\n".to_owned();
-    for Row { target, source, seconds, executions, coverage, findings } in &rows {
-        let _ = writeln!(text, "{target}\t{source}\t{seconds}\t{executions}\t{coverage}\t{findings}");
+    let mut text = "# target\tprocessor seconds\texecutions\tcoverage\tfindings\tcode\tday\n".to_owned();
+    for Row { target, seconds, executions, coverage, findings, code, day } in &rows {
+        let _ = writeln!(text, "{target}\t{seconds}\t{executions}\t{coverage}\t{findings}\t{code}\t{day}");
     }
     fs::write(file(), text).unwrap_or_else(|error| panic!("{}: {error}", file().display()));
     show();
@@ -109,16 +101,16 @@ pub fn shown(page: &str) -> Option<String> {
 
 fn table() -> String {
     let mut table =
-        "| target | minutes of processor | executions | coverage (edges) | runs that found something |\n\
-        |---|---:|---:|---:|---:|\n"
+        "| target | minutes of processor | executions | coverage (edges) | runs that found something | code of the last run |\n\
+        |---|---:|---:|---:|---:|---|\n"
             .to_owned();
     for row in rows() {
         let minutes = format!("{}.{}", row.seconds / 60, row.seconds % 60 / 6);
         let executions = thousands(row.executions);
         let _ = writeln!(
             table,
-            "| {} | {minutes} | {executions} | {} | {} |",
-            row.target, row.coverage, row.findings
+            "| {} | {minutes} | {executions} | {} | {} | `{}`, {} |",
+            row.target, row.coverage, row.findings, row.code, row.day
         );
     }
     table

@@ -11,7 +11,7 @@ const USAGE: &str =
        r6-fuzz targets            names the targets
        r6-fuzz seeds              writes fuzz/corpus from vectors, transcripts, examples and programs
        r6-fuzz words              writes fuzz/words.dict
-       r6-fuzz record TARGET SECONDS EXECUTIONS COVERAGE FINDINGS
+       r6-fuzz record TARGET SECONDS EXECUTIONS COVERAGE FINDINGS COMMIT DAY
                                   adds a run to fuzz/ledger.tsv and docs/RELIABILITY.md";
 
 fn main() -> ExitCode {
@@ -27,20 +27,20 @@ fn main() -> ExitCode {
                 }
             }
         }
-        ["record", name, figures @ ..] if target(name).is_some() => {
+        ["record", name, figures @ .., code, day] if target(name).is_some() => {
             let figures: Vec<u64> = figures.iter().filter_map(|figure| figure.parse().ok()).collect();
             let [seconds, executions, coverage, findings] = figures[..] else {
                 eprintln!("{USAGE}");
                 return ExitCode::from(2);
             };
-            let source = String::new();
             ledger::record(Row {
                 target: (*name).to_owned(),
-                source,
                 seconds,
                 executions,
                 coverage,
                 findings,
+                code: (*code).to_owned(),
+                day: (*day).to_owned(),
             });
         }
         [name, files @ ..] if !files.is_empty() => {

@@ -26,6 +26,7 @@ fn every_target_has_a_corpus_a_program_a_test_and_a_row() {
             "fuzz/Cargo.toml lacks {name}"
         );
         assert!(tests.contains(&format!("replay(\"{name}\")")), "no test replays {name}");
+        assert!(ledger::rows().iter().any(|row| row.target == *name), "fuzz/ledger.tsv lacks {name}");
         assert!(page.contains(&format!("\n| `{name}` |")), "docs/RELIABILITY.md has no row for {name}");
     }
 }

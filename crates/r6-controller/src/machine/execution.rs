@@ -11,7 +11,7 @@ use r6_proto::time::Instant;
 
 use super::Machine;
 use super::halt::AfterHalt;
-use super::order::{Told, path_speed};
+use super::order::{Told, path_speed, workbench};
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
 use crate::program::Photo;
@@ -305,7 +305,7 @@ impl Machine {
                 Ok(())
             }
             Action::Workbench(bench) => {
-                self.bench = bench.id;
+                self.bench = workbench(*bench)?;
                 Ok(())
             }
             Action::Unknown(_) => Err((10, "unknown action".to_owned())),

@@ -11,7 +11,7 @@ use r6_proto::message::{Action, Instruction};
 
 use super::Machine;
 use super::execution::{Activity, Run};
-use super::order::{Order, Told, path_speed};
+use super::order::{Order, Told, path_speed, workbench};
 use r6_motion::Axes;
 use r6_proto::OperationMode;
 
@@ -114,7 +114,7 @@ impl Machine {
             let action = &self.steps().ahead(ahead)?.action;
             match action {
                 Action::PathSpeed(speed) => told.path_speed = path_speed(speed).ok()?,
-                Action::Workbench(bench) => told.bench = bench.id,
+                Action::Workbench(bench) => told.bench = workbench(*bench).ok()?,
                 Action::StopOnSignal(_) | Action::BoardOutput(_) => {}
                 Action::Output(output) if output.kind == OutputKind::TimedY || output.delay <= 0.0 => {}
                 Action::Output(_) | Action::Wait(_) | Action::Unknown(_) => return None,

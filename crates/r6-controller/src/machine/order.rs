@@ -1,11 +1,13 @@
 //! From a step of the list to a move as the arm is told it.
 
 use r6_proto::message::Action;
-use r6_proto::message::instruction::{Coordinates, CurveMove, Manner, Move as MoveStep, PathSpeed};
+use r6_proto::message::instruction::{
+    Coordinates, CurveMove, Manner, Move as MoveStep, PathSpeed, Workbench,
+};
 use r6_proto::{AXES, AxisIndex};
 
-use super::Machine;
 use super::execution::plan_failed;
+use super::{MAX_FRAMES, Machine};
 use r6_motion::{Axes, Blend, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Pose};
 
 /// A move, what it is planned under, and how the corner after it is rounded.
@@ -92,6 +94,17 @@ fn pose_target(coordinates: &Coordinates) -> Pose {
         *slot = coordinates.at(axis).unwrap_or(0.0);
     }
     Pose::from_components(components)
+}
+
+/// The workbench that action 800 tells. It has to be one that can be defined, as for `switchCoordinate`: so what is in use can be
+/// saved and read again.
+pub(super) fn workbench(step: Workbench) -> Result<u32, (u32, String)> {
+    let Workbench { id } = step;
+    if id < MAX_FRAMES {
+        return Ok(id);
+    }
+    // Chosen: "user coordinate system wrong".
+    Err((27, format!("there is no workbench {id}, there are numbers 0 to {}", MAX_FRAMES - 1)))
 }
 
 /// The path speed that action 51 tells. It has to be a whole number of mm/s: a fraction raised alarm 219 on unit B.

@@ -102,3 +102,33 @@ fn a_list_that_takes_over_begins_a_pass_of_its_own() {
     assert!(machine.is_moving());
     assert_eq!((machine.cycle_started, machine.pass_started), (Some(machine.now), machine.now));
 }
+
+/// What a machine saves it has to be able to read: no step can put a workbench in use that nothing can define.
+#[test]
+fn a_workbench_that_cannot_be_defined_raises_an_alarm() {
+    for (id, alarm) in [(MAX_FRAMES - 1, 0), (MAX_FRAMES, 27), (u32::MAX, 27)] {
+        let mut machine = machine();
+        machine.add_instructions(true, &[once(Action::Workbench(Workbench { id }))]).unwrap();
+        pass(&mut machine, 1.0);
+        assert_eq!(machine.alarm, alarm, "workbench {id}");
+        assert_eq!(machine.bench, if alarm == 0 { id } else { 0 });
+        SavedState::from_json(&machine.saved().to_json()).unwrap();
+    }
+}
+
+#[test]
+fn of_too_many_timed_outputs_the_earliest_goes_back_at_once() {
+    let mut machine = machine();
+    let points: Vec<OutputPoint> =
+        (0..=MAX_PULSES).map(|at| OutputPoint::M(0, u8::try_from(at).unwrap())).collect();
+    // The third is due first.
+    let due = |at: usize| machine.now + Duration::from_secs(if at == 2 { 1 } else { 10 });
+    let pulses: Vec<_> = points.iter().enumerate().map(|(at, point)| (due(at), *point)).collect();
+    for (due, point) in pulses {
+        machine.pulse(due, point, false);
+    }
+    let waiting: Vec<OutputPoint> = machine.pulses.iter().map(|(_, point, _)| *point).collect();
+    assert_eq!(waiting.len(), MAX_PULSES);
+    let gone: Vec<_> = points.into_iter().filter(|point| !waiting.contains(point)).collect();
+    assert_eq!(gone, [OutputPoint::M(0, 2)]);
+}

@@ -1,8 +1,9 @@
 //! What became of each request, kept apart from the session.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use r6_proto::client::{ClientSettings, Ticket};
+use r6_proto::dialect::Envelope;
 use r6_proto::frame::{FrameBuffer, Limits};
 use r6_proto::message::{Body, Message};
 use r6_proto::time::Instant;
@@ -19,6 +20,16 @@ pub struct Sent {
     pub sent_at: Instant,
     addresses: Vec<String>,
     state: State,
+}
+
+/// The frame that a request has to leave as: encoded afresh, with nothing kept of an earlier one.
+fn frame(settings: &ClientSettings, ticket: Ticket, request: &Request<'_>) -> Vec<u8> {
+    let number = ticket.number().to_string();
+    let pack_id = request.expects_reply().then_some(&*number);
+    let envelope = Envelope { ds_id: settings.ds_id, type_key: settings.type_key, pack_id };
+    let mut frame = Vec::new();
+    request.encode(&envelope, &mut frame).unwrap_or_else(|error| panic!("it was sent, and now: {error}"));
+    frame
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +50,8 @@ pub struct Ledger {
     out_of_step: bool,
     last_reply: Vec<u8>,
     wire: FrameBuffer,
+    /// The frames that were sent and have neither left whole nor been taken back, in their order.
+    to_leave: VecDeque<(Ticket, Vec<u8>)>,
     /// How often each motion left, by its number.
     motions: BTreeMap<i64, u32>,
 }
@@ -52,11 +65,13 @@ impl Ledger {
             out_of_step: false,
             last_reply: Vec::new(),
             wire: FrameBuffer::new(Limits::default()),
+            to_leave: VecDeque::new(),
             motions: BTreeMap::new(),
         }
     }
 
     pub fn sent(&mut self, ticket: Ticket, request: &Request<'_>, now: Instant) {
+        self.to_leave.push_back((ticket, frame(&self.settings, ticket, request)));
         if !request.expects_reply() {
             return;
         }
@@ -126,7 +141,7 @@ impl Ledger {
         &self.last_reply
     }
 
-    /// Bytes have left: no motion twice, whatever happened before.
+    /// Bytes have left: each request as it is encoded by itself, in turn, and no motion twice, whatever happened before.
     pub fn left(&mut self, mut bytes: &[u8]) {
         let mut decoder = Decoder::new();
         while !bytes.is_empty() {
@@ -134,6 +149,14 @@ impl Ledger {
             bytes = &bytes[taken..];
             while let Some(frame) = self.wire.next() {
                 let frame = frame.unwrap_or_else(|error| panic!("what leaves is no frame: {error}"));
+                let (ticket, wanted) = self.to_leave.pop_front().expect("a frame leaves that nobody sent");
+                assert!(
+                    frame.bytes == wanted,
+                    "request {} leaves as {}, not as {}",
+                    ticket.number(),
+                    String::from_utf8_lossy(frame.bytes),
+                    String::from_utf8_lossy(&wanted)
+                );
                 let message = decoder.decode(frame.bytes).unwrap_or_else(|error| panic!("{error}"));
                 if let (Body::AddRcc(_), Some(pack_id)) = (&message.body, message.header.pack_id) {
                     let number = pack_id.integer().expect("a number of ours");
@@ -194,6 +217,7 @@ impl Ledger {
     }
 
     pub fn withdrawn(&mut self, ticket: Ticket) {
+        self.to_leave.retain(|(other, _)| *other != ticket);
         self.end(ticket, State::Withdrawn);
     }
 
