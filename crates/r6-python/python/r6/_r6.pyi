@@ -526,6 +526,8 @@ class Envelope:
     def __new__(cls) -> Envelope: ...
     def __and__(self, other: Envelope, /) -> Envelope:
         """An envelope that a list passes only if it passes both."""
+    def __rand__(self, other: Envelope, /) -> Envelope:
+        """The same."""
     def speed_cap(self, cap: Percent) -> Envelope:
         """No move is faster than this."""
     def path_speed_cap(self, cap: MillimetresPerSecond) -> Envelope:
