@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use common::Cell;
 use proptest::prelude::*;
-use r6_controller::fault::link::{Delivery, Link, MAX_WAITING_BYTES};
+use r6_controller::fault::link::{Delivery, Link, MAX_WAITING_BYTES, MAX_WAITING_PARCELS};
 use r6_controller::fault::{LinkFault, LinkFaultNow, OVERSIZED_BYTES};
 use r6_controller::scenario::Scenario;
 use r6_controller::{ControllerSettings, Profile, RobotModel};
@@ -59,12 +59,15 @@ fn frames() -> impl Strategy<Value = Vec<(u64, Vec<u8>)>> {
     prop::collection::vec((0..30_000_000_u64, prop::collection::vec(any::<u8>(), 1..300)), 1..30)
 }
 
+/// The most frames that a fault of [`harmless`] gathers.
+const MOST_GATHERED: usize = 5;
+
 /// Faults that lose nothing.
 fn harmless() -> impl Strategy<Value = Vec<LinkFaultNow>> {
     let time = || (0..80_u64).prop_map(ms);
     let fault = prop_oneof![
         (1..50_usize).prop_map(|bytes| LinkFault::Pieces { bytes }),
-        (2..6_usize, time()).prop_map(|(frames, within)| LinkFault::Coalesce { frames, within }),
+        (2..=MOST_GATHERED, time()).prop_map(|(frames, within)| LinkFault::Coalesce { frames, within }),
         (time(), time(), time()).prop_map(|(to_controller, to_client, spread)| LinkFault::Latency {
             to_controller,
             to_client,
@@ -198,25 +201,24 @@ proptest! {
 
     #[test]
     fn no_more_waits_than_the_limit(seed: u64, faults in harmless(), length in 1..5000_usize) {
-        let mut link = Link::new(seed, START, &faults);
-        let frame = vec![7; length];
-        let (mut sent, mut received) = (0, 0);
-        for _ in 0..20_000 {
-            if !link.send(START, &frame) {
-                break;
-            }
-            sent += length;
-        }
-        for _ in 0..20_000 {
-            let taken = link.receive(START, &frame);
-            received += taken;
-            if taken == 0 {
-                break;
-            }
-        }
-        prop_assert!(sent <= MAX_WAITING_BYTES + length && received <= MAX_WAITING_BYTES);
-        prop_assert!(!link.send(START, &frame) && link.room() == 0);
+        fill(&mut Link::new(seed, START, &faults), length);
     }
+}
+
+/// Gives a link frames of this length, in both directions, until it takes no more.
+fn fill(link: &mut Link, length: usize) {
+    let frame = vec![7; length];
+    // Bytes fill it, or parcels, each of the most frames that are gathered.
+    let enough = MAX_WAITING_PARCELS * MOST_GATHERED + 1;
+    let sent = length * (0..enough).take_while(|_| link.send(START, &frame)).count();
+    let received: usize = (0..enough).map(|_| link.receive(START, &frame)).take_while(|taken| *taken > 0).sum();
+    assert!(sent <= MAX_WAITING_BYTES + length && received <= MAX_WAITING_BYTES);
+    assert!(!link.send(START, &frame) && link.room() == 0);
+}
+
+#[test]
+fn single_bytes_fill_it_however_they_are_gathered() {
+    fill(&mut with(&[LinkFault::Coalesce { frames: MOST_GATHERED, within: ms(1) }]), 1);
 }
 
 #[test]
