@@ -34,12 +34,6 @@ const SILENT_TIMEOUTS: u32 = 3;
 /// have been stopped, put into another mode, or have raised an alarm.
 const STATE: [Address; 2] = [Address::CurMode, Address::CurAlarm];
 
-/// No heartbeat is sent more often.
-const SHORTEST_HEARTBEAT: Duration = Duration::from_millis(100);
-
-/// The watchdog raises alarm 9 after 10 s: half of that leaves room for one heartbeat that is late.
-const LONGEST_HEARTBEAT: Duration = Duration::from_secs(5);
-
 /// One connection's session and the jobs that wait on it.
 #[derive(Debug)]
 pub(crate) struct Link {
@@ -121,7 +115,7 @@ impl Link {
     ) -> Self {
         let heartbeat = match settings.heartbeat {
             Heartbeat::Off => None,
-            Heartbeat::Managed { every } => Some((every.clamp(SHORTEST_HEARTBEAT, LONGEST_HEARTBEAT), now)),
+            Heartbeat::Managed { every } => Some((every.clamp(Heartbeat::SHORTEST, Heartbeat::LONGEST), now)),
         };
         let session = ClientSession::new(ClientSettings {
             reply_timeout: settings.reply_timeout,
@@ -588,6 +582,6 @@ mod tests {
     #[test]
     fn a_heartbeat_is_never_slower_than_the_watchdog_bears() {
         let link = link(Heartbeat::Managed { every: Duration::from_secs(15) });
-        assert_eq!(link.heartbeat.map(|(every, _)| every), Some(LONGEST_HEARTBEAT));
+        assert_eq!(link.heartbeat.map(|(every, _)| every), Some(Heartbeat::LONGEST));
     }
 }

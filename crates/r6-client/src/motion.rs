@@ -262,13 +262,7 @@ impl Robot {
         let Some(envelope) = self.guard() else { return Ok(None) };
         let (mut from, mut only_on) = (None, None);
         if envelope.needs_start() && !instructions.is_empty() {
-            let mut connection = self.connection();
-            let mut sample = self.sample(Lane::Ordinary).await?;
-            if connection != self.connection() {
-                // It may have been answered on either.
-                connection = self.connection();
-                sample = self.sample(Lane::Ordinary).await?;
-            }
+            let (sample, connection) = self.on_one_connection(|| self.sample(Lane::Ordinary)).await?;
             only_on = Some(connection);
             // What is appended begins where the list ends, and nobody knows where that is.
             let at_rest = sample.moving == Some(false) && (replace || sample.list_length == Some(0));

@@ -249,6 +249,21 @@ impl Robot {
         self.lanes.hub.known().connection
     }
 
+    /// What a look at the machine found, and the connection that it was found on. If another one began meanwhile, it looks
+    /// once more, for either may have answered; one that begins then is told as the one before it, on which nothing leaves any more.
+    pub(crate) async fn on_one_connection<T, E, F: Future<Output = Result<T, E>>>(
+        &self,
+        look: impl Fn() -> F,
+    ) -> Result<(T, u64), E> {
+        let mut connection = self.connection();
+        let mut found = look().await?;
+        if connection != self.connection() {
+            connection = self.connection();
+            found = look().await?;
+        }
+        Ok((found, connection))
+    }
+
     pub(crate) fn hub(&self) -> &Hub {
         &self.lanes.hub
     }

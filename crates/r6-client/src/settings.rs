@@ -91,8 +91,16 @@ pub enum Heartbeat {
     ///
     /// The watchdog stays armed when the handle is dropped: the controller then raises an alarm.
     Managed {
-        /// The time from one to the next; the controller wants one every 10 s. Below 100 ms counts as 100 ms,
-        /// above 5 s as 5 s.
+        /// The time from one to the next; the controller wants one every 10 s. Below [`Self::SHORTEST`] or above
+        /// [`Self::LONGEST`] counts as these.
         every: Duration,
     },
+}
+
+impl Heartbeat {
+    /// No heartbeat is sent more often than every 100 ms.
+    pub const SHORTEST: Duration = Duration::from_millis(100);
+
+    /// The watchdog raises alarm 9 after 10 s: half of that, 5 s, leaves room for one heartbeat that is late.
+    pub const LONGEST: Duration = Duration::from_secs(5);
 }

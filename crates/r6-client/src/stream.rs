@@ -175,13 +175,8 @@ impl Robot {
 
     /// Looks at the machine, and clears a list that is left over if that is wished and possible. Tells on which connection, too.
     pub(crate) async fn look_before(&self, options: RunOptions) -> Result<(Status, u64), Cause> {
-        let mut connection = self.connection();
-        let mut status = self.status().await.map_err(Cause::Unreadable)?;
-        if connection != self.connection() {
-            // It may have been answered on either.
-            connection = self.connection();
-            status = self.status().await.map_err(Cause::Unreadable)?;
-        }
+        let (mut status, connection) =
+            self.on_one_connection(|| self.status()).await.map_err(Cause::Unreadable)?;
         let unmet = |status: &Status| -> Vec<Unmet> {
             let idle = |unmet: &Unmet| matches!(unmet, Unmet::Mode { found } if *found == options.idle_mode);
             status.unmet().into_iter().filter(|unmet| !idle(unmet)).collect()

@@ -1,6 +1,5 @@
 //! How a robot is talked to, and how a motion is run.
 
-use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use pyo3::exceptions::PyValueError;
@@ -14,9 +13,6 @@ use crate::units::{Degrees, Percent};
 
 /// A frame without the key gets no reply: that is none to choose.
 const TYPE_KEYS: [(&str, TypeKey); 2] = [("reqType", TypeKey::ReqType), ("cmdType", TypeKey::CmdType)];
-
-/// Seconds from one heartbeat to the next: what `r6_client::Heartbeat::Managed` does not move to its ends.
-const HEARTBEATS: RangeInclusive<f64> = 0.1..=5.0;
 
 const DS_IDS: [(&str, DsIdForm); 2] = [("long", DsIdForm::Long), ("short", DsIdForm::Short)];
 
@@ -56,11 +52,11 @@ impl RobotSettings {
         settings.reconnect.jitter_seed = reconnect_seed;
         settings.max_frame_bytes = max_frame_bytes.unwrap_or(settings.max_frame_bytes);
         if let Some(every) = heartbeat {
-            if !HEARTBEATS.contains(&every) {
+            // What Rust moves to its ends.
+            let (shortest, longest) = (Heartbeat::SHORTEST.as_secs_f64(), Heartbeat::LONGEST.as_secs_f64());
+            if !(shortest..=longest).contains(&every) {
                 return Err(PyValueError::new_err(format!(
-                    "heartbeat has to be {} to {} s, or None for none, not {every}: the watchdog waits 10 s",
-                    HEARTBEATS.start(),
-                    HEARTBEATS.end()
+                    "heartbeat has to be {shortest} to {longest} s, or None for none, not {every}: the watchdog waits 10 s"
                 )));
             }
             settings.heartbeat = Heartbeat::Managed { every: seconds("heartbeat", every)? };
