@@ -13,7 +13,8 @@ impl Random {
         Self(seed)
     }
 
-    fn next(&mut self) -> u64 {
+    /// The next of its numbers, each of the 2^64 as likely as any other.
+    pub fn next_number(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut mixed = self.0;
         mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -23,7 +24,7 @@ impl Random {
 
     /// A number from 0, below `end`; 0 where `end` is 0.
     pub fn below(&mut self, end: usize) -> usize {
-        let wide = (u128::from(self.next()) * u128::try_from(end).unwrap_or(0)) >> 64;
+        let wide = (u128::from(self.next_number()) * u128::try_from(end).unwrap_or(0)) >> 64;
         usize::try_from(wide).unwrap_or(0)
     }
 
@@ -31,7 +32,7 @@ impl Random {
     pub fn strikes(&mut self, chance: f64) -> bool {
         // The upper 53 bits: every such number is an f64, and below 1.
         #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
-        let part = (self.next() >> 11) as f64 / (1_u64 << 53) as f64;
+        let part = (self.next_number() >> 11) as f64 / (1_u64 << 53) as f64;
         part < chance
     }
 
@@ -49,7 +50,7 @@ impl Random {
         let width = middle.saturating_add(spread).saturating_sub(lowest).as_nanos();
         let width = u64::try_from(width).unwrap_or(u64::MAX);
         // The upper half of a product: a number from 0 to `width`.
-        let nanos = (u128::from(self.next()) * (u128::from(width) + 1)) >> 64;
+        let nanos = (u128::from(self.next_number()) * (u128::from(width) + 1)) >> 64;
         lowest.saturating_add(Duration::from_nanos(u64::try_from(nanos).unwrap_or(width)))
     }
 }

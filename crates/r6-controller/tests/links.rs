@@ -211,7 +211,8 @@ fn fill(link: &mut Link, length: usize) {
     // Bytes fill it, or parcels, each of the most frames that are gathered.
     let enough = MAX_WAITING_PARCELS * MOST_GATHERED + 1;
     let sent = length * (0..enough).take_while(|_| link.send(START, &frame)).count();
-    let received: usize = (0..enough).map(|_| link.receive(START, &frame)).take_while(|taken| *taken > 0).sum();
+    let received: usize =
+        (0..enough).map(|_| link.receive(START, &frame)).take_while(|taken| *taken > 0).sum();
     assert!(sent <= MAX_WAITING_BYTES + length && received <= MAX_WAITING_BYTES);
     assert!(!link.send(START, &frame) && link.room() == 0);
 }

@@ -4,17 +4,19 @@
 //! An input is a frame.
 
 mod again;
-mod careful;
+#[path = "../../r6-proto/tests/common/look.rs"]
 mod look;
+#[path = "../../r6-proto/tests/common/members.rs"]
 mod members;
 #[path = "../../r6-proto/tests/common/render.rs"]
 #[allow(dead_code, clippy::redundant_pub_crate, reason = "shared with the tests of r6-proto")]
 mod render;
+#[path = "../../r6-proto/tests/common/two_ways.rs"]
+mod two_ways;
 
 pub use look::look_at_everything;
 
-use r6_proto::{Decoder, MAX_DEPTH};
-use serde_json::Value;
+use r6_proto::Decoder;
 
 /// Tries one input.
 pub fn run(bytes: &[u8]) {
@@ -28,38 +30,9 @@ pub fn run(bytes: &[u8]) {
         look_at_everything(message);
         again::check(message);
     }
-    if let Ok(text) = std::str::from_utf8(bytes) {
-        match (&decoded, serde_json::from_str::<Value>(text)) {
-            (Ok(message), Ok(Value::Object(theirs))) => {
-                assert!(depth(bytes) <= MAX_DEPTH + 2, "deeper than the limit");
-                members::check(message, &theirs, text);
-            }
-            (Ok(_), theirs) => panic!("only we take it: serde_json says {theirs:?}"),
-            (Err(error), Ok(Value::Object(_))) => {
-                assert!(depth(bytes) > MAX_DEPTH, "only serde_json takes it: {error}");
-            }
-            (Err(error), _) => assert!(error.at <= bytes.len() && !error.to_string().is_empty()),
-        }
-    }
+    members::check(&decoded, bytes);
     drop(decoded);
     if bytes.is_ascii() {
-        careful::check(&mut decoder, bytes);
+        two_ways::check(&mut decoder, bytes);
     }
-}
-
-/// How deep JSON nests.
-fn depth(json: &[u8]) -> usize {
-    let (mut depth, mut deepest, mut in_string, mut escaped) = (0_usize, 0, false, false);
-    for byte in json {
-        match byte {
-            _ if escaped => escaped = false,
-            b'\\' => escaped = in_string,
-            b'"' => in_string = !in_string,
-            b'{' | b'[' if !in_string => depth += 1,
-            b'}' | b']' if !in_string => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        deepest = deepest.max(depth);
-    }
-    deepest
 }

@@ -3,8 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use r6_controller::random::Random;
+
 use crate::files::KINDS;
-use crate::mutation::Random;
+use crate::mutation;
 
 /// A file of a corpus: its name and its bytes.
 pub type Seed = (String, Vec<u8>);
@@ -113,7 +115,7 @@ fn made_up(name: &[u8], count: usize, most: usize) -> Vec<Seed> {
     let name = String::from_utf8_lossy(name);
     (0..count)
         .map(|number| {
-            let length = 8 + random.below(most);
+            let length = 8 + mutation::below(&mut random, most);
             let bytes = (0..length).map(|_| random.next_number().to_le_bytes()[0]).collect();
             (format!("{name}-{number}"), bytes)
         })

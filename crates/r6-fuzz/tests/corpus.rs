@@ -3,7 +3,8 @@
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
-use r6_fuzz::mutation::{Random, mutate};
+use r6_controller::random::Random;
+use r6_fuzz::mutation::{below, mutate};
 use r6_fuzz::{corpus, seeds, target, words};
 
 /// So many changed inputs are tried, and for no longer than [`MOST_TIME`]: the rest is what `make fuzz` is for.
@@ -33,7 +34,7 @@ fn replay(name: &str) {
         if began.elapsed() > MOST_TIME {
             break;
         }
-        let (one, other) = (random.below(inputs.len()), random.below(inputs.len()));
+        let (one, other) = (below(&mut random, inputs.len()), below(&mut random, inputs.len()));
         let mutated = mutate(&inputs[one], &inputs[other], &WORDS, &mut random);
         tried(name, run, &mutated, &format!("change {number} of {}", files[one].display()));
     }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use generators::{Owned, OwnedEnvelope};
 use json_text::Bytes;
+use look::look_at_everything;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -15,8 +16,8 @@ use r6_proto::message::{Body, RequestType, TypeKey};
 use r6_proto::request::CameraPoints;
 use r6_proto::server::{InputError, ServerSession};
 use r6_proto::time::Instant;
-use r6_proto::value::{Value as WireValue, Values};
-use r6_proto::{AxisIndex, Decoder, MAX_DEPTH, Message, Reading, Request};
+use r6_proto::value::Value as WireValue;
+use r6_proto::{Decoder, Message, Request};
 use r6_testkit::vector;
 use serde_json::Value;
 
@@ -24,6 +25,10 @@ use serde_json::Value;
 mod generators;
 #[path = "common/json_text.rs"]
 mod json_text;
+#[path = "common/look.rs"]
+mod look;
+#[path = "common/members.rs"]
+mod members;
 #[path = "common/render.rs"]
 mod render;
 
@@ -76,7 +81,7 @@ proptest! {
 
     #[test]
     fn decoding_agrees_with_serde_json_on_generated_json(text in json_text::object()) {
-        check_against_serde_json(text.as_bytes())?;
+        check_against_serde_json(text.as_bytes());
     }
 
     #[test]
@@ -84,7 +89,7 @@ proptest! {
         frame in select(FRAMES.as_slice()),
         mutations in json_text::mutations(),
     ) {
-        check_against_serde_json(&json_text::mutate(&frame.0, &mutations))?;
+        check_against_serde_json(&json_text::mutate(&frame.0, &mutations));
     }
 
     #[test]
@@ -95,7 +100,7 @@ proptest! {
     ) {
         let within = [b"{\"dsID\":".as_slice(), &json_like.0, b"}"].concat();
         for bytes in [any.0.as_slice(), &json_like.0, &within, other.as_bytes()] {
-            check_against_serde_json(bytes)?;
+            check_against_serde_json(bytes);
         }
     }
 }
@@ -173,278 +178,13 @@ fn check_body(message: &Message<'_>, request: &Owned, type_key: TypeKey) -> Resu
     Ok(())
 }
 
-/// Where `serde_json` and the decoder have to agree, they do.
-///
-/// They differ where documented: bytes that are not UTF-8 may be GBK texts, and nesting has a limit of our own. The
-/// object itself and a list that is read item by item are not counted, so it takes hold one or two levels later.
-fn check_against_serde_json(bytes: &[u8]) -> Result<(), TestCaseError> {
+fn check_against_serde_json(bytes: &[u8]) {
     let mut decoder = Decoder::new();
     let decoded = decoder.decode(bytes);
     if let Ok(message) = &decoded {
         look_at_everything(message);
     }
-    if std::str::from_utf8(bytes).is_err() {
-        return Ok(());
-    }
-    match (decoded, serde_json::from_slice::<Value>(bytes)) {
-        (Ok(message), Ok(Value::Object(members))) => {
-            prop_assert!(depth(bytes) <= MAX_DEPTH + 2);
-            check_members(&message, &members)
-        }
-        (Err(_), Err(_)) | (Err(_), Ok(_)) if !is_object(bytes) => Ok(()),
-        (Err(_), Err(_)) => Ok(()),
-        (Err(error), Ok(_)) => {
-            prop_assert!(depth(bytes) > MAX_DEPTH, "only serde_json accepts: {error}");
-            Ok(())
-        }
-        (Ok(_), other) => {
-            // 128 levels are as deep as serde_json goes; nobody else may take more than it does.
-            prop_assert!(false, "serde_json says {other:?}");
-            Ok(())
-        }
-    }
-}
-
-fn is_object(bytes: &[u8]) -> bool {
-    bytes.trim_ascii_start().first() == Some(&b'{')
-}
-
-/// How deep valid JSON nests.
-fn depth(json: &[u8]) -> usize {
-    let (mut depth, mut deepest, mut in_string, mut escaped) = (0_usize, 0, false, false);
-    for byte in json {
-        match byte {
-            _ if escaped => escaped = false,
-            b'\\' => escaped = in_string,
-            b'"' => in_string = !in_string,
-            b'{' | b'[' if !in_string => depth += 1,
-            b'}' | b']' if !in_string => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        deepest = deepest.max(depth);
-    }
-    deepest
-}
-
-type Members = serde_json::Map<String, Value>;
-
-/// Every known key says the same on both sides.
-fn check_members(message: &Message<'_>, members: &Members) -> Result<(), TestCaseError> {
-    let header = &message.header;
-    let type_value = members.get("reqType").or(members.get("cmdType"));
-    check_value("dsID", header.ds_id, members.get("dsID"))?;
-    check_value("type", header.type_word, type_value)?;
-    check_value("packID", header.pack_id, members.get("packID"))?;
-    let list = |key: &str, values: Values<'_>| {
-        let items = members.get(key).and_then(Value::as_array);
-        prop_assert_eq!(items.map_or(0, Vec::len), values.len(), "{}", key);
-        for (ours, theirs) in values.iter().zip(items.into_iter().flatten()) {
-            check_value(key, Some(ours), Some(theirs))?;
-        }
-        Ok(())
-    };
-    let is_type =
-        |words: &[&str]| type_value.and_then(Value::as_str).is_none_or(|word| words.contains(&word));
-    match &message.body {
-        Body::Query(query) => {
-            prop_assert!(is_type(&["query"]));
-            list("queryAddr", query.addresses)?;
-        }
-        Body::QueryReply(reply) => {
-            prop_assert!(is_type(&["query", "queryEcho"]));
-            prop_assert_eq!(reply.addresses.is_some(), members.contains_key("queryAddr"));
-            list("queryAddr", reply.addresses.unwrap_or(Values::EMPTY))?;
-            list("queryData", reply.values)?;
-        }
-        Body::Command(command) => {
-            prop_assert!(is_type(&["command"]));
-            let words = members.get("cmdData").and_then(Value::as_array).unwrap();
-            prop_assert_eq!(
-                Some(command.word().into_owned()),
-                words.first().and_then(Value::as_str).map(str::to_owned)
-            );
-            prop_assert_eq!(command.arguments().len() + 1, words.len());
-            for (ours, theirs) in command.arguments().iter().zip(&words[1..]) {
-                check_value("cmdData", Some(ours), Some(theirs))?;
-            }
-        }
-        Body::CommandReply(reply) => list("cmdReply", reply.words())?,
-        Body::Heartbreak => prop_assert!(is_type(&["heartbreak"])),
-        Body::Photo(photo) => prop_assert_eq!(Some(photo.cam_id), members.get("camID").and_then(integer)),
-        Body::PhotoAnswer(answer) => {
-            prop_assert_eq!(Some(answer.cam_id), members.get("camID").and_then(integer));
-            prop_assert_eq!(Some(answer.ret), members.get("ret").and_then(integer));
-        }
-        Body::AddPoints(points) => {
-            let sets = members.get("dsData").and_then(Value::as_array).unwrap();
-            prop_assert_eq!(points.sets().len(), sets.len());
-            for ((cam_id, points), theirs) in points.sets().zip(sets) {
-                prop_assert_eq!(Some(cam_id), integer(&theirs["camID"]));
-                let theirs = theirs["data"].as_array().unwrap();
-                prop_assert_eq!(points.len(), theirs.len());
-                for (point, theirs) in points.iter().zip(theirs) {
-                    prop_assert!(same(Some(point.x), number(&theirs["X"])), "{} {}", point.x, theirs);
-                    prop_assert!(same(point.u, theirs.get("U").and_then(number)));
-                }
-            }
-        }
-        Body::AddRcc(list) if !list.shape_2020 => {
-            let theirs = members.get("instructions").and_then(Value::as_array).unwrap();
-            prop_assert_eq!(list.instructions.len(), theirs.len());
-            for (ours, theirs) in list.instructions.iter().zip(theirs) {
-                prop_assert_eq!(Some(ours.action.number()), integer(&theirs["action"]));
-                if let r6_proto::message::Action::AxisMove(motion) = &ours.action {
-                    for axis in AxisIndex::ALL {
-                        let name = format!("m{}", axis.number());
-                        prop_assert!(
-                            same(motion.target.at(axis), theirs.get(&name).and_then(number)),
-                            "{name}"
-                        );
-                    }
-                    prop_assert!(same(motion.manner.speed, theirs.get("speed").and_then(number)));
-                }
-            }
-        }
-        Body::AddRcc(_) => prop_assert!(members.contains_key("dsData")),
-        Body::Unknown(unknown) => {
-            let known = RequestType::ALL.map(RequestType::word);
-            let word = type_value.and_then(Value::as_str);
-            prop_assert!(word.is_none_or(|word| !known.contains(&word)));
-            prop_assert_eq!(unknown.word.is_some(), type_value.is_some());
-        }
-        Body::Rejected(rejection) => {
-            prop_assert!(is_type(&[rejection.request.word(), "queryEcho", "cmdEcho", "AddrCC"]));
-            prop_assert!(!rejection.error.path.is_empty());
-        }
-    }
-    Ok(())
-}
-
-fn check_value(key: &str, ours: Option<WireValue<'_>>, theirs: Option<&Value>) -> Result<(), TestCaseError> {
-    let (ours, theirs) = match (ours, theirs) {
-        (None, None) => return Ok(()),
-        (Some(ours), Some(theirs)) => (ours, theirs),
-        (ours, theirs) => {
-            prop_assert!(false, "{key}: {ours:?} and {theirs:?}");
-            return Ok(());
-        }
-    };
-    match theirs {
-        Value::String(text) => {
-            prop_assert!(ours.is_text());
-            prop_assert_eq!(&*ours.text(), text.as_str(), "{}", key);
-        }
-        Value::Number(_) => {
-            prop_assert!(ours.is_number());
-            // Beyond 64 characters a number is no measurement: we do not read it.
-            prop_assert!(
-                ours.wire().len() > 64 || same(ours.number(), number(theirs)),
-                "{key}: {ours:?} {theirs}"
-            );
-        }
-        Value::Array(items) => {
-            prop_assert!(ours.is_list());
-            prop_assert_eq!(ours.items().count(), items.len());
-            for (ours, theirs) in ours.items().zip(items) {
-                check_value(key, Some(ours), Some(theirs))?;
-            }
-        }
-        Value::Object(_) | Value::Bool(_) | Value::Null => {
-            prop_assert_eq!(&serde_json::from_slice::<Value>(ours.wire()).unwrap(), theirs, "{}", key);
-        }
-    }
-    Ok(())
-}
-
-/// A number, quoted or not, read by the standard library.
-fn number(value: &Value) -> Option<f64> {
-    match value {
-        Value::Number(number) => number.as_f64(),
-        Value::String(text) => text.trim_ascii().parse().ok(),
-        Value::Null | Value::Bool(_) | Value::Array(_) | Value::Object(_) => None,
-    }
-}
-
-fn integer(value: &Value) -> Option<i64> {
-    let exact = match value {
-        Value::Number(number) => number.as_i64(),
-        Value::String(text) => text.trim_ascii().parse().ok(),
-        Value::Null | Value::Bool(_) | Value::Array(_) | Value::Object(_) => None,
-    };
-    #[expect(clippy::cast_possible_truncation, reason = "only whole numbers within 2^53 are asked for")]
-    exact.or_else(|| number(value).filter(|number| number.fract() == 0.0).map(|number| number as i64))
-}
-
-/// Equal but for the last digits: serde_json reads long decimals one unit off without its feature for exactness.
-fn same(ours: Option<f64>, theirs: Option<f64>) -> bool {
-    match (ours, theirs) {
-        (None, None) => true,
-        (Some(ours), Some(theirs)) => (ours - theirs).abs() <= 1e-15 * ours.abs().max(f64::MIN_POSITIVE),
-        (_, _) => false,
-    }
-}
-
-/// Calls everything that reads from a message; nothing of it may panic.
-fn look_at_everything(message: &Message<'_>) {
-    for extra in message.extras() {
-        assert!(!format!("{extra}").is_empty());
-    }
-    let look = |values: Values<'_>| {
-        for value in values.iter() {
-            let _ = (
-                value.number(),
-                value.integer(),
-                value.flag(),
-                value.text(),
-                value.offset(),
-                format!("{value:?}"),
-            );
-            assert!(value.items().count() <= message.frame().len());
-            for row in &r6_proto::ADDRESSES {
-                let name = row.name.replace(
-                    "-n",
-                    row.indices.map_or("-n", |(first, _)| if first == 0 { "-0" } else { "-800" }),
-                );
-                let address = name.parse().unwrap_or_else(|error| panic!("{error}"));
-                let _ = Reading::of(address, value).map(|reading| reading.to_string());
-            }
-        }
-    };
-    match &message.body {
-        Body::Query(query) => {
-            look(query.addresses);
-            query.resolved().for_each(|(_, address)| drop(address.map_err(|error| error.to_string())));
-        }
-        Body::QueryReply(reply) => {
-            look(reply.values);
-            for asked in [0, 1, reply.values.len()] {
-                assert_eq!(reply.aligned(asked).is_ok(), asked == reply.values.len());
-            }
-        }
-        Body::Command(words) => {
-            look(words.arguments());
-            drop(words.read().map_err(|error| error.to_string()));
-        }
-        Body::CommandReply(reply) => {
-            look(reply.words());
-            let _ = (reply.command(), reply.outcome());
-        }
-        Body::AddRcc(list) => {
-            for instruction in list.instructions {
-                if let r6_proto::message::Action::Unknown(unknown) = &instruction.action {
-                    list.unknown_fields(unknown).for_each(|(name, value)| {
-                        drop((name.text().into_owned(), value.text().into_owned()));
-                    });
-                }
-            }
-        }
-        Body::AddPoints(points) => {
-            assert_eq!(points.sets().map(|(_, set)| set.len()).sum::<usize>(), points.len())
-        }
-        Body::Unknown(unknown) => assert!(!unknown.to_string().is_empty()),
-        Body::Rejected(rejection) => assert!(!rejection.error.to_string().is_empty()),
-        Body::Heartbreak | Body::Photo(_) | Body::PhotoAnswer(_) => {}
-    }
+    members::check(&decoded, bytes);
 }
 
 /// A stream of frames, some of them changed, with what stands between them.

@@ -1,10 +1,15 @@
-//! Every member of the frame as serde_json reads it: known ones say the same, the others are kept as extras.
+//! What the decoder and serde_json make of the same bytes: both take them or none does, every known member says the same, and the
+//! others are kept as extras.
+//!
+//! They differ where that is documented: bytes that are no UTF-8 may be GBK texts, and nesting has a limit of our own. The object itself
+//! and a list that is read item by item are not counted, so it takes hold one or two levels later.
 
 use std::fmt;
 
+use r6_proto::error::JsonError;
 use r6_proto::message::{Action, Body, ExtraKind, Place};
 use r6_proto::value::{Value as Wire, Values};
-use r6_proto::{AxisIndex, Message, RequestType};
+use r6_proto::{AxisIndex, MAX_DEPTH, Message, RequestType};
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::{Map, Value};
 
@@ -50,11 +55,39 @@ impl<'de> Deserialize<'de> for Members {
     }
 }
 
-/// Checks a message against what serde_json made of the same text.
-pub fn check(message: &Message<'_>, theirs: &Map<String, Value>, text: &str) {
-    header(message, theirs);
-    body(message, theirs);
-    nothing_is_lost(message, text);
+/// Checks what was decoded of these bytes against what serde_json makes of them.
+pub fn check(decoded: &Result<Message<'_>, JsonError>, bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    match (decoded, serde_json::from_str::<Value>(text)) {
+        (Ok(message), Ok(Value::Object(theirs))) => {
+            assert!(depth(bytes) <= MAX_DEPTH + 2, "deeper than the limit");
+            header(message, &theirs);
+            body(message, &theirs);
+            nothing_is_lost(message, text);
+        }
+        (Ok(_), theirs) => panic!("only we take it: serde_json says {theirs:?}"),
+        (Err(error), Ok(Value::Object(_))) => {
+            assert!(depth(bytes) > MAX_DEPTH, "only serde_json takes it: {error}");
+        }
+        (Err(error), _) => assert!(error.at <= bytes.len() && !error.to_string().is_empty()),
+    }
+}
+
+/// How deep JSON nests.
+fn depth(json: &[u8]) -> usize {
+    let (mut depth, mut deepest, mut in_string, mut escaped) = (0_usize, 0, false, false);
+    for byte in json {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' => escaped = in_string,
+            b'"' => in_string = !in_string,
+            b'{' | b'[' if !in_string => depth += 1,
+            b'}' | b']' if !in_string => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        deepest = deepest.max(depth);
+    }
+    deepest
 }
 
 fn header(message: &Message<'_>, theirs: &Map<String, Value>) {
