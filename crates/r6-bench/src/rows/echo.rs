@@ -33,8 +33,13 @@ pub fn reply_length() -> usize {
 const HEAD: &[u8] = br#"{"dsID":"www.hc-system.com.RemoteMonitor","packID":""#;
 const TAIL: &[u8] = br#"","queryAddr":["axis-0","axis-1","axis-2","axis-3","axis-4","axis-5","world-0","world-1","world-2","world-3","world-4","world-5"],"queryData":["10.250000","-20.125000","30.500000","0.015400","-82.820000","0.018500","1500.035000","-125.633000","1461.035000","179.984000","0.805000","-179.992000"],"reqType":"query"}"#;
 
-/// Listens on a free port until the process ends, with a thread for each connection.
+/// The server of this row, on a free port.
 pub fn start() -> SocketAddr {
+    listen(serve)
+}
+
+/// Listens on a free port until the process ends, with a thread for each connection.
+pub fn listen(serve: fn(TcpStream)) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
     let address = listener.local_addr().expect("it is bound");
     thread::spawn(move || {

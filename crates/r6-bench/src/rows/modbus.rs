@@ -1,10 +1,9 @@
 //! The same poll by the Modbus libraries that people use: twelve registers, which are twelve words of two bytes.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::thread;
 
 use r6_client::{Robot, RobotSettings};
 use tokio_modbus::prelude::{Reader, tcp};
@@ -33,18 +32,6 @@ const SCRIPT: &str = "crates/r6-python/benches/modbus.py";
 
 /// The least that can be on the other end: it answers every request with the same twelve registers, and reads nothing of it but its
 /// number.
-fn start() -> SocketAddr {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
-    let address = listener.local_addr().expect("it is bound");
-    thread::spawn(move || {
-        for stream in listener.incoming() {
-            let stream = stream.expect("a connection");
-            thread::spawn(move || serve(stream));
-        }
-    });
-    address
-}
-
 fn serve(mut stream: TcpStream) {
     stream.set_nodelay(true).expect("small frames leave at once");
     let mut request = [0; REQUEST_BYTES];
@@ -125,7 +112,7 @@ impl Drop for Script {
 
 /// The SDK beside both.
 pub fn rows() -> Vec<Row> {
-    let (modbus, robots) = (start(), echo::start());
+    let (modbus, robots) = (echo::listen(serve), echo::start());
     let ratio = compare(&mut [tokio_modbus(modbus), sdk(robots)]).remove(0).remove(0);
     let row = |what: &str, against, goal, figure, in_the_way| Row {
         what: format!("round trip of a 12-address query, {what}, p50"),
