@@ -9,6 +9,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
+from pick import PROGRAM as PICK
 from relay import Relay
 
 import r6
@@ -41,30 +42,6 @@ def test_events_end_with_the_robot(virtual_robot: r6.Robot) -> None:
     assert [type(event) for event in events] in ([], [r6.ConnectionLost])
 
 
-PICK = """
-[[step]]
-do = "axis-move"
-to = [0, 0, 0, 0, 30, 0]
-speed = 50
-[[step]]
-do = "photo"
-camera = 1
-limit = 5
-tries = 100
-[[step]]
-do = "take-point"
-camera = 1
-[[step]]
-do = "move-to-point"
-speed = 20
-[[step]]
-do = "output"
-point = "Y010"
-on = true
-[[step]]
-do = "wait"
-point = "X047"
-"""
 PART = r6.Point(x=20.0, y=10.0, z=-30.0, relative=True)
 
 

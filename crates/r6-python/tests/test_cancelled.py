@@ -256,6 +256,8 @@ BLOCKING: dict[str, Callable[[r6.Robot, int], object]] = {
 }
 
 
+# The signal of the usual time limit is what this is about.
+@pytest.mark.timeout(method="thread")
 @pytest.mark.usefixtures("alarm")
 @pytest.mark.virtual_controller(clock=20, scenario=SLOW)
 @pytest.mark.parametrize("name", BLOCKING)

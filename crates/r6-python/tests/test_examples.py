@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pick import PROGRAM
 from relay import Relay
 
 import r6
@@ -171,10 +172,7 @@ def test_it_brings_its_own_controller(name: str) -> None:
 
 @pytest.mark.parametrize("name", SAYS)
 def test_it_does_what_it_says_with_the_controllers_that_are_named(name: str) -> None:
-    program = None
-    if name == "camera_pick":
-        text = (EXAMPLES / "camera_pick.py").read_text()
-        program = text.split('PROGRAM = """')[1].split('"""')[0]
+    program = PROGRAM if name == "camera_pick" else None
     count = 2 if name == "two_robots" else 1
     with ExitStack() as stack:
         controllers = [stack.enter_context(r6.Simulator(clock=10, program=program)) for _ in range(count)]

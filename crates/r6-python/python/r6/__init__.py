@@ -16,15 +16,9 @@ This is no safety function: a stop from here is an ordinary command on a network
 
 from importlib import metadata
 
-from ._async_robot import (
-    AsyncFollowing,
-    AsyncMotionHandle,
-    AsyncPushedEvents,
-    AsyncRobot,
-    AsyncStep,
-    AsyncSubscription,
-    async_discover,
-)
+from ._async_motion import AsyncFollowing, AsyncMotionHandle, AsyncStep
+from ._async_robot import AsyncRobot, async_discover
+from ._async_subscription import AsyncPushedEvents, AsyncSubscription
 from ._errors import (
     MotionError,
     NoReading,
@@ -44,6 +38,7 @@ from ._errors import (
     UnknownAddress,
     WaitError,
 )
+from ._motion import Following, MotionHandle, Step
 from ._r6 import (
     AxisMask,
     AxisPosition,
@@ -68,7 +63,8 @@ from ._r6 import (
     profiles,
     to_thousandths,
 )
-from ._robot import Following, MotionHandle, PushedEvents, Robot, Step, Subscription, discover
+from ._robot import Robot, discover
+from ._subscription import PushedEvents, Subscription
 from ._types import (
     Accepted,
     AddressInfo,

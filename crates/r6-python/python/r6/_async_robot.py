@@ -3,41 +3,34 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ._async_motion import AsyncFollowing, AsyncMotionHandle
+from ._async_subscription import AsyncPushedEvents, AsyncSubscription
 from ._asyncio import run, run_at_once
-from ._errors import MotionError, RequestError
 from ._r6 import (
-    AxisPosition,
     Command,
     Envelope,
-    FollowCore,
     FollowOptions,
     Listen,
     Motion,
-    MotionCore,
     Percent,
-    Progress,
-    PushedCore,
     RobotCore,
     RobotSettings,
     RunOptions,
-    SubscriptionCore,
     discovering,
 )
-from ._robot import NOT_STOPPED, connected, counter, note, points, stopped, whole
+from ._robot import connected, counter, points, whole
 from ._types import (
     Accepted,
     Counter,
     Discovered,
     Done,
-    Event,
-    Followed,
     Identity,
     Integers,
     LinkQuality,
@@ -46,9 +39,7 @@ from ._types import (
     Point,
     QueryResult,
     Shot,
-    Snapshot,
     Status,
-    StepState,
     StopReport,
 )
 
@@ -259,196 +250,3 @@ async def async_discover(
 ) -> list[Discovered]:
     """As ``discover``, for asyncio."""
     return await run(discovering(addresses, settings))
-
-
-class AsyncMotionHandle:
-    """A motion that runs: ``MotionHandle`` for asyncio.
-
-    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, as
-    ``MotionHandle`` does, and waits for the end of the motion otherwise.
-    """
-
-    def __init__(self, core: MotionCore) -> None:
-        """Use ``AsyncRobot.run``."""
-        self._core = core
-
-    @property
-    def progress(self) -> Progress:
-        """How far it is now."""
-        return self._core.progress()
-
-    async def __aiter__(self) -> AsyncIterator[Progress]:
-        """As iterating over ``MotionHandle``."""
-        while (progress := await run(self._core.next_progress())) is not None:
-            yield progress
-
-    def step(self, number: int) -> AsyncStep:
-        """As ``MotionHandle.step``."""
-        self._core.step_state(number)
-        return AsyncStep(self._core, number)
-
-    async def ended_within(self, time: float) -> bool:
-        """As ``MotionHandle.ended_within``."""
-        return await run(self._core.ended_within(time))
-
-    async def finished(self) -> Done:
-        """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""
-        return await run(self._core.finished())
-
-    def stop(self) -> Coroutine[Any, Any, StopReport]:
-        """As ``MotionHandle.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
-        return run_at_once(self._core.stop())
-
-    def release(self) -> None:
-        """As ``MotionHandle.release``."""
-        self._core.release()
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            await self.finished()
-            return
-        try:
-            report: StopReport | RequestError = await self.stop()
-        except RequestError as failed:
-            if not isinstance(error, MotionError):
-                note(failed, NOT_STOPPED)
-                raise
-            report = failed
-        stopped(error, report)
-
-    def __repr__(self) -> str:
-        return f"<AsyncMotionHandle {self.progress!r}>"
-
-
-class AsyncFollowing:
-    """A target that is followed: ``Following`` for asyncio; use ``async with``."""
-
-    def __init__(self, core: FollowCore) -> None:
-        """Use ``AsyncRobot.follow``."""
-        self._core = core
-
-    def target(self, to: AxisPosition) -> None:
-        """As ``Following.target``."""
-        self._core.target(to)
-
-    async def finished(self) -> Followed:
-        """As ``Following.finished``."""
-        return await run(self._core.finished())
-
-    def stop(self) -> Coroutine[Any, Any, StopReport]:
-        """As ``Following.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
-        return run_at_once(self._core.stop())
-
-    def release(self) -> None:
-        """As ``Following.release``."""
-        self._core.release()
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            await self.finished()
-            return
-        try:
-            report: StopReport | RequestError = await self.stop()
-        except RequestError as failed:
-            if not isinstance(error, MotionError):
-                note(failed, NOT_STOPPED)
-                raise
-            report = failed
-        stopped(error, report)
-
-
-class AsyncStep:
-    """One step of a motion that runs: ``Step`` for asyncio."""
-
-    def __init__(self, core: MotionCore, number: int) -> None:
-        """Use ``AsyncMotionHandle.step``."""
-        self._core = core
-        self.number = number
-
-    @property
-    def state(self) -> StepState:
-        """What has become of it."""
-        return self._core.step_state(self.number)
-
-    async def started(self) -> bool:
-        """As ``Step.started``."""
-        return await run(self._core.step_started(self.number))
-
-    async def done(self) -> bool:
-        """As ``Step.done``."""
-        return await run(self._core.step_done(self.number))
-
-    def __repr__(self) -> str:
-        return f"<AsyncStep {self.number}: {self.state}>"
-
-
-class AsyncSubscription:
-    """Values that are read again and again: ``Subscription`` for asyncio; use ``async for``."""
-
-    def __init__(self, core: SubscriptionCore) -> None:
-        """Use ``AsyncRobot.subscribe``."""
-        self._core = core
-
-    async def latest(self) -> Snapshot:
-        """As ``Subscription.latest``."""
-        snapshot = await run(self._core.latest())
-        if snapshot is None:
-            raise RuntimeError("the subscription is closed")
-        return snapshot
-
-    async def next(self, *, timeout: float | None = None) -> Snapshot | None:
-        """As ``Subscription.next``. Cancelling it loses nothing."""
-        return await run(self._core.next(timeout))
-
-    async def __aiter__(self) -> AsyncIterator[Snapshot]:
-        """As iterating over ``Subscription``."""
-        while (snapshot := await self.next()) is not None:
-            yield snapshot
-
-    def close(self) -> None:
-        """Ends it."""
-        self._core.close()
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
-
-class AsyncPushedEvents:
-    """What happens on a connection without being asked for: ``PushedEvents`` for asyncio; use ``async for``."""
-
-    def __init__(self, core: PushedCore) -> None:
-        """Use ``AsyncRobot.pushed``."""
-        self._core = core
-
-    async def next(self, *, timeout: float | None = None) -> Event | None:
-        """As ``PushedEvents.next``."""
-        return await run(self._core.next(timeout))
-
-    async def __aiter__(self) -> AsyncIterator[Event]:
-        """As iterating over ``PushedEvents``."""
-        while (event := await self.next()) is not None:
-            yield event

@@ -2,40 +2,32 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from ._errors import MotionError, RequestError
+from ._motion import Following, MotionHandle
 from ._r6 import (
-    AxisPosition,
     Command,
     Envelope,
-    FollowCore,
     FollowOptions,
     Listen,
     Motion,
-    MotionCore,
     Percent,
-    Progress,
-    PushedCore,
     RobotCore,
     RobotSettings,
     RunOptions,
-    SubscriptionCore,
     discovering,
 )
+from ._subscription import PushedEvents, Subscription
 from ._types import (
     Accepted,
     Counter,
     Discovered,
     Done,
-    Event,
-    Followed,
     Identity,
     Integers,
     LinkQuality,
@@ -44,9 +36,7 @@ from ._types import (
     Point,
     QueryResult,
     Shot,
-    Snapshot,
     Status,
-    StepState,
     StopReport,
 )
 
@@ -350,243 +340,6 @@ def discover(addresses: Sequence[str], settings: RobotSettings | None = None) ->
     ...     print(found.address, found.who)
     """
     return discovering(addresses, settings).wait()
-
-
-class MotionHandle:
-    """A motion that runs.
-
-    Dropping it, ``release``, or the end of the process ends the streaming: the arm finishes what is in its list, unless
-    ``RunOptions.stop_on_drop`` says that it is to be stopped (which takes a process that lives on).
-
-    As a ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included: always, also after the
-    end of the motion and after ``release``, because steps may be left in the list. If that stop fails, its error is
-    raised; a ``MotionError`` goes on instead and has it as ``stop``. Without an exception the block waits for the end of
-    the motion.
-    """
-
-    def __init__(self, core: MotionCore) -> None:
-        """Use ``Robot.run``."""
-        self._core = core
-
-    @property
-    def progress(self) -> Progress:
-        """How far it is now."""
-        return self._core.progress()
-
-    def __iter__(self) -> Iterator[Progress]:
-        """Each progress, up to the one that has ended. Who is slow gets the latest."""
-        while (progress := self._core.next_progress().wait()) is not None:
-            yield progress
-
-    def step(self, number: int) -> Step:
-        """One step, counted from 1; ``IndexError`` if there is none such."""
-        self._core.step_state(number)
-        return Step(self._core, number)
-
-    def ended_within(self, time: float) -> bool:
-        """Waits for the end for so many seconds; whether it came. ``finished`` then tells it at once."""
-        return self._core.ended_within(time).wait()
-
-    def finished(self) -> Done:
-        """Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state.
-
-        Ctrl-C ends the waiting, not the motion: stop it, or drop the handle. Can be called again.
-
-        Errors: ``MotionError``: why it ended before, what became of the steps, and what became of the arm.
-        """
-        return self._core.finished().wait()
-
-    def stop(self) -> StopReport:
-        """Ends the streaming and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
-        return self._core.stop().wait()
-
-    def release(self) -> None:
-        """Ends the streaming, as dropping the handle does."""
-        self._core.release()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self.finished()
-            return
-        try:
-            report: StopReport | RequestError = self.stop()
-        except RequestError as failed:
-            if not isinstance(error, MotionError):
-                note(failed, NOT_STOPPED)
-                raise
-            report = failed
-        stopped(error, report)
-
-    def __repr__(self) -> str:
-        return f"<MotionHandle {self.progress!r}>"
-
-
-class Following:
-    """A target that is followed.
-
-    Dropping it, ``release``, or the end of the process ends it: the arm finishes the step or two in its list. As a
-    ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included, and waits until the arm stands
-    otherwise; errors as in ``MotionHandle``.
-    """
-
-    def __init__(self, core: FollowCore) -> None:
-        """Use ``Robot.follow``."""
-        self._core = core
-
-    def target(self, to: AxisPosition) -> None:
-        """Where the target is now. Does not wait. Send it again while the arm is to go there: it counts for
-        ``FollowOptions.fresh_within``.
-
-        Errors: ``MotionError``: why the target is not followed any more; ``RuntimeError`` after ``finished``.
-        """
-        self._core.target(to)
-
-    def finished(self) -> Followed:
-        """Takes no other target, and waits until the arm stands. Can be called again.
-
-        No step is begun any more: for the arm to arrive, send the last target for as long as that takes. Errors:
-        ``MotionError``; its steps are those that were sent.
-        """
-        return self._core.finished().wait()
-
-    def stop(self) -> StopReport:
-        """Ends it and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
-        return self._core.stop().wait()
-
-    def release(self) -> None:
-        """Ends it, as dropping it does."""
-        self._core.release()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self.finished()
-            return
-        try:
-            report: StopReport | RequestError = self.stop()
-        except RequestError as failed:
-            if not isinstance(error, MotionError):
-                note(failed, NOT_STOPPED)
-                raise
-            report = failed
-        stopped(error, report)
-
-
-class Step:
-    """One step of a motion that runs."""
-
-    def __init__(self, core: MotionCore, number: int) -> None:
-        """Use ``MotionHandle.step``."""
-        self._core = core
-        self.number = number
-
-    @property
-    def state(self) -> StepState:
-        """What has become of it."""
-        return self._core.step_state(self.number)
-
-    def started(self) -> bool:
-        """Waits until its turn has come; ``False`` if it never will, as far as is known."""
-        return self._core.step_started(self.number).wait()
-
-    def done(self) -> bool:
-        """Waits until it is over; ``False`` if that was not seen."""
-        return self._core.step_done(self.number).wait()
-
-    def __repr__(self) -> str:
-        return f"<Step {self.number}: {self.state}>"
-
-
-class Subscription:
-    """Values that are read again and again: iterate over it. Closing or dropping it ends that."""
-
-    def __init__(self, core: SubscriptionCore) -> None:
-        """Use ``Robot.subscribe``."""
-        self._core = core
-
-    def latest(self) -> Snapshot:
-        """The values as they are known now; if another thread waits for the next ones, then. Sends nothing."""
-        snapshot = self._core.latest().wait()
-        if snapshot is None:
-            raise RuntimeError("the subscription is closed")
-        return snapshot
-
-    def next(self, *, timeout: float | None = None) -> Snapshot | None:
-        """Waits until any of the values was read again, a poll failed, or the connection was lost; ``None`` once the robot
-        is closed. Who comes late gets the latest values. Errors: ``TimeoutError``."""
-        return self._core.next(timeout).wait()
-
-    def __iter__(self) -> Iterator[Snapshot]:
-        """The values whenever there are new ones, until the robot is closed."""
-        while (snapshot := self.next()) is not None:
-            yield snapshot
-
-    def close(self) -> None:
-        """Ends it."""
-        self._core.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
-
-class PushedEvents:
-    """What happens on a connection without being asked for: iterate over it."""
-
-    def __init__(self, core: PushedCore) -> None:
-        """Use ``Robot.pushed``."""
-        self._core = core
-
-    def next(self, *, timeout: float | None = None) -> Event | None:
-        """Waits for the next event; ``None`` once the robot is closed. Errors: ``TimeoutError``."""
-        return self._core.next(timeout).wait()
-
-    def __iter__(self) -> Iterator[Event]:
-        """Each event, until the robot is closed."""
-        while (event := self.next()) is not None:
-            yield event
-
-
-NOT_STOPPED = "the arm was NOT stopped and goes on with what is in its list: use the emergency stop"
-
-
-def stopped(error: BaseException | None, report: StopReport | RequestError) -> None:
-    """Tells the exception that ended a ``with`` block what became of the arm."""
-    if isinstance(error, MotionError):
-        if error.stop is not None:
-            # It knows of a stop of its own.
-            return
-        error.stop = report
-    if error is not None:
-        note(error, str(report) if isinstance(report, StopReport) else f"{NOT_STOPPED}; {report}")
-
-
-def note(error: BaseException, text: str) -> None:
-    """A line below the error where Python shows it, which it does from 3.11 on."""
-    if sys.version_info >= (3, 11):
-        error.add_note(text)
 
 
 def connected(core: RobotCore) -> RobotCore:

@@ -1,0 +1,145 @@
+"""What runs on a robot, from asyncio: the same names as in ``_motion``, which documents them."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Coroutine
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from ._asyncio import run, run_at_once
+from ._errors import RequestError
+from ._motion import stopped
+from ._r6 import AxisPosition, FollowCore, MotionCore, Progress
+from ._types import Done, Followed, StepState, StopReport
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class AsyncMotionHandle:
+    """A motion that runs: ``MotionHandle`` for asyncio.
+
+    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, as
+    ``MotionHandle`` does, and waits for the end of the motion otherwise.
+    """
+
+    def __init__(self, core: MotionCore) -> None:
+        """Use ``AsyncRobot.run``."""
+        self._core = core
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is now."""
+        return self._core.progress()
+
+    async def __aiter__(self) -> AsyncIterator[Progress]:
+        """As iterating over ``MotionHandle``."""
+        while (progress := await run(self._core.next_progress())) is not None:
+            yield progress
+
+    def step(self, number: int) -> AsyncStep:
+        """As ``MotionHandle.step``."""
+        self._core.step_state(number)
+        return AsyncStep(self._core, number)
+
+    async def ended_within(self, time: float) -> bool:
+        """As ``MotionHandle.ended_within``."""
+        return await run(self._core.ended_within(time))
+
+    async def finished(self) -> Done:
+        """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""
+        return await run(self._core.finished())
+
+    def stop(self) -> Coroutine[Any, Any, StopReport]:
+        """As ``MotionHandle.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
+        return run_at_once(self._core.stop())
+
+    def release(self) -> None:
+        """As ``MotionHandle.release``."""
+        self._core.release()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            await self.finished()
+            return
+        try:
+            stopped(error, await self.stop())
+        except RequestError as failed:
+            stopped(error, failed)
+
+    def __repr__(self) -> str:
+        return f"<AsyncMotionHandle {self.progress!r}>"
+
+
+class AsyncFollowing:
+    """A target that is followed: ``Following`` for asyncio; use ``async with``."""
+
+    def __init__(self, core: FollowCore) -> None:
+        """Use ``AsyncRobot.follow``."""
+        self._core = core
+
+    def target(self, to: AxisPosition) -> None:
+        """As ``Following.target``."""
+        self._core.target(to)
+
+    async def finished(self) -> Followed:
+        """As ``Following.finished``."""
+        return await run(self._core.finished())
+
+    def stop(self) -> Coroutine[Any, Any, StopReport]:
+        """As ``Following.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
+        return run_at_once(self._core.stop())
+
+    def release(self) -> None:
+        """As ``Following.release``."""
+        self._core.release()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            await self.finished()
+            return
+        try:
+            stopped(error, await self.stop())
+        except RequestError as failed:
+            stopped(error, failed)
+
+
+class AsyncStep:
+    """One step of a motion that runs: ``Step`` for asyncio."""
+
+    def __init__(self, core: MotionCore, number: int) -> None:
+        """Use ``AsyncMotionHandle.step``."""
+        self._core = core
+        self.number = number
+
+    @property
+    def state(self) -> StepState:
+        """What has become of it."""
+        return self._core.step_state(self.number)
+
+    async def started(self) -> bool:
+        """As ``Step.started``."""
+        return await run(self._core.step_started(self.number))
+
+    async def done(self) -> bool:
+        """As ``Step.done``."""
+        return await run(self._core.step_done(self.number))
+
+    def __repr__(self) -> str:
+        return f"<AsyncStep {self.number}: {self.state}>"

@@ -1,0 +1,187 @@
+"""What runs on a robot: a motion, its steps, and a target that is followed."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from ._errors import MotionError, RequestError
+from ._r6 import AxisPosition, FollowCore, MotionCore, Progress
+from ._types import Done, Followed, StepState, StopReport
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class MotionHandle:
+    """A motion that runs.
+
+    Dropping it, ``release``, or the end of the process ends the streaming: the arm finishes what is in its list, unless
+    ``RunOptions.stop_on_drop`` says that it is to be stopped (which takes a process that lives on).
+
+    As a ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included: always, also after the
+    end of the motion and after ``release``, because steps may be left in the list. If that stop fails, its error is
+    raised; a ``MotionError`` goes on instead and has it as ``stop``. Without an exception the block waits for the end of
+    the motion.
+    """
+
+    def __init__(self, core: MotionCore) -> None:
+        """Use ``Robot.run``."""
+        self._core = core
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is now."""
+        return self._core.progress()
+
+    def __iter__(self) -> Iterator[Progress]:
+        """Each progress, up to the one that has ended. Who is slow gets the latest."""
+        while (progress := self._core.next_progress().wait()) is not None:
+            yield progress
+
+    def step(self, number: int) -> Step:
+        """One step, counted from 1; ``IndexError`` if there is none such."""
+        self._core.step_state(number)
+        return Step(self._core, number)
+
+    def ended_within(self, time: float) -> bool:
+        """Waits for the end for so many seconds; whether it came. ``finished`` then tells it at once."""
+        return self._core.ended_within(time).wait()
+
+    def finished(self) -> Done:
+        """Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state.
+
+        Ctrl-C ends the waiting, not the motion: stop it, or drop the handle. Can be called again.
+
+        Errors: ``MotionError``: why it ended before, what became of the steps, and what became of the arm.
+        """
+        return self._core.finished().wait()
+
+    def stop(self) -> StopReport:
+        """Ends the streaming and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
+        return self._core.stop().wait()
+
+    def release(self) -> None:
+        """Ends the streaming, as dropping the handle does."""
+        self._core.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.finished()
+            return
+        try:
+            stopped(error, self.stop())
+        except RequestError as failed:
+            stopped(error, failed)
+
+    def __repr__(self) -> str:
+        return f"<MotionHandle {self.progress!r}>"
+
+
+class Following:
+    """A target that is followed.
+
+    Dropping it, ``release``, or the end of the process ends it: the arm finishes the step or two in its list. As a
+    ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included, and waits until the arm stands
+    otherwise; errors as in ``MotionHandle``.
+    """
+
+    def __init__(self, core: FollowCore) -> None:
+        """Use ``Robot.follow``."""
+        self._core = core
+
+    def target(self, to: AxisPosition) -> None:
+        """Where the target is now. Does not wait. Send it again while the arm is to go there: it counts for
+        ``FollowOptions.fresh_within``.
+
+        Errors: ``MotionError``: why the target is not followed any more; ``RuntimeError`` after ``finished``.
+        """
+        self._core.target(to)
+
+    def finished(self) -> Followed:
+        """Takes no other target, and waits until the arm stands. Can be called again.
+
+        No step is begun any more: for the arm to arrive, send the last target for as long as that takes. Errors:
+        ``MotionError``; its steps are those that were sent.
+        """
+        return self._core.finished().wait()
+
+    def stop(self) -> StopReport:
+        """Ends it and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
+        return self._core.stop().wait()
+
+    def release(self) -> None:
+        """Ends it, as dropping it does."""
+        self._core.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.finished()
+            return
+        try:
+            stopped(error, self.stop())
+        except RequestError as failed:
+            stopped(error, failed)
+
+
+class Step:
+    """One step of a motion that runs."""
+
+    def __init__(self, core: MotionCore, number: int) -> None:
+        """Use ``MotionHandle.step``."""
+        self._core = core
+        self.number = number
+
+    @property
+    def state(self) -> StepState:
+        """What has become of it."""
+        return self._core.step_state(self.number)
+
+    def started(self) -> bool:
+        """Waits until its turn has come; ``False`` if it never will, as far as is known."""
+        return self._core.step_started(self.number).wait()
+
+    def done(self) -> bool:
+        """Waits until it is over; ``False`` if that was not seen."""
+        return self._core.step_done(self.number).wait()
+
+    def __repr__(self) -> str:
+        return f"<Step {self.number}: {self.state}>"
+
+
+def stopped(error: BaseException | None, report: StopReport | RequestError) -> None:
+    """Tells the exception that ended a ``with`` block what became of the arm. A stop that failed is raised in its place,
+    unless it is a ``MotionError``, which carries it."""
+    if isinstance(error, MotionError):
+        if error.stop is not None:
+            # It knows of a stop of its own.
+            return
+        error.stop = report
+    elif isinstance(report, RequestError):
+        raise report
+    if error is not None:
+        note(error, str(report))
+
+
+def note(error: BaseException, text: str) -> None:
+    """A line below the error where Python shows it, which it does from 3.11 on."""
+    if sys.version_info >= (3, 11):
+        error.add_note(text)
