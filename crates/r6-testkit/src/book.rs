@@ -55,6 +55,37 @@ pub fn pages_out_of_the_book() -> Vec<String> {
     pages.collect()
 }
 
+/// The figures of the README, rows `| what | against | ratio |` below its heading `## How fast`, that are not those of
+/// `docs/BENCHMARKS.md`. That page is written by `make bench`, in one run.
+///
+/// # Errors
+/// The page has no such figures.
+pub fn figures_not_measured() -> Result<Vec<String>, String> {
+    let root = workspace::root();
+    let measured = workspace::read(&root.join("docs/BENCHMARKS.md"));
+    let measured: Vec<_> = measured.lines().filter_map(cells).collect();
+    let readme = workspace::read(&root.join("README.md"));
+    let below = readme.split_once("\n## How fast\n").map(|(_, below)| below).unwrap_or_default();
+    let quoted: Vec<_> =
+        below.lines().take_while(|line| !line.starts_with("## ")).filter_map(cells).skip(2).collect();
+    if quoted.is_empty() {
+        return Err("README.md has no figures below `## How fast`".to_owned());
+    }
+    let is_measured = |row: &[&str]| {
+        let [what, against, ratio] = row else { return false };
+        measured.iter().any(|measured| {
+            matches!(measured.as_slice(), [m_what, m_against, _, found, _]
+                if m_what == what && m_against == against && found.split(" (").next() == Some(ratio))
+        })
+    };
+    Ok(quoted.iter().filter(|row| !is_measured(row)).map(|row| row.join(" | ")).collect())
+}
+
+/// The cells of a row of a table; `None` where the line is none.
+fn cells(line: &str) -> Option<Vec<&str>> {
+    Some(line.strip_prefix('|')?.strip_suffix('|')?.split('|').map(str::trim).collect())
+}
+
 /// A path without `.` and `..`.
 fn plain(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();

@@ -11,3 +11,8 @@ fn every_page_is_a_chapter_once() {
 fn every_link_leads_somewhere() {
     assert_eq!(book::dead_links(), Vec::<String>::new());
 }
+
+#[test]
+fn the_readme_quotes_what_was_measured() {
+    assert_eq!(book::figures_not_measured(), Ok(Vec::new()), "docs/BENCHMARKS.md says otherwise");
+}
