@@ -3,7 +3,7 @@
 //!
 //! An input is a byte for the kind of file and its text.
 
-use r6::program_file::{FileError, ProgramFile};
+use r6::program_file::{FileError, ProgramFile, cut};
 use r6_controller::{Controller, ControllerSettings, Library, Profile, Program, RobotModel, Scenario};
 use r6_proto::message::Instruction;
 use r6_proto::time::Instant;
@@ -93,7 +93,7 @@ fn program_file(text: &str, read: Result<ProgramFile, FileError>) {
     for batch in file.batches {
         let whole = batch.clone();
         // What the wire cannot carry is refused before anything is sent.
-        let Ok(parts) = batch.cut() else { continue };
+        let Ok(parts) = cut(vec![batch]) else { continue };
         let steps: Vec<_> = parts.iter().flat_map(|part| part.instructions.iter().copied()).collect();
         assert_eq!(steps, whole.instructions, "cut into frames it is another list");
         for part in parts {

@@ -5,7 +5,7 @@ mod json;
 pub mod lines;
 mod toml;
 
-pub use batch::{Batch, MAX_FRAME_BYTES};
+pub use batch::{BadStep, Batch, MAX_FRAME_BYTES, cut};
 
 use r6_proto::message::instruction::Coordinates;
 use r6_proto::{AXES, AxisIndex, AxisMask};

@@ -76,6 +76,23 @@ fn a_long_list_goes_out_in_several_frames() {
 }
 
 #[test]
+fn nothing_is_sent_of_a_program_of_which_a_part_cannot_be() {
+    let frame = |replace: u8, speed: &str| {
+        format!(
+            r#"{{"reqType":"AddRCC","emptyList":"{replace}","instructions":[{{"oneshot":"0","action":"4","m0":"10","m4":"30","ckStatus":"0x3F","speed":"{speed}"}}]}}"#
+        )
+    };
+    let program = TempFile::new("half.json", &format!("{}\n{}\n", frame(1, "20.0"), frame(0, "0.0")));
+    let robot = Robot::start(&[]);
+    for arguments in [&["run", program.path()][..], &["run", program.path(), "--once"]] {
+        let outcome = robot.r6(arguments);
+        assert_eq!(outcome.code, 2, "{outcome:?}");
+        assert!(outcome.err.contains("step 2: `speed`"), "{}", outcome.err);
+        assert_eq!((robot.value("RemoteCmdLen"), robot.value("axis-0")), (0.into(), 0.0.into()));
+    }
+}
+
+#[test]
 fn the_printed_example_is_refused_with_its_misprints() {
     let vector = r6_testkit::vector::load("manual_6_1_1_axis_move");
     let printed = TempFile::new("printed.json", &String::from_utf8_lossy(&vector.frame));

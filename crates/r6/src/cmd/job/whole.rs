@@ -15,7 +15,7 @@ use crate::exit::{Exit, Failure};
 use crate::hint;
 use crate::output;
 use crate::signals::Ending;
-use r6::program_file::Batch;
+use r6::program_file::{Batch, cut};
 
 /// How soon after the answer a motion without delay is seen: controllers answer within 26 ms and start at once.
 const START_WITHIN: Duration = Duration::from_secs(1);
@@ -44,11 +44,7 @@ pub fn prepare(batches: Vec<Batch>, envelope: Option<&Envelope>, room: usize) ->
             "append fewer at a time; or, where this controller is known to take as many, say --room {count}"
         )));
     }
-    let mut parts = Vec::new();
-    for batch in batches {
-        parts.extend(batch.cut().map_err(Failure::usage)?);
-    }
-    Ok(parts)
+    cut(batches).map_err(Failure::usage)
 }
 
 /// Prints the frames that would be sent.

@@ -13,8 +13,7 @@ use r6_proto::time::Instant;
 use super::inputs::InputChange;
 use crate::exit::Failure;
 use crate::recording::{Alarm, Ending, Recorder, Recording};
-use r6::program_file::Batch;
-use r6::program_file::first_axes;
+use r6::program_file::{Batch, cut, first_axes};
 
 /// The most instructions that are played: far more than the longest program known, and little enough to draw.
 pub const MAX_INSTRUCTIONS: usize = 10_000;
@@ -58,7 +57,7 @@ pub fn play(cell: Cell, batches: Vec<Batch>, progress: &mut dyn FnMut(f64)) -> R
         done_before: 0,
     };
     player.go_to(&cell.from)?;
-    player.frames = cut(batches)?;
+    player.frames = cut(batches).map_err(Failure::usage)?.into();
     player.done_before = player.controller.machine().list().completed();
     let begin = player.now;
     let mut inputs = cell.inputs;
@@ -67,14 +66,6 @@ pub fn play(cell: Cell, batches: Vec<Batch>, progress: &mut dyn FnMut(f64)) -> R
     let mut recorder = Recorder::new(&model, begin, player.controller.machine());
     let ending = player.follow(&mut recorder, progress)?;
     Ok(recorder.finish(count, ending))
-}
-
-fn cut(batches: Vec<Batch>) -> Result<VecDeque<Batch>, Failure> {
-    let mut frames = VecDeque::new();
-    for batch in batches {
-        frames.extend(batch.cut().map_err(Failure::usage)?);
-    }
-    Ok(frames)
 }
 
 /// A client, the controller it talks to, and the people in the cell.
