@@ -1,5 +1,6 @@
 """What happens to a process: Ctrl-C, its end, forks, other threads."""
 
+import asyncio
 import signal
 import subprocess
 import sys
@@ -124,6 +125,51 @@ def test_a_stop_that_cannot_be_sent_says_that_the_arm_was_not_stopped(virtual_co
         sent = isinstance(failed.value, r6.OutcomeUnknown)
         assert str(failed.value).startswith("the arm was NOT seen to stop" if sent else "the arm was NOT stopped")
         assert "use the emergency stop" in str(failed.value)
+
+
+def test_the_stop_of_another_arm_that_failed_is_not_hidden(virtual_controller: r6.Simulator) -> None:
+    """Two blocks, one within the other: the inner motion fails and its arm is stopped; the cable of the outer arm is out."""
+    relay = Relay()
+    relay.target = virtual_controller.port
+    settings = r6.RobotSettings(connect_timeout=0.2, reply_timeout=0.2)
+    motion = r6.Motion().axis_path(np.tile([[40.0], [-40.0]], (1000, 1)), r6.Percent(5))
+    with closing(relay), r6.Simulator() as other, r6.Robot.connect(other.address) as right:
+        with r6.Robot.connect(relay.address, settings) as left:
+            with pytest.raises(r6.RequestError, match="the arm was NOT") as failed:
+                with left.run(motion) as outer, right.run(motion) as inner:
+                    outer.step(1).started()
+                    inner.step(1).started()
+                    relay.close()
+                    other.raise_alarm(4999)
+                    inner.finished()
+    before = failed.value.__context__
+    assert isinstance(before, r6.MotionError)
+    assert isinstance(before.stop, r6.StopReport) and before.stop.confirmed, "its own arm stands"
+
+
+def test_the_stop_of_another_arm_that_failed_is_not_hidden_from_asyncio(virtual_controller: r6.Simulator) -> None:
+    """As the test before, with tasks."""
+    relay = Relay()
+    relay.target = virtual_controller.port
+    settings = r6.RobotSettings(connect_timeout=0.2, reply_timeout=0.2)
+    motion = r6.Motion().axis_path(np.tile([[40.0], [-40.0]], (1000, 1)), r6.Percent(5))
+
+    async def both(other: r6.Simulator) -> None:
+        async with (
+            await r6.AsyncRobot.connect(other.address) as right,
+            await r6.AsyncRobot.connect(relay.address, settings) as left,
+        ):
+            async with await left.run(motion) as outer, await right.run(motion) as inner:
+                await outer.step(1).started()
+                await inner.step(1).started()
+                relay.close()
+                other.raise_alarm(4999)
+                await inner.finished()
+
+    with closing(relay), r6.Simulator() as other:
+        with pytest.raises(r6.RequestError, match="the arm was NOT") as failed:
+            asyncio.run(both(other))
+    assert isinstance(failed.value.__context__, r6.MotionError)
 
 
 @pytest.mark.virtual_controller(clock="100x")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ._asyncio import run, run_at_once
 from ._errors import RequestError
-from ._motion import stopped
+from ._motion import of, stopped
 from ._r6 import AxisPosition, FollowCore, MotionCore, Progress
 from ._types import Done, Followed, StepState, StopReport
 
@@ -48,7 +48,8 @@ class AsyncMotionHandle:
 
     async def finished(self) -> Done:
         """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""
-        return await run(self._core.finished())
+        with of(self._core):
+            return await run(self._core.finished())
 
     def stop(self) -> Coroutine[Any, Any, StopReport]:
         """As ``MotionHandle.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
@@ -71,9 +72,10 @@ class AsyncMotionHandle:
             await self.finished()
             return
         try:
-            stopped(error, await self.stop())
+            report: StopReport | RequestError = await self.stop()
         except RequestError as failed:
-            stopped(error, failed)
+            report = failed
+        stopped(self._core, error, report)
 
     def __repr__(self) -> str:
         return f"<AsyncMotionHandle {self.progress!r}>"
@@ -88,11 +90,13 @@ class AsyncFollowing:
 
     def target(self, to: AxisPosition) -> None:
         """As ``Following.target``."""
-        self._core.target(to)
+        with of(self._core):
+            self._core.target(to)
 
     async def finished(self) -> Followed:
         """As ``Following.finished``."""
-        return await run(self._core.finished())
+        with of(self._core):
+            return await run(self._core.finished())
 
     def stop(self) -> Coroutine[Any, Any, StopReport]:
         """As ``Following.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
@@ -115,9 +119,10 @@ class AsyncFollowing:
             await self.finished()
             return
         try:
-            stopped(error, await self.stop())
+            report: StopReport | RequestError = await self.stop()
         except RequestError as failed:
-            stopped(error, failed)
+            report = failed
+        stopped(self._core, error, report)
 
 
 class AsyncStep:

@@ -107,6 +107,8 @@ class MotionError(R6Error):
     """The alarm, where that is the cause."""
     mode: int | None = None
     """The mode the controller is in, where the program does not run any more."""
+    _core: object = None
+    """The motion that it is of, for its ``with`` block: another one may pass it on."""
 
 
 class NotReady(MotionError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,7 @@ class MotionHandle:
 
     As a ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included: always, also after the
     end of the motion and after ``release``, because steps may be left in the list. If that stop fails, its error is
-    raised; a ``MotionError`` goes on instead and has it as ``stop``. Without an exception the block waits for the end of
+    raised; a ``MotionError`` of this motion goes on instead and has it as ``stop``. Without an exception the block waits for the end of
     the motion.
     """
 
@@ -57,7 +58,8 @@ class MotionHandle:
 
         Errors: ``MotionError``: why it ended before, what became of the steps, and what became of the arm.
         """
-        return self._core.finished().wait()
+        with of(self._core):
+            return self._core.finished().wait()
 
     def stop(self) -> StopReport:
         """Ends the streaming and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
@@ -80,9 +82,10 @@ class MotionHandle:
             self.finished()
             return
         try:
-            stopped(error, self.stop())
+            report: StopReport | RequestError = self.stop()
         except RequestError as failed:
-            stopped(error, failed)
+            report = failed
+        stopped(self._core, error, report)
 
     def __repr__(self) -> str:
         return f"<MotionHandle {self.progress!r}>"
@@ -106,7 +109,8 @@ class Following:
 
         Errors: ``MotionError``: why the target is not followed any more; ``RuntimeError`` after ``finished``.
         """
-        self._core.target(to)
+        with of(self._core):
+            self._core.target(to)
 
     def finished(self) -> Followed:
         """Takes no other target, and waits until the arm stands. Can be called again.
@@ -114,7 +118,8 @@ class Following:
         No step is begun any more: for the arm to arrive, send the last target for as long as that takes. Errors:
         ``MotionError``; its steps are those that were sent.
         """
-        return self._core.finished().wait()
+        with of(self._core):
+            return self._core.finished().wait()
 
     def stop(self) -> StopReport:
         """Ends it and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
@@ -137,9 +142,10 @@ class Following:
             self.finished()
             return
         try:
-            stopped(error, self.stop())
+            report: StopReport | RequestError = self.stop()
         except RequestError as failed:
-            stopped(error, failed)
+            report = failed
+        stopped(self._core, error, report)
 
 
 class Step:
@@ -167,18 +173,38 @@ class Step:
         return f"<Step {self.number}: {self.state}>"
 
 
-def stopped(error: BaseException | None, report: StopReport | RequestError) -> None:
-    """Tells the exception that ended a ``with`` block what became of the arm. A stop that failed is raised in its place,
-    unless it is a ``MotionError``, which carries it."""
-    if isinstance(error, MotionError):
-        if error.stop is not None:
-            # It knows of a stop of its own.
+def stopped(core: MotionCore | FollowCore, error: BaseException | None, report: StopReport | RequestError) -> None:
+    """Tells the exception that ended the ``with`` block of this motion what became of its arm.
+
+    A ``MotionError`` of this motion carries it. In the place of any other exception, that of another arm included, a stop that
+    failed is raised: nobody else would tell.
+    """
+    if isinstance(error, MotionError) and error._core is core:
+        before = error.stop
+        if before is None:
+            error.stop = report
+        elif stands(before) and stands(report):
+            # It stood already, and knows.
             return
-        error.stop = report
     elif isinstance(report, RequestError):
         raise report
     if error is not None:
         note(error, str(report))
+
+
+def stands(report: StopReport | RequestError) -> bool:
+    """Whether the arm was seen to stand."""
+    return isinstance(report, StopReport) and report.confirmed
+
+
+@contextmanager
+def of(core: MotionCore | FollowCore) -> Iterator[None]:
+    """Marks a ``MotionError`` as one of this motion. It names the core, not the handle: a handle that is dropped is to go at once."""
+    try:
+        yield
+    except MotionError as error:
+        error._core = core
+        raise
 
 
 def note(error: BaseException, text: str) -> None:
