@@ -1,7 +1,7 @@
 //! How fast `r6` is beside others: ratios, both sides measured in turns in one run on one core.
 //!
 //! ```text
-//! make bench                     all rows; the table also goes to docs/BENCHMARKS.md
+//! make bench                     all rows; the table also goes to docs/BENCHMARKS.md, and what the README quotes of it to the README
 //! make bench ARGS="round-trip"   the rows with this in their name; the file stays as it is
 //! ```
 
@@ -15,6 +15,9 @@ use std::process::ExitCode;
 
 /// Where the table of all rows goes.
 const PAGE: &str = "docs/BENCHMARKS.md";
+
+/// The page that quotes some of them.
+const README: &str = "README.md";
 
 fn main() -> ExitCode {
     if let Some(served) = serve::asked() {
@@ -38,11 +41,18 @@ fn main() -> ExitCode {
         table.extend(row());
     }
     if wanted.is_empty()
-        && let Err(error) = std::fs::write(PAGE, report::page(&table))
+        && let Err((page, error)) = write(&table)
     {
-        eprintln!("{PAGE} cannot be written: {error}; run this from the root of the repository");
+        eprintln!("{page} cannot be written: {error}; run this from the root of the repository");
         return ExitCode::FAILURE;
     }
     print!("{}\n{}", report::table(&table), report::reasons(&table));
     ExitCode::SUCCESS
+}
+
+/// Writes the page, and what is quoted of it.
+fn write(table: &[report::Row]) -> Result<(), (&'static str, std::io::Error)> {
+    std::fs::write(PAGE, report::page(table)).map_err(|error| (PAGE, error))?;
+    let readme = std::fs::read_to_string(README).map_err(|error| (README, error))?;
+    std::fs::write(README, report::quoted(&readme, table)).map_err(|error| (README, error))
 }

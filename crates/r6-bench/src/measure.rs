@@ -1,8 +1,11 @@
 //! Measuring on a machine that does other things too: in turns, in short slices, as ratios.
 
+use std::hint::black_box;
 use std::io;
 use std::path::Path;
 use std::time::{Duration, Instant};
+
+use rustix::time::{ClockId, clock_gettime};
 
 /// Rounds of each comparison. In each, every contender has one slice.
 pub const ROUNDS: usize = 15;
@@ -23,27 +26,38 @@ pub fn pin() -> io::Result<()> {
     Ok(rustix::thread::sched_setaffinity(None, &one)?)
 }
 
-/// How long this process has had a processor (Linux).
+/// Rounds that have to count: fewer, and the machine was too busy to say anything.
+pub const LEAST_ROUNDS: usize = 9;
+
+/// How long this process has had a processor, threads that have ended included.
 pub fn processor_time() -> Duration {
-    processor_time_of(std::process::id())
+    told_by(ClockId::ProcessCPUTime)
 }
 
-/// The same for another: all its threads.
-pub fn processor_time_of(process: u32) -> Duration {
-    let tasks =
-        std::fs::read_dir(format!("/proc/{process}/task")).expect("Linux tells the threads of a process");
-    tasks.flatten().map(|task| ran(&task.path())).sum()
-}
-
-/// The same for the thread that asks: others may end meanwhile, and are then no longer counted.
+/// The same for the thread that asks.
 pub fn time_of_this_thread() -> Duration {
-    ran(Path::new("/proc/thread-self"))
+    told_by(ClockId::ThreadCPUTime)
 }
 
-/// How long this thread has had a processor. One that has just ended has nothing to tell.
-fn ran(thread: &Path) -> Duration {
-    let text = std::fs::read_to_string(thread.join("schedstat")).unwrap_or_default();
-    Duration::from_nanos(text.split(' ').next().and_then(|number| number.parse().ok()).unwrap_or(0))
+fn told_by(clock: ClockId) -> Duration {
+    let time = clock_gettime(clock);
+    Duration::new(time.tv_sec.unsigned_abs(), u32::try_from(time.tv_nsec).expect("below a second"))
+}
+
+/// The same for another process on the same core: all its threads (Linux). What `/proc` tells of a thread that runs is as old as the
+/// last tick of the system; while the one that asks runs, none of these does.
+pub fn processor_time_of(process: u32) -> Duration {
+    let main = Path::new("/proc").join(process.to_string());
+    assert!(ran(&main).is_some(), "{}/schedstat does not tell how long the process ran", main.display());
+    let tasks = std::fs::read_dir(main.join("task")).expect("Linux tells the threads of a process");
+    // A thread that has just ended has nothing to tell.
+    tasks.flatten().filter_map(|task| ran(&task.path())).sum()
+}
+
+/// How long this thread has had a processor.
+fn ran(thread: &Path) -> Option<Duration> {
+    let text = std::fs::read_to_string(thread.join("schedstat")).ok()?;
+    Some(Duration::from_nanos(text.split(' ').next()?.parse().ok()?))
 }
 
 /// The durations of one slice, in order.
@@ -93,6 +107,11 @@ pub fn repeated<'c>(mut once: impl FnMut() + 'c) -> Contender<'c> {
 pub struct Ratio(Vec<f64>);
 
 impl Ratio {
+    /// How many rounds it is of.
+    pub fn rounds(&self) -> usize {
+        self.0.len()
+    }
+
     /// How the other compares with the one.
     pub fn inverse(&self) -> Self {
         Self(self.0.iter().rev().map(|ratio| 1.0 / ratio).collect())
@@ -114,6 +133,11 @@ impl Ratio {
 ///
 /// Rounds in which the floor's first figure is more than 15 % off its own median are thrown away: something else ran.
 pub fn compare(contenders: &mut [Contender<'_>]) -> Vec<Vec<Ratio>> {
+    judge(take_turns(contenders))
+}
+
+/// The figures of each contender in each round.
+fn take_turns(contenders: &mut [Contender<'_>]) -> Vec<Vec<Vec<f64>>> {
     let mut rounds: Vec<Vec<Vec<f64>>> = Vec::new();
     for round in 0..ROUNDS {
         let mut figures = vec![Vec::new(); contenders.len()];
@@ -124,16 +148,35 @@ pub fn compare(contenders: &mut [Contender<'_>]) -> Vec<Vec<Ratio>> {
         }
         rounds.push(figures);
     }
-    judge(rounds)
+    rounds
+}
+
+/// Throws away the rounds in which the floor's first figure is more than 15 % off its own median.
+fn keep_undisturbed(rounds: &mut Vec<Vec<Vec<f64>>>) {
+    let mut floors: Vec<f64> = rounds.iter().map(|figures| figures[0][0]).collect();
+    floors.sort_by(f64::total_cmp);
+    let median = floors[floors.len() / 2];
+    rounds.retain(|figures| (figures[0][0] / median - 1.0).abs() <= 0.15);
+    eprintln!("  the floor: {median:.0} ns; {} of {} rounds count", rounds.len(), floors.len());
+}
+
+/// How a contender's figure compares with a fixed amount. So that a disturbed round is noticed, its floor is a copy of memory.
+pub fn beside(amount: f64, contender: Contender<'_>) -> Ratio {
+    let (from, mut to) = (vec![1_u8; 1 << 16], vec![0_u8; 1 << 16]);
+    let copy = repeated(move || {
+        to.copy_from_slice(black_box(&from));
+        black_box(&mut to);
+    });
+    let mut rounds = take_turns(&mut [copy, contender]);
+    keep_undisturbed(&mut rounds);
+    let mut ratios: Vec<f64> = rounds.iter().map(|figures| figures[1][0] / amount).collect();
+    ratios.sort_by(f64::total_cmp);
+    Ratio(ratios)
 }
 
 /// The ratios of rounds: in each, for each contender, its figures. The first contender is the floor.
 pub fn judge(mut rounds: Vec<Vec<Vec<f64>>>) -> Vec<Vec<Ratio>> {
-    let mut floors: Vec<f64> = rounds.iter().map(|figures| figures[0][0]).collect();
-    floors.sort_by(f64::total_cmp);
-    let median = floors[floors.len() / 2];
-    eprintln!("  the floor: {median:.0} ns");
-    rounds.retain(|figures| (figures[0][0] / median - 1.0).abs() <= 0.15);
+    keep_undisturbed(&mut rounds);
     (1..rounds[0].len())
         .map(|at| {
             (0..rounds[0][at].len())

@@ -1,6 +1,6 @@
 //! The table.
 
-use crate::measure::{ROUNDS, Ratio};
+use crate::measure::{LEAST_ROUNDS, ROUNDS, Ratio};
 use crate::rows::PYTHON;
 
 /// One row: what was measured against what, and how it came out.
@@ -41,6 +41,9 @@ pub enum Goal {
 impl Row {
     /// Whether it holds. A ratio fails only if the whole middle half of the rounds is beyond the goal.
     fn holds(&self) -> Option<bool> {
+        if self.is_disturbed() {
+            return None;
+        }
         match (&self.figure, self.goal?) {
             (Figure::Ratio(ratio), Goal::AtMost(limit)) => Some(ratio.quartiles()[0] <= limit),
             (Figure::Ratio(ratio), Goal::AtLeastFast(times)) => Some(1.0 / ratio.quartiles()[0] >= times),
@@ -50,6 +53,11 @@ impl Row {
             | (Figure::Amount(..), Goal::AtMost(_) | Goal::AtLeastFast(_)) => None,
             (Figure::NotMeasured(_), _) => None,
         }
+    }
+
+    /// Whether too few of its rounds count.
+    fn is_disturbed(&self) -> bool {
+        matches!(&self.figure, Figure::Ratio(ratio) if ratio.rounds() < LEAST_ROUNDS)
     }
 
     fn goal(&self) -> String {
@@ -66,6 +74,12 @@ impl Row {
 
     fn measured(&self) -> String {
         match &self.figure {
+            Figure::Ratio(ratio) if self.is_disturbed() => {
+                format!(
+                    "not measured: the machine was busy, only {} of {ROUNDS} rounds count",
+                    ratio.rounds()
+                )
+            }
             Figure::Ratio(ratio) => {
                 let quartiles = ratio.quartiles();
                 let fast = matches!(self.goal, Some(Goal::AtLeastFast(_)));
@@ -86,9 +100,11 @@ fn inverse([low, median, high]: [f64; 3]) -> [f64; 3] {
 pub fn page(rows: &[Row]) -> String {
     let [model, kernel, rust] = machine();
     format!(
-        "# How fast it is beside others\n\nWritten by `make bench`, all rows in one run on one core. Each row is a ratio of two that took turns, {ROUNDS} rounds \
-         of a fifth of a second each; the median of the rounds and, in brackets, their middle half. A goal is missed only if the \
-         whole middle half is beyond it. Rounds in which the yardstick was more than 15 % off its own median do not count.\n\n\
+        "# How fast it is beside others\n\nWritten by `make bench`, all rows in one run on one core. A ratio is of two that took turns, {ROUNDS} rounds of a fifth of \
+         a second each, of a second for the thousand robots; the median of the rounds and, in brackets, their middle half. A goal is missed only \
+         if the whole middle half is beyond it. Rounds in which the yardstick was more than 15 % off its own median do not count, and of {ROUNDS} at \
+         least {LEAST_ROUNDS} have to. Beside a fixed amount (a million, real time) the yardstick is a copy of memory. What is counted or weighed \
+         (allocations, memory, processor time at rest) is so once.\n\n\
          Ratios travel between machines, times do not: {model}; {kernel}; {rust}. The others: {}.\n\n{}\n{}{HOW_TO_READ}",
         others(),
         table(rows),
@@ -105,11 +121,12 @@ fn machine() -> [String; 3] {
     let processor = read("/proc/cpuinfo");
     let model = processor.lines().find_map(|line| line.strip_prefix("model name")?.split(": ").nth(1));
     let cores = processor.lines().filter(|line| line.starts_with("processor")).count();
+    let release = read("/proc/sys/kernel/osrelease");
     let rust = std::process::Command::new("rustc").arg("--version").output();
     let rust = rust.map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned());
     [
         format!("{cores} cores of {}", model.unwrap_or("an unknown processor")),
-        format!("Linux {}", read("/proc/sys/kernel/osrelease").trim()),
+        format!("Linux {}", release.splitn(3, '.').take(2).collect::<Vec<_>>().join(".")),
         rust.unwrap_or_else(|_| "an unknown rustc".to_owned()),
     ]
 }
@@ -157,6 +174,24 @@ pub fn table(rows: &[Row]) -> String {
     text
 }
 
+/// The README, its figures (rows `| what | against | ratio |` below `## How fast`) as they were measured now.
+pub fn quoted(readme: &str, rows: &[Row]) -> String {
+    let mut is_below = false;
+    let line = |line: &str| {
+        is_below = if line.starts_with("## ") { line == "## How fast" } else { is_below };
+        let row = rows.iter().find(|row| line.starts_with(&format!("| {} | {} | ", row.what, row.against)));
+        match row.filter(|_| is_below) {
+            Some(row) => {
+                let measured = row.measured();
+                let ratio = measured.split(" (").next().unwrap_or_default();
+                format!("| {} | {} | {ratio} |\n", row.what, row.against)
+            }
+            None => format!("{line}\n"),
+        }
+    };
+    readme.lines().map(line).collect()
+}
+
 /// What is in the way of the goals that are missed, as Markdown; rows with the same reason together.
 pub fn reasons(rows: &[Row]) -> String {
     let mut reasons: Vec<(&str, Vec<String>)> = Vec::new();
@@ -171,7 +206,7 @@ pub fn reasons(rows: &[Row]) -> String {
         return String::new();
     }
     let mut text = String::from(
-        "## What is in the way\n\nOf each goal that is missed, as the profile of that row shows it:\n\n",
+        "## What is in the way\n\nOf each goal that is missed, as a profile of that row showed it:\n\n",
     );
     for (reason, whats) in reasons {
         text += &format!("- {}: {reason}\n", whats.join("; "));

@@ -8,6 +8,7 @@ pub mod echo;
 mod engine;
 mod fleet;
 mod load;
+mod memory;
 pub mod modbus;
 mod python;
 mod redis;

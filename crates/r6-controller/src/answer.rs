@@ -47,7 +47,7 @@ impl<'m> Answers<'m> {
                         id: i64::from(id),
                         target: counter.target,
                         current: counter.current,
-                        name: Some(format!("counter{id}")),
+                        name: data.names_counters().then(|| format!("counter{id}")),
                     });
                 }
             }

@@ -10,7 +10,7 @@ use r6_testkit::alloc::{CountingAllocator, allocations_during};
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// What viewers ask for all day.
-const QUERY: &[u8] = br#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"1","queryAddr":["axis-0","axis-1","axis-2","axis-3","axis-4","axis-5","world-0","world-1","world-2","world-3","world-4","world-5","curMode","curAlarm","isMoving","origin","RemoteCmdLen","input-0","output-0","M-0","curCycle","version"]}"#;
+const QUERY: &[u8] = br#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"1","queryAddr":["axis-0","axis-1","axis-2","axis-3","axis-4","axis-5","world-0","world-1","world-2","world-3","world-4","world-5","curMode","curAlarm","isMoving","origin","RemoteCmdLen","input-0","output-0","M-0","curCycle","version","counter-0"]}"#;
 
 /// A move that takes minutes.
 const SLOW_MOVE: &[u8] = br#"{"dsID":"www.hc-system.com.HCRemoteCommand","reqType":"AddRCC","emptyList":"1","packID":"2","instructions":[{"oneshot":"1","action":"4","m0":"90","m1":"10","m2":"-20","m3":"0","m4":"30","m5":"0","ckStatus":"0x3F","speed":"0.5","delay":"0","smooth":"0"}]}"#;

@@ -191,6 +191,15 @@ impl DataWriter<'_, '_> {
         list.end();
     }
 
+    /// Whether the dialect's form of a counter has its name in it.
+    #[must_use]
+    pub fn names_counters(&self) -> bool {
+        match self.counter {
+            CounterForm::OldText => true,
+            CounterForm::Numbers | CounterForm::Texts => false,
+        }
+    }
+
     /// A counter, in the dialect's form.
     pub fn counter(&mut self, counter: &Counter) {
         let numbers = [counter.id, counter.target, counter.current];

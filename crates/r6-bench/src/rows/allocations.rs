@@ -21,8 +21,21 @@ pub fn rows() -> Vec<Row> {
             against: "–",
             goal: Some(Goal::AmountAtMost(0.0)),
             figure: Figure::Amount(count.parse().expect("a number"), ""),
-            in_the_way: "",
+            in_the_way: in_the_way(what),
         }
     };
     text.lines().map(row).collect()
+}
+
+/// What asks for memory, from `valgrind --tool=dhat` over the counter.
+fn in_the_way(what: &str) -> &'static str {
+    match what.split(", ").next() {
+        Some("SDK") => {
+            "the way of the answer to whoever waits, the list of addresses, and the values that are handed out: they are the caller's and outlive the frame"
+        }
+        Some("virtual controller") => {
+            "what is asked for is kept: the instructions in the list and the plan of each move, some ten pieces of a motion; the points of a camera"
+        }
+        _ => "",
+    }
 }

@@ -48,8 +48,8 @@ const NUMBERS: &str = "nearly all of it is numbers with their keys, some hundred
      at the end that are left out";
 const BARE_NUMBERS: &str = "serde_json writes numbers without quotes by `zmij`, some 15 ns each: ten times as fast would leave 1.5 ns for a \
      number with its key";
-const BLOCKS: &str = "most is the bookkeeping of brackets in each block of 64 bytes, then the step from one frame to the next, then the frames \
-     of this mix that go byte by byte, with escapes, blanks and letters beyond ASCII";
+const BLOCKS: &str = "most is the bookkeeping of brackets in each block of 64 bytes, then the step from one frame to the next: frames of this mix \
+     have 80 to 600 bytes";
 
 /// A contender that takes the frames in turn; its figure is the mean time of one, nanoseconds.
 fn taking_turns<'c>(mut take: impl FnMut(usize) + 'c) -> Contender<'c> {
@@ -133,7 +133,30 @@ pub fn frames() -> Vec<Row> {
         row("in pieces of 4096", whole, None, &ratios[1]),
         row("in pieces of 100", whole, Some(Goal::AtMost(2.0)), &ratios[2]),
         row("in pieces of 1", whole, None, &ratios[3]),
+        piecemeal(),
     ]
+}
+
+/// Whether the work for a frame that comes byte by byte grows with its length alone: the same bytes as one frame and as four.
+fn piecemeal() -> Row {
+    let frame = |items: usize| format!("{{\"a\":[{}1]}}", "1,".repeat(items)).into_bytes();
+    let (long, short) = (frame(30_000), frame(7_497));
+    let four = short.repeat(4);
+    assert!(long.len().abs_diff(four.len()) < 16, "{} and {}", long.len(), four.len());
+    let whole = |bytes: Vec<u8>, frames: u32| {
+        let mut buffer = FrameBuffer::new(Limits::default());
+        timed(move || {
+            assert_eq!(stream::in_pieces(&mut buffer, black_box(&bytes), 1), (frames, bytes.len()));
+        })
+    };
+    let ratio = compare(&mut [whole(four, 4), whole(long, 1)]).remove(0).remove(0);
+    Row {
+        what: "a frame of 60 kB, in pieces of 1".to_owned(),
+        against: "four of 15 kB, in pieces of 1",
+        goal: Some(Goal::AtMost(1.1)),
+        figure: Figure::Ratio(ratio),
+        in_the_way: "something is done again for each piece that depends on what came before it",
+    }
 }
 
 /// A contender that does one thing again and again; its figure is the mean time, nanoseconds.

@@ -1,90 +1,17 @@
 //! What the SDK itself costs: complete polls over a transport that is memory, so that no system call is in it.
 
-use std::fmt;
-use std::io;
-use std::pin::Pin;
-use std::task::{Context, Poll, Waker};
 use std::time::Instant;
 
-use r6_client::{Connect, Robot, RobotSettings};
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use r6_client::{Robot, RobotSettings};
 use tokio::runtime::Builder;
 
 use super::echo;
-use crate::measure::{Contender, SLICE, compare, time_of_this_thread};
+use super::memory::Memory;
+use crate::measure::{SLICE, beside, time_of_this_thread};
 use crate::report::{Figure, Goal, Row};
 
 /// Nanoseconds of one of a million in a second.
 const A_MILLIONTH: f64 = 1000.0;
-
-/// A connection whose other end has answered as soon as a query is written.
-#[derive(Default)]
-struct Answering {
-    input: Vec<u8>,
-    output: Vec<u8>,
-    read: usize,
-    reader: Option<Waker>,
-}
-
-impl AsyncWrite for Answering {
-    fn poll_write(self: Pin<&mut Self>, _: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        let this = self.get_mut();
-        this.input.extend_from_slice(bytes);
-        if this.read == this.output.len() {
-            this.output.clear();
-            this.read = 0;
-        }
-        let taken = echo::answer(&this.input, &mut this.output);
-        this.input.drain(..taken);
-        if let Some(reader) = this.reader.take() {
-            reader.wake();
-        }
-        Poll::Ready(Ok(bytes.len()))
-    }
-
-    fn poll_flush(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Poll::Ready(Ok(()))
-    }
-
-    fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Poll::Ready(Ok(()))
-    }
-}
-
-impl AsyncRead for Answering {
-    fn poll_read(
-        self: Pin<&mut Self>,
-        cx: &mut Context<'_>,
-        buffer: &mut ReadBuf<'_>,
-    ) -> Poll<io::Result<()>> {
-        let this = self.get_mut();
-        let rest = &this.output[this.read..];
-        if rest.is_empty() {
-            this.reader = Some(cx.waker().clone());
-            return Poll::Pending;
-        }
-        let count = rest.len().min(buffer.remaining());
-        buffer.put_slice(&rest[..count]);
-        this.read += count;
-        Poll::Ready(Ok(()))
-    }
-}
-
-struct Memory;
-
-impl fmt::Display for Memory {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("memory")
-    }
-}
-
-impl Connect for Memory {
-    type Stream = Answering;
-
-    async fn connect(&mut self) -> io::Result<Answering> {
-        Ok(Answering::default())
-    }
-}
 
 /// Nanoseconds of processor time for each poll of twelve addresses through a handle, one after the other.
 fn nanoseconds_per_poll() -> f64 {
@@ -110,9 +37,7 @@ fn nanoseconds_per_poll() -> f64 {
 
 /// Beside a million polls a second.
 pub fn rows() -> Vec<Row> {
-    let mut contenders: Vec<Contender<'_>> =
-        vec![Box::new(|| vec![A_MILLIONTH]), Box::new(|| vec![nanoseconds_per_poll()])];
-    let ratio = compare(&mut contenders).remove(0).remove(0);
+    let ratio = beside(A_MILLIONTH, Box::new(|| vec![nanoseconds_per_poll()]));
     vec![Row {
         what: "the SDK over memory in place of a network, complete polls of 12 addresses per second and core"
             .to_owned(),
