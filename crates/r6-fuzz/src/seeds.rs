@@ -97,7 +97,8 @@ fn client_session() -> Vec<Seed> {
     const WINDOW: u8 = 64;
     let mut seeds = made_up(b"client", 40, 400);
     let request = |kind: u8| [0, 1, 0, 2, 3, 0, kind];
-    let moves = [request(4), request(4), request(4)].concat();
+    let one_move = [&request(4)[..], &[1]].concat();
+    let moves = one_move.repeat(3);
     for (name, left) in [("none", 0_u16), ("a-byte", 1), ("half", 200), ("one-and-a-half", 900)] {
         let bytes = [&[0][..], &moves, &[3], &left.to_le_bytes()].concat();
         seeds.push((format!("lost-{name}"), bytes));
