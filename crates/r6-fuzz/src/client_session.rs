@@ -9,7 +9,7 @@ mod ledger;
 use std::time::Duration;
 
 use ledger::Ledger;
-use r6_proto::client::{ClientSession, ClientSettings, Event, MAX_OUTPUT_BYTES};
+use r6_proto::client::{ClientSession, ClientSettings, Event, MAX_OUTPUT_BYTES, SendError};
 use r6_proto::dialect::DsIdForm;
 use r6_proto::message::instruction::{Coordinates, Manner, Move};
 use r6_proto::message::{Action, Body, Instruction, PhotoAnswer, Point, TypeKey};
@@ -33,14 +33,19 @@ pub fn run(bytes: &[u8]) {
     let settings = input.byte();
     let settings = ClientSettings {
         max_in_flight: [64, 1, 4, 0][usize::from(settings & 3)],
-        max_frame_bytes: [2048, 120][usize::from(settings >> 2 & 1)],
+        // The longest let a full window fill the output.
+        max_frame_bytes: [2048, 120, 65_536, 120][usize::from(settings >> 2 & 1 | settings >> 6 & 2)],
         type_key: if settings & 8 == 0 { TypeKey::ReqType } else { TypeKey::CmdType },
         first_pack_id: [1, 0, 1 << 40, 9][usize::from(settings >> 4 & 3)],
         ds_id: if settings & 64 == 0 { DsIdForm::Long } else { DsIdForm::Short },
         ..ClientSettings::default()
     };
-    let mut peer =
-        Peer { ledger: Ledger::new(settings), session: ClientSession::new(settings), now: Instant::ORIGIN };
+    let mut peer = Peer {
+        ledger: Ledger::new(settings),
+        session: ClientSession::new(settings),
+        max_frame_bytes: settings.max_frame_bytes,
+        now: Instant::ORIGIN,
+    };
     for _ in 0..MOST_OPERATIONS {
         if input.is_empty() {
             break;
@@ -58,6 +63,7 @@ pub fn run(bytes: &[u8]) {
 struct Peer {
     session: ClientSession,
     ledger: Ledger,
+    max_frame_bytes: usize,
     now: Instant,
 }
 
@@ -103,7 +109,8 @@ impl Peer {
             }),
         };
         let steps = vec![step; input.below(9)];
-        let points = [Point { x: input.decimal(1000.0), ..Point::default() }];
+        let many = if self.max_frame_bytes > 2048 { 400 } else { 1 };
+        let points = vec![Point { x: input.decimal(1000.0), ..Point::default() }; many];
         let cameras = [CameraPoints { cam_id: 0, points: &points }];
         let request = match input.below(8) {
             0 | 1 => Request::Query(input.pick(&QUERIES)),
@@ -121,6 +128,9 @@ impl Peer {
                 assert!(!error.to_string().is_empty());
                 let after = self.session.poll_transmit().map_or(0, <[u8]>::len);
                 assert_eq!(before, after, "what was not sent left bytes behind: {error}");
+                // What has left is forgotten once it is the half.
+                let full = matches!(error, SendError::OutputFull { .. });
+                assert!(!full || before > MAX_OUTPUT_BYTES / 2, "full, with {before} bytes that wait");
             }
         }
     }
@@ -149,6 +159,7 @@ impl Peer {
         self.now += time;
         self.session.handle_timeout(self.now);
         self.listen();
+        self.ledger.time_has_passed(self.now);
         assert!(self.session.poll_timeout().is_none_or(|due| due > self.now), "what was due is still due");
     }
 
@@ -184,7 +195,7 @@ impl Peer {
     /// What holds between any two operations.
     fn hold(&self) {
         let output = self.session.poll_transmit().map_or(0, <[u8]>::len);
-        assert!(output <= MAX_OUTPUT_BYTES + 65_536, "{output} bytes wait to leave");
-        self.ledger.hold();
+        assert!(output <= MAX_OUTPUT_BYTES + self.max_frame_bytes, "{output} bytes wait to leave");
+        self.ledger.hold(output);
     }
 }

@@ -4,6 +4,7 @@
 //! An input is three bytes for firmware, arm and how it stands, and then operations, each a byte and what it needs.
 
 pub mod cell;
+mod duty;
 mod model;
 mod operation;
 
@@ -12,6 +13,7 @@ use r6_proto::time::Instant;
 
 use crate::input::Input;
 use cell::Cell;
+use duty::Duties;
 use model::Model;
 use operation::{MOST_OPERATIONS, Operation};
 
@@ -26,6 +28,7 @@ fn transcript(bytes: &[u8]) -> Vec<u8> {
     let mut input = Input::new(bytes);
     let settings = settings(&mut input);
     let mut model = Model::new(&settings);
+    let mut duties = Duties::new(&settings);
     let mut cell = Cell::around(Controller::new(settings.clone(), Instant::ORIGIN), Instant::ORIGIN);
     model.hold(&mut cell);
     for _ in 0..MOST_OPERATIONS {
@@ -33,9 +36,11 @@ fn transcript(bytes: &[u8]) -> Vec<u8> {
             break;
         }
         let operation = Operation::read(&mut input);
+        duties.before(&operation, &mut cell);
         model.before(&operation, &mut cell);
         carry_out(&operation, &mut cell, &settings);
         model.after(&operation, &mut cell);
+        duties.after(&operation, &mut cell);
         model.hold(&mut cell);
     }
     cell.transcript

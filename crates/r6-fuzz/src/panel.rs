@@ -5,6 +5,7 @@
 //! the two bytes before it.
 
 use std::cell::RefCell;
+use std::net::IpAddr;
 
 use axum::body::Body;
 use axum::http::{HeaderName, HeaderValue, Method, Request, StatusCode, Uri};
@@ -109,26 +110,37 @@ fn request(input: &mut Input<'_>) -> Option<(Request<Body>, bool)> {
     let mut request = Request::new(Body::from(body));
     *request.method_mut() = method.ok()?;
     *request.uri_mut() = uri.ok()?;
-    let mut foreign = false;
     for line in headers.into_iter().take(16) {
         let colon = line.iter().position(|byte| *byte == b':')?;
         let name = HeaderName::from_bytes(&line[..colon]).ok()?;
         let value = line[colon + 1..].trim_ascii();
-        // What a browser adds by itself, and a program does not.
-        foreign |= match name.as_str() {
-            "host" => !is_this_machine(value),
-            "origin" => !value.to_ascii_lowercase().starts_with(b"http://"),
-            "sec-fetch-site" => value != b"none" && value != b"same-origin",
-            _ => false,
-        };
         request.headers_mut().append(name, HeaderValue::from_bytes(value).ok()?);
     }
-    foreign |= request.headers().get_all("host").iter().count() != 1;
+    let foreign = is_foreign(&request);
     Some((request, foreign))
 }
 
-/// Whether a host could be this machine, generously: a name of it, or an address of loopback.
+/// Whether a request has to be refused: it names no host or several, a host that is not this machine, or it is a browser's and comes
+/// from a page of anybody else.
+fn is_foreign(request: &Request<Body>) -> bool {
+    let told =
+        |name: &str| request.headers().get_all(name).iter().map(HeaderValue::as_bytes).collect::<Vec<_>>();
+    let [host] = told("host")[..] else { return true };
+    let own_origin = [b"http://", host].concat();
+    !is_this_machine(host)
+        || request.uri().authority().is_some_and(|host| !is_this_machine(host.as_str().as_bytes()))
+        || told("origin").iter().any(|origin| !origin.eq_ignore_ascii_case(&own_origin))
+        || told("sec-fetch-site").iter().any(|site| *site != b"none" && *site != b"same-origin")
+}
+
+/// Whether a host, with a port or without, is `localhost` or an address of loopback: any other name may be made to point here.
 fn is_this_machine(host: &[u8]) -> bool {
-    let host = host.to_ascii_lowercase();
-    host.starts_with(b"localhost") || host.starts_with(b"127.") || host.starts_with(b"[")
+    let Ok(host) = std::str::from_utf8(host) else { return false };
+    let (name, port) = match host.strip_prefix('[').and_then(|host| host.split_once(']')) {
+        Some((address, port)) => (address, port),
+        None => host.split_at(host.find(':').unwrap_or(host.len())),
+    };
+    let is_port = port.is_empty() || port.strip_prefix(':').is_some_and(|port| !port.contains('@'));
+    let is_loopback = |address: IpAddr| address.to_canonical().is_loopback();
+    is_port && (name.eq_ignore_ascii_case("localhost") || name.parse().is_ok_and(is_loopback))
 }

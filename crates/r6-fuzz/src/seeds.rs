@@ -23,7 +23,7 @@ pub fn of(target: &str) -> Vec<Seed> {
     match target {
         "frames" => frames(),
         "messages" => frame_texts(),
-        "client_session" => made_up(b"client", 40, 400),
+        "client_session" => client_session(),
         "server_session" => server_session(),
         "controller" => controller(),
         "files" => files(),
@@ -89,6 +89,25 @@ fn frames() -> Vec<Seed> {
         }
         seeds.push((format!("stream-{at}"), bytes));
     }
+    seeds
+}
+
+/// Random operations; requests that are lost, whole, in part and not at all; and so many that the output is full.
+fn client_session() -> Vec<Seed> {
+    const WINDOW: u8 = 64;
+    let mut seeds = made_up(b"client", 40, 400);
+    let request = |kind: u8| [0, 1, 0, 2, 3, 0, kind];
+    let one_move = [&request(4)[..], &[1]].concat();
+    let moves = one_move.repeat(3);
+    for (name, left) in [("none", 0_u16), ("a-byte", 1), ("half", 200), ("one-and-a-half", 900)] {
+        let bytes = [&[0][..], &moves, &[3], &left.to_le_bytes()].concat();
+        seeds.push((format!("lost-{name}"), bytes));
+    }
+    let waits = [&[0][..], &moves, &[5, 11, 0xD0, 7, 11, 0xD0, 7]].concat();
+    seeds.push(("waits-too-long".to_owned(), waits));
+    let points = request(5).repeat(usize::from(WINDOW) - 4);
+    let full = [&[0x80][..], &points, &[3, 0xFF, 0xFF], &points[..70], &[5], &points[..70]].concat();
+    seeds.push(("fills-up".to_owned(), full));
     seeds
 }
 
@@ -163,6 +182,13 @@ fn controller() -> Vec<Seed> {
             &[13],
         ];
         seeds.push((format!("then-{name}"), bytes.concat()));
+    }
+    // Moves that arrive, at several speeds, and what is set, on each firmware.
+    for firmware in 0..4 {
+        let arrives = [&list(1, [100, -200])[..], &later.repeat(10)].concat();
+        let sets = [command(8), command(25), command(23), command(24), command(14), command(15)].concat();
+        let bytes = [&[firmware, 0, 0], &arrives[..], &sets, &list(0, [50, 20]), &later.repeat(12)].concat();
+        seeds.push((format!("arrives-{firmware}"), bytes));
     }
     // By hand, with the key in manual.
     let jog = panel(11, &[0, 0x2C, 1, 200, 0]);
@@ -266,6 +292,10 @@ fn panel() -> Vec<Seed> {
     for (name, header) in [
         ("foreign-host", "Host: evil.example"),
         ("foreign-origin", "Host: localhost:9770\nOrigin: http://evil.example"),
+        ("foreign-port", "Origin: http://127.0.0.1:9770\nHost: 127.0.0.1"),
+        ("name-like-localhost", "Host: localhost.evil.example:9770"),
+        ("name-like-an-address", "Host: 127.0.0.1.evil.example"),
+        ("password-like-an-address", "Host: 127.0.0.1:1@evil.example"),
         ("own-origin", "Host: localhost:9770\nOrigin: http://localhost:9770"),
         ("cross-site", "Host: localhost\nSec-Fetch-Site: cross-site"),
         ("two-hosts", "Host: localhost\nHost: evil.example"),

@@ -1,6 +1,6 @@
 //! What became of each request, kept apart from the session.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use r6_proto::client::{ClientSettings, Ticket};
 use r6_proto::dialect::Envelope;
@@ -52,6 +52,10 @@ pub struct Ledger {
     wire: FrameBuffer,
     /// The frames that were sent and have neither left whole nor been taken back, in their order.
     to_leave: VecDeque<(Ticket, Vec<u8>)>,
+    /// How many bytes of the first of them have left.
+    part_left: usize,
+    /// Everything that left, at least in part.
+    begun: BTreeSet<Ticket>,
     /// How often each motion left, by its number.
     motions: BTreeMap<i64, u32>,
 }
@@ -66,6 +70,8 @@ impl Ledger {
             last_reply: Vec::new(),
             wire: FrameBuffer::new(Limits::default()),
             to_leave: VecDeque::new(),
+            part_left: 0,
+            begun: BTreeSet::new(),
             motions: BTreeMap::new(),
         }
     }
@@ -143,6 +149,7 @@ impl Ledger {
 
     /// Bytes have left: each request as it is encoded by itself, in turn, and no motion twice, whatever happened before.
     pub fn left(&mut self, mut bytes: &[u8]) {
+        self.count(bytes.len());
         let mut decoder = Decoder::new();
         while !bytes.is_empty() {
             let taken = self.wire.push(bytes);
@@ -150,6 +157,7 @@ impl Ledger {
             while let Some(frame) = self.wire.next() {
                 let frame = frame.unwrap_or_else(|error| panic!("what leaves is no frame: {error}"));
                 let (ticket, wanted) = self.to_leave.pop_front().expect("a frame leaves that nobody sent");
+                self.part_left = self.part_left.saturating_sub(wanted.len());
                 assert!(
                     frame.bytes == wanted,
                     "request {} leaves as {}, not as {}",
@@ -171,6 +179,19 @@ impl Ledger {
                     );
                 }
             }
+        }
+    }
+
+    /// Notes of which requests so many bytes more are a part.
+    fn count(&mut self, bytes: usize) {
+        self.part_left += bytes;
+        let mut starts_at = 0;
+        for (ticket, frame) in &self.to_leave {
+            if starts_at >= self.part_left {
+                break;
+            }
+            self.begun.insert(*ticket);
+            starts_at += frame.len();
         }
     }
 
@@ -211,12 +232,13 @@ impl Ledger {
     }
 
     pub fn lost(&mut self, ticket: Ticket, left: bool) {
-        let motion = self.motions.contains_key(&i64::try_from(ticket.number()).unwrap_or(i64::MAX));
+        let begun = self.begun.contains(&ticket);
         let sent = self.end(ticket, State::Lost);
-        assert!(left || !motion, "{} left, and is said not to have", sent.word);
+        assert_eq!(left, begun, "whether any byte of {} left is not told truly", sent.word);
     }
 
     pub fn withdrawn(&mut self, ticket: Ticket) {
+        assert!(!self.begun.contains(&ticket), "request {} left in part, and is taken back", ticket.number());
         self.to_leave.retain(|(other, _)| *other != ticket);
         self.end(ticket, State::Withdrawn);
     }
@@ -226,7 +248,22 @@ impl Ledger {
         assert!(!std::mem::replace(&mut self.out_of_step, true), "out of step is said once");
     }
 
-    pub fn hold(&self) {
+    /// Time has passed: nobody waits longer than the settings say.
+    pub fn time_has_passed(&self, now: Instant) {
+        let timeout = self.settings.reply_timeout;
+        let mut waiting = self.requests.values().filter(|sent| sent.state == State::Waits);
+        let overdue = waiting.find(|sent| sent.sent_at + timeout <= now);
+        assert!(overdue.is_none(), "{overdue:?} should have timed out by {now:?}");
+    }
+
+    /// What holds between any two operations, where so many bytes wait to leave.
+    pub fn hold(&self, output: usize) {
+        let sent: usize = self.to_leave.iter().map(|(_, frame)| frame.len()).sum();
+        assert_eq!(
+            output,
+            sent - self.part_left,
+            "what waits to leave is not what was sent and has not left"
+        );
         let waiting = self.requests.values().filter(|sent| sent.state == State::Waits).count();
         assert!(waiting <= self.settings.max_in_flight, "{waiting} requests wait");
     }

@@ -102,6 +102,21 @@ impl Cell {
         }
     }
 
+    /// What a client that asks for all registers, 800 to 900, is told; `None` if it is told nothing.
+    pub fn registers(&mut self) -> Option<Vec<i64>> {
+        let names: Vec<_> = (800..=900).map(|number| format!("\"Addr-{number}\"")).collect();
+        let sent = self.transcript.len();
+        self.send(format!(r#"{{"reqType":"query","queryAddr":[{}]}}"#, names.join(",")).as_bytes());
+        let frames = self.transcript[sent..].split(|byte| *byte == b'\n');
+        let reply = frames
+            .filter_map(|frame| serde_json::from_slice::<serde_json::Value>(frame).ok())
+            .find(|frame| frame.get("queryData").is_some_and(|data| data.is_array()))?;
+        let values = reply["queryData"].as_array()?.iter();
+        let values =
+            values.map(|value| value.as_str().map_or_else(|| value.as_i64(), |text| text.parse().ok()));
+        values.collect::<Option<Vec<_>>>().filter(|values| values.len() == names.len())
+    }
+
     /// Asks for every address there is.
     pub fn ask_everything(&mut self) {
         let mut names = Vec::new();

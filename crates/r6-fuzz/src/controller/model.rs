@@ -101,9 +101,19 @@ impl Model {
             let stays = seen.alarm == before.alarm || seen.alarm == 7;
             assert!(stays, "{operation:?} changed the alarm: {before:?} {}", seen.alarm);
         }
-        // Nothing but AddRCC fills the list.
-        let adds = matches!(operation, Operation::List { .. });
-        assert!(adds || self.tainted || seen.list_length <= before.list, "{operation:?} filled the list");
+        // Nothing but AddRCC fills the list, and that with no more than it holds.
+        let most = match operation {
+            Operation::List { steps, replace: false, .. } => before.list + steps,
+            // One that is refused leaves the list as it is.
+            Operation::List { steps, replace: true, .. } => before.list.max(*steps),
+            _ => before.list,
+        };
+        assert!(
+            self.tainted || seen.list_length <= most,
+            "{operation:?} made of {} instructions {}",
+            before.list,
+            seen.list_length
+        );
         let stops = match operation {
             Operation::Panel(PanelAction::EmergencyStop | PanelAction::TurnKey(_)) | Operation::PowerCut => {
                 true

@@ -20,6 +20,17 @@ impl fmt::Debug for Bytes<'_> {
     }
 }
 
+/// A one-shot move of the axes.
+#[derive(Clone, Copy, Debug)]
+pub struct AxisMove {
+    /// Where to, degrees.
+    pub target: [f64; 6],
+    /// How fast, percent.
+    pub speed: f64,
+    /// How long it waits at its end, s.
+    pub delay: f64,
+}
+
 /// One thing that happens.
 #[derive(Debug)]
 pub enum Operation<'b> {
@@ -29,6 +40,10 @@ pub enum Operation<'b> {
         frame: String,
         /// How many instructions it has.
         steps: usize,
+        /// It takes the place of the list that is there.
+        replace: bool,
+        /// Its instructions, where all are one-shot axis moves.
+        moves: Option<Vec<AxisMove>>,
         /// On the other one.
         elsewhere: bool,
     },
@@ -55,7 +70,7 @@ pub enum Operation<'b> {
 }
 
 /// Commands, as they stand in a frame.
-const COMMANDS: [&str; 24] = [
+const COMMANDS: [&str; 26] = [
     r#""actionStop""#,
     r#""startButton""#,
     r#""actionPause""#,
@@ -80,6 +95,8 @@ const COMMANDS: [&str; 24] = [
     r#""switchCoordinate","3""#,
     r#""modifyStackData","0","100","100","50","2","2","2""#,
     r#""rewriteData","900","-7","1""#,
+    r#""rewriteData","849","123456789","0""#,
+    r#""modifyGSPD","355""#,
 ];
 
 /// Frames that start nothing.
@@ -201,37 +218,45 @@ fn panel(input: &mut Input<'_>) -> PanelAction {
 fn list<'b>(input: &mut Input<'b>, elsewhere: bool) -> Operation<'b> {
     let replace = input.byte() & 3 != 0;
     let steps: Vec<_> = (0..input.below(6)).map(|_| step(input)).collect();
+    let texts: Vec<_> = steps.iter().map(|(text, _)| &**text).collect();
     let frame = format!(
         r#"{{"reqType":"AddRCC","packID":"5","emptyList":"{}","instructions":[{}]}}"#,
         u8::from(replace),
-        steps.join(",")
+        texts.join(",")
     );
-    Operation::List { frame, steps: steps.len(), elsewhere }
+    let moves = steps.iter().map(|(_, axis_move)| *axis_move).collect();
+    Operation::List { frame, steps: steps.len(), replace, moves, elsewhere }
 }
 
-fn step(input: &mut Input<'_>) -> String {
-    let how = input.byte();
-    let oneshot = u8::from(how & 0x80 == 0);
-    let smooth = how >> 4 & 7;
-    let speed = ["100", "20", "5", "0.1", "100"][input.below(5)];
-    let delay = ["0", "0", "0.1", "1"][input.below(4)];
-    let coordinates = |input: &mut Input<'_>, suffix: &str, limits: [f64; 6]| {
-        let all: Vec<_> = limits
-            .iter()
-            .enumerate()
-            .map(|(n, limit)| format!(r#""m{n}{suffix}":"{:.3}""#, input.decimal(*limit)))
-            .collect();
-        all.join(",")
-    };
+/// Six coordinates, as numbers and as they stand in a frame.
+fn coordinates(input: &mut Input<'_>, suffix: &str, limits: [f64; 6]) -> ([f64; 6], String) {
+    let values = limits.map(|limit| input.decimal(limit));
+    let all: Vec<_> =
+        values.iter().enumerate().map(|(n, value)| format!(r#""m{n}{suffix}":"{value:.3}""#)).collect();
+    (values, all.join(","))
+}
+
+/// An instruction, and what it is if it is a one-shot axis move.
+fn step(input: &mut Input<'_>) -> (String, Option<AxisMove>) {
     const AXES: [f64; 6] = [200.0, 140.0, 140.0, 200.0, 130.0, 400.0];
     const POSE: [f64; 6] = [900.0, 900.0, 1200.0, 200.0, 200.0, 200.0];
+    let how = input.byte();
+    let oneshot = how & 0x80 == 0;
+    let smooth = how >> 4 & 7;
+    let speed = [100.0, 20.0, 5.0, 0.1, 100.0][input.below(5)];
+    let delay = [0.0, 0.0, 0.1, 1.0][input.below(4)];
     let manner = format!(r#""ckStatus":"0x3F","speed":"{speed}","delay":"{delay}","smooth":"{smooth}""#);
+    let mut axis_move = None;
     let rest = match how & 15 {
-        0..=4 => format!(r#""action":"4",{},{manner}"#, coordinates(input, "", AXES)),
-        5 | 6 => format!(r#""action":"10",{},{manner}"#, coordinates(input, "", POSE)),
+        0..=4 => {
+            let (target, text) = coordinates(input, "", AXES);
+            axis_move = oneshot.then_some(AxisMove { target, speed, delay });
+            format!(r#""action":"4",{text},{manner}"#)
+        }
+        5 | 6 => format!(r#""action":"10",{},{manner}"#, coordinates(input, "", POSE).1),
         7 => {
-            let middle = coordinates(input, "", POSE);
-            format!(r#""action":"17",{middle},{},{manner}"#, coordinates(input, "_p", POSE))
+            let middle = coordinates(input, "", POSE).1;
+            format!(r#""action":"17",{middle},{},{manner}"#, coordinates(input, "_p", POSE).1)
         }
         8 => format!(
             r#""action":"100","type":"{}","point":"{}","io_status":"{}","limit":"{delay}","isUnlimit":"{}""#,
@@ -242,7 +267,7 @@ fn step(input: &mut Input<'_>) -> String {
         ),
         9 => format!(
             r#""action":"200","type":"{}","io_status":"{}","point":"{}","delay":"{delay}""#,
-            100 + input.below(4),
+            input.pick(&[0, 5, 7, 100]),
             input.byte() & 1,
             input.below(33)
         ),
@@ -253,13 +278,14 @@ fn step(input: &mut Input<'_>) -> String {
             input.byte() & 1
         ),
         11 => format!(r#""action":"51","isUse":"{}","speed":"{}""#, input.byte() & 1, input.byte()),
-        12 => format!(r#""action":"53","cnt_id":"{}""#, input.below(40)),
+        12 => format!(r#""action":"800","cnt_id":"{}""#, input.below(40)),
         13 => format!(
-            r#""action":"204","type":"{}","point":"{}","limit":"0.3""#,
-            input.below(3),
-            input.below(32)
+            r#""action":"204","type":"{}","point":"{}","point2":"{}""#,
+            input.pick(&[0, 1, 5, 6, 0, 1, 5, 6, 2]),
+            input.number(),
+            input.number()
         ),
         _ => format!(r#""action":"{}","anything":[1]"#, input.byte()),
     };
-    format!(r#"{{"oneshot":"{oneshot}",{rest}}}"#)
+    (format!(r#"{{"oneshot":"{}",{rest}}}"#, u8::from(oneshot)), axis_move)
 }
