@@ -27,7 +27,7 @@ pub fn rows() -> Vec<Row> {
     text.lines().map(row).collect()
 }
 
-/// What asks for memory, from `valgrind --tool=dhat` over the counter.
+/// What asks for memory.
 fn in_the_way(what: &str) -> &'static str {
     match what.split(", ").next() {
         Some("SDK") => {
