@@ -4,7 +4,7 @@
 //! An input is three bytes for firmware, arm and how it stands, and then operations, each a byte and what it needs.
 
 pub mod cell;
-mod model;
+pub mod model;
 mod operation;
 
 use r6_controller::{Controller, ControllerSettings, Profile, RobotModel, SavedState, StartState};
