@@ -5,7 +5,7 @@
 
 pub mod cell;
 mod duty;
-mod model;
+pub mod model;
 mod operation;
 
 use r6_controller::{Controller, ControllerSettings, Profile, RobotModel, SavedState, StartState};

@@ -5,12 +5,13 @@
 
 use r6::program_file::{FileError, ProgramFile, cut};
 use r6_controller::{Controller, ControllerSettings, Library, Profile, Program, RobotModel, Scenario};
-use r6_proto::message::Instruction;
 use r6_proto::time::Instant;
 use r6_proto::{Body, Decoder};
 
 use crate::controller::cell::Cell;
+use crate::controller::model::Model;
 use crate::input::Input;
+use crate::written::same_instructions;
 
 /// The kinds, and the first byte of an input of each.
 pub const KINDS: [(u8, &str); 6] = [
@@ -27,6 +28,9 @@ const MOST_BYTES: usize = 32 * 1024;
 
 /// How long what was read runs, s of the controller's time.
 const RUNS: f64 = 4.0;
+
+/// How often the arm is looked at while time passes.
+const LOOKS: u32 = 10;
 
 /// Tries one input.
 pub fn run(bytes: &[u8]) {
@@ -53,12 +57,22 @@ fn settings() -> ControllerSettings {
 
 /// Lets a controller run, asks it everything and sends it work.
 fn runs(settings: ControllerSettings) {
-    let controller = Controller::new(settings, Instant::ORIGIN);
-    let mut cell = Cell::around(controller, Instant::ORIGIN);
-    cell.pass(RUNS / 2.0);
+    let model = Model::new(&settings);
+    let mut cell = Cell::around(Controller::new(settings, Instant::ORIGIN), Instant::ORIGIN);
+    model.hold_within_limits(&mut cell);
+    passes(&mut cell, &model, RUNS / 2.0);
     cell.ask_everything();
     cell.work();
-    cell.pass(RUNS / 2.0);
+    model.hold_within_limits(&mut cell);
+    passes(&mut cell, &model, RUNS / 2.0);
+}
+
+/// Lets time pass, and looks at the arm on the way.
+fn passes(cell: &mut Cell, model: &Model, seconds: f64) {
+    for _ in 0..LOOKS {
+        cell.pass(seconds / f64::from(LOOKS));
+        model.hold_within_limits(cell);
+    }
 }
 
 fn program(text: &str) {
@@ -88,8 +102,9 @@ fn program_file(text: &str, read: Result<ProgramFile, FileError>) {
             return;
         }
     };
-    let controller = Controller::new(settings(), Instant::ORIGIN);
-    let mut cell = Cell::around(controller, Instant::ORIGIN);
+    let settings = settings();
+    let model = Model::new(&settings);
+    let mut cell = Cell::around(Controller::new(settings, Instant::ORIGIN), Instant::ORIGIN);
     for batch in file.batches {
         let whole = batch.clone();
         // What the wire cannot carry is refused before anything is sent.
@@ -101,15 +116,13 @@ fn program_file(text: &str, read: Result<ProgramFile, FileError>) {
             let mut decoder = Decoder::new();
             let message = decoder.decode(&frame).unwrap_or_else(|error| panic!("{error}"));
             let Body::AddRcc(list) = message.body else { panic!("{}", frame.escape_ascii()) };
-            let actions = |steps: &[Instruction]| -> Vec<_> {
-                steps.iter().map(|step| (step.oneshot, step.action.number())).collect()
-            };
-            assert_eq!(actions(list.instructions), actions(&part.instructions));
+            same_instructions(&part.instructions, list.instructions);
             cell.send(&frame);
             cell.pass(0.1);
+            model.hold_within_limits(&mut cell);
         }
     }
-    cell.pass(RUNS);
+    passes(&mut cell, &model, RUNS);
 }
 
 fn model(text: &str) {

@@ -19,6 +19,7 @@ pub mod saved_state;
 pub mod seeds;
 pub mod server_session;
 pub mod words;
+mod written;
 
 /// A target: its name, and what it does with the bytes of one input.
 pub type Target = (&'static str, fn(&[u8]));

@@ -1,5 +1,7 @@
 //! Inputs to begin from, made of the golden vectors, transcripts, examples, programs, models and scenarios.
 
+mod every;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -73,7 +75,8 @@ fn some(seeds: Vec<Seed>, count: usize) -> Vec<Seed> {
 }
 
 fn frame_texts() -> Vec<Seed> {
-    some(vectors(), MOST_FILES)
+    let every = every::EVERY.map(|(name, parts)| (name.to_owned(), parts.concat().into_bytes()));
+    some(vectors(), MOST_FILES).into_iter().chain(every).collect()
 }
 
 fn frames() -> Vec<Seed> {

@@ -138,8 +138,8 @@ impl Model {
         }
     }
 
-    /// What holds at any time.
-    pub fn hold(&mut self, cell: &mut Cell) {
+    /// Where the arm is and how fast it goes, at any time.
+    pub fn hold_within_limits(&self, cell: &mut Cell) {
         let seen = cell.controller.snapshot(cell.now);
         for (axis, (position, drive)) in seen.axes.iter().zip(self.robot.drives()).enumerate() {
             let within = drive.soft.min - ROUNDING..=drive.soft.max + ROUNDING;
@@ -150,6 +150,12 @@ impl Model {
             let most = drive.max_speed * SPEED_ROUNDING + ROUNDING;
             assert!(speed.abs() <= most, "axis {axis} at {speed} a second, above {}", drive.max_speed);
         }
+    }
+
+    /// What holds at any time.
+    pub fn hold(&mut self, cell: &mut Cell) {
+        self.hold_within_limits(cell);
+        let seen = cell.controller.snapshot(cell.now);
         assert!(seen.world.iter().all(|number| number.is_finite()));
         assert!(seen.list_length <= r6_controller::instruction_list::MAX_INSTRUCTIONS);
         assert!(seen.connections <= self.max_connections, "{} connections are served", seen.connections);

@@ -1,9 +1,10 @@
 //! What a frame says is written again, strictly, and read again: the same; and written a third time: the same bytes.
 
+use crate::written::{same_command, same_instructions, same_points};
 use r6_proto::dialect::Envelope;
 use r6_proto::message::{Body, PhotoAnswer, Point};
 use r6_proto::request::CameraPoints;
-use r6_proto::{Decoder, Message, Request};
+use r6_proto::{Address, Decoder, Message, Request};
 
 /// Checks the frame if it is a request that can be written.
 pub fn check(message: &Message<'_>) {
@@ -16,14 +17,41 @@ pub fn check(message: &Message<'_>) {
     let mut decoder = Decoder::new();
     let read = decoder.decode(&first).unwrap_or_else(|error| panic!("{}: {error}", first.escape_ascii()));
     assert_eq!(read.extras().len(), 0, "what we write has nothing odd in it: {}", first.escape_ascii());
-    assert_eq!(
-        std::mem::discriminant(&read.body),
-        std::mem::discriminant(&message.body),
-        "what we write is another message: {}",
-        first.escape_ascii()
-    );
+    says_the_same(message, &read);
     let second = written(&read).expect("what was written can be written again");
     assert_eq!(first, second, "{} became {}", first.escape_ascii(), second.escape_ascii());
+}
+
+/// What was read first and what was written of it, number by number.
+fn says_the_same(first: &Message<'_>, again: &Message<'_>) {
+    let frame = again.frame().escape_ascii();
+    let pack_id = |message: &Message<'_>| message.header.pack_id.map(|value| value.text().into_owned());
+    assert_eq!(pack_id(first), pack_id(again), "{frame}");
+    match (&first.body, &again.body) {
+        (Body::Query(first), Body::Query(again)) => {
+            let asked = |(_, address): (_, Result<Address, _>)| address.ok();
+            assert!(first.resolved().map(asked).eq(again.resolved().map(asked)), "{first:?} became {frame}");
+        }
+        (Body::Command(first), Body::Command(again)) => {
+            let [first, again] = [first, again].map(|words| words.read().expect("it was written"));
+            same_command(&first, &again);
+        }
+        (Body::AddRcc(first), Body::AddRcc(again)) => {
+            assert_eq!(again.empty_list, Some(first.empty_list.unwrap_or(true)), "{frame}");
+            assert!(!again.shape_2020, "the shape of 2020 is not written: {frame}");
+            same_instructions(first.instructions, again.instructions);
+        }
+        (Body::AddPoints(first), Body::AddPoints(again)) => {
+            assert_eq!(first.sets().len(), again.sets().len(), "{frame}");
+            for ((cam_id, points), (again_id, again)) in first.sets().zip(again.sets()) {
+                assert_eq!(cam_id, again_id, "{frame}");
+                same_points(points, again);
+            }
+        }
+        (Body::Heartbreak, Body::Heartbreak) => {}
+        (Body::PhotoAnswer(first), Body::PhotoAnswer(again)) => assert_eq!(first, again, "{frame}"),
+        (first, _) => panic!("what we write is another message: {first:?} became {frame}"),
+    }
 }
 
 /// The strict form of a request; `None` for what is none, or what the wire cannot carry.

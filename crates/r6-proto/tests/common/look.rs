@@ -1,8 +1,11 @@
 //! Calls everything that reads from a message.
 
+use std::sync::LazyLock;
+
+use r6_proto::address::ValueType;
 use r6_proto::message::{Action, Body};
-use r6_proto::value::Values;
-use r6_proto::{Address, Message, Reading};
+use r6_proto::value::{Value, Values};
+use r6_proto::{ADDRESSES, Address, Message, Reading};
 
 /// Looks at all that a message offers; none of it may panic.
 pub fn look_at_everything(message: &Message<'_>) {
@@ -58,7 +61,26 @@ pub fn look_at_everything(message: &Message<'_>) {
 }
 
 /// One address of each form a reading can have.
-const FORMS: [Address; 3] = [Address::CurMode, Address::CurAlarm, Address::Version];
+static FORMS: LazyLock<Vec<Address>> = LazyLock::new(|| {
+    let name = |form| match form {
+        ValueType::Text => "version",
+        ValueType::Integer => "curAlarm",
+        ValueType::Decimal => "axis-0",
+        ValueType::Word => "input-0",
+        ValueType::Flag => "isMoving",
+        ValueType::TextList => "toolCoord",
+        ValueType::Counter => "counter-0",
+    };
+    let mut forms: Vec<Address> = Vec::new();
+    for row in &ADDRESSES {
+        let address: Address = name(row.value).parse().expect("an address of the table");
+        assert_eq!(address.info().value, row.value, "`{address}` is of another form");
+        if !forms.contains(&address) {
+            forms.push(address);
+        }
+    }
+    forms
+});
 
 fn values(values: Values<'_>) {
     for value in values.iter() {
@@ -74,8 +96,39 @@ fn values(values: Values<'_>) {
         }
         let _ = (value.flag(), value.text(), value.offset(), format!("{value:?}"));
         assert!(value.items().count() <= value.wire().len());
-        for address in FORMS {
-            let _ = Reading::of(address, value).map(|reading| reading.to_string());
+        for address in &*FORMS {
+            match Reading::of(*address, value) {
+                Ok(reading) => is_read_as(address.info().value, &reading, value),
+                Err(error) => assert!(!error.to_string().is_empty()),
+            }
         }
     }
+}
+
+/// A reading is of the form of its address, and says what the value says.
+fn is_read_as(form: ValueType, reading: &Reading, value: Value<'_>) {
+    let said = match (form, reading) {
+        (ValueType::Text, Reading::Text(text)) => *text == value.text(),
+        (ValueType::Integer, Reading::Integer(number)) => Some(*number) == value.integer(),
+        (ValueType::Decimal, Reading::Decimal(number)) => Some(*number) == value.number(),
+        (ValueType::Word, Reading::Word(word)) => {
+            let either = [i64::from(*word), i64::from(word.cast_signed())];
+            value.integer().is_some_and(|number| either.contains(&number))
+        }
+        (ValueType::Flag, Reading::Flag(flag)) => Some(*flag) == value.flag(),
+        (ValueType::TextList, Reading::Texts(texts)) => {
+            value.items().map(|item| item.text().into_owned()).eq(texts.iter().cloned())
+        }
+        (ValueType::Counter, Reading::Counter(counter)) if value.is_list() => {
+            let items = value.items().map(|item| item.integer());
+            items.eq([counter.id, counter.target, counter.current].map(Some))
+        }
+        // `name[id][T:target][C:current]`
+        (ValueType::Counter, Reading::Counter(counter)) => {
+            counter.name.as_ref().is_some_and(|name| value.text().starts_with(&format!("{name}[")))
+        }
+        (_, _) => false,
+    };
+    assert!(said, "{value:?} is read as {reading:?}");
+    let _ = reading.to_string();
 }

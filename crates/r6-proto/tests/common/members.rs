@@ -4,12 +4,18 @@
 //! They differ where that is documented: bytes that are no UTF-8 may be GBK texts, and nesting has a limit of our own. The object itself
 //! and a list that is read item by item are not counted, so it takes hold one or two levels later.
 
+#[path = "listed.rs"]
+mod listed;
+#[path = "lists.rs"]
+mod lists;
+
 use std::fmt;
 
+use listed::{integer, number};
 use r6_proto::error::JsonError;
-use r6_proto::message::{Action, Body, ExtraKind, Place};
+use r6_proto::message::{Body, ExtraKind, Place};
 use r6_proto::value::{Value as Wire, Values};
-use r6_proto::{AxisIndex, MAX_DEPTH, Message, RequestType};
+use r6_proto::{MAX_DEPTH, Message, RequestType};
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::{Map, Value};
 
@@ -161,38 +167,8 @@ fn body(message: &Message<'_>, theirs: &Map<String, Value>) {
             assert_eq!(Some(answer.cam_id), integer(&theirs["camID"]));
             assert_eq!(Some(answer.ret), integer(&theirs["ret"]));
         }
-        Body::AddPoints(points) => {
-            let sets = theirs["dsData"].as_array().expect("sets");
-            assert_eq!(points.sets().len(), sets.len());
-            for ((cam_id, points), theirs) in points.sets().zip(sets) {
-                assert_eq!(Some(cam_id), integer(&theirs["camID"]));
-                let theirs = theirs["data"].as_array().expect("points");
-                assert_eq!(points.len(), theirs.len());
-                for (point, theirs) in points.iter().zip(theirs) {
-                    for (ours, key) in
-                        [(Some(point.x), "X"), (Some(point.y), "Y"), (point.u, "U"), (point.v, "V")]
-                    {
-                        same_number(key, ours, theirs.get(key));
-                    }
-                }
-            }
-        }
-        Body::AddRcc(list) if !list.shape_2020 => {
-            let theirs = theirs["instructions"].as_array().expect("instructions");
-            assert_eq!(list.instructions.len(), theirs.len());
-            for (ours, theirs) in list.instructions.iter().zip(theirs) {
-                assert_eq!(Some(ours.action.number()), integer(&theirs["action"]));
-                if let Action::AxisMove(motion) | Action::LinearMove(motion) = &ours.action {
-                    for axis in AxisIndex::ALL {
-                        let key = format!("m{}", axis.number());
-                        same_number(&key, motion.target.at(axis), theirs.get(&key));
-                    }
-                    same_number("speed", motion.manner.speed, theirs.get("speed"));
-                    same_number("delay", motion.manner.delay, theirs.get("delay"));
-                }
-            }
-        }
-        Body::AddRcc(_) => assert!(theirs.contains_key("dsData")),
+        Body::AddPoints(points) => lists::points(points, theirs),
+        Body::AddRcc(list) => lists::instructions(list, theirs),
         Body::Unknown(unknown) => {
             let word = type_value(theirs).and_then(Value::as_str);
             assert!(word.is_none_or(|word| RequestType::ALL.iter().all(|known| known.word() != word)));
@@ -200,6 +176,7 @@ fn body(message: &Message<'_>, theirs: &Map<String, Value>) {
         }
         Body::Rejected(rejection) => {
             assert!(is_type(&[rejection.request.word(), "queryEcho", "cmdEcho", "AddrCC"]));
+            lists::rejected(rejection, message.frame(), theirs);
         }
     }
 }
@@ -228,32 +205,6 @@ fn same_value(ours: Wire<'_>, theirs: &Value) -> bool {
             serde_json::from_slice::<Value>(ours.wire()).is_ok_and(|ours| ours == *theirs)
         }
     }
-}
-
-fn same_number(key: &str, ours: Option<f64>, theirs: Option<&Value>) {
-    // A member that is there and no number is left out by us, where it may be.
-    if let Some(theirs) = theirs.and_then(number) {
-        assert!(same(ours, Some(theirs)) || ours.is_none(), "{key}: {ours:?} and {theirs}");
-    }
-}
-
-/// A number, quoted or not, as the standard library reads it.
-fn number(value: &Value) -> Option<f64> {
-    match value {
-        Value::Number(number) => number.as_f64(),
-        Value::String(text) => text.trim_ascii().parse().ok(),
-        Value::Null | Value::Bool(_) | Value::Array(_) | Value::Object(_) => None,
-    }
-}
-
-fn integer(value: &Value) -> Option<i64> {
-    let exact = match value {
-        Value::Number(number) => number.as_i64(),
-        Value::String(text) => text.trim_ascii().parse().ok(),
-        Value::Null | Value::Bool(_) | Value::Array(_) | Value::Object(_) => None,
-    };
-    #[expect(clippy::cast_possible_truncation, reason = "whole and within 2^53")]
-    exact.or_else(|| number(value).filter(|number| number.fract() == 0.0).map(|number| number as i64))
 }
 
 fn same(ours: Option<f64>, theirs: Option<f64>) -> bool {

@@ -24,8 +24,8 @@ pub(super) struct Lists {
     /// How many instructions or points were met, right or wrong: what they are called by.
     items: u32,
     instructions_checked: Option<FieldError>,
-    /// Whether the cameras were read on the way, and what was wrong with them.
-    cameras_checked: Option<Checked>,
+    /// Which list of cameras was read, and what was wrong with it: another may come after it.
+    cameras_checked: Option<(Node, Checked)>,
 }
 
 impl Lists {
@@ -203,21 +203,23 @@ impl Lists {
             let read = self.camera(cursor, bytes, place, extras)?;
             checked = checked.and(read);
         }
-        self.cameras_checked = Some(checked);
-        Ok(Node { span: Span::new(list, cursor.at()), kind: Kind::List })
+        let list = Node { span: Span::new(list, cursor.at()), kind: Kind::List };
+        self.cameras_checked = Some((list, checked));
+        Ok(list)
     }
 
-    /// What was wrong with the cameras; they are read now if they were not read on the way.
+    /// What was wrong with the cameras; they are read now if these were not read on the way.
     pub fn checked_cameras(
         &mut self,
         bytes: &[u8],
         list: Option<Node>,
         extras: &mut Vec<ExtraNode>,
     ) -> Result<Checked, JsonError> {
-        if let (None, Some(list)) = (&self.cameras_checked, list) {
+        let read = self.cameras_checked.as_ref().map(|(read, _)| *read);
+        if let Some(list) = list.filter(|list| read != Some(*list)) {
             self.cameras(&mut Cursor::new(bytes, list.span.start as usize), bytes, extras)?;
         }
-        Ok(self.cameras_checked.take().unwrap_or(Ok(())))
+        Ok(self.cameras_checked.take().map_or(Ok(()), |(_, checked)| checked))
     }
 
     fn camera(
