@@ -5,10 +5,12 @@ use std::fmt;
 use r6_proto::address::Address;
 use r6_proto::alarm::AlarmCode;
 use r6_proto::axis::{AXES, AxisIndex};
+use r6_proto::message::instruction::{Action, Instruction};
 
 use crate::error::RequestError;
 use crate::link::Lane;
 use crate::motion::Sample;
+use crate::moves::StepError;
 use crate::query::QueryResult;
 use crate::robot::Robot;
 use r6_proto::OperationMode;
@@ -142,6 +144,23 @@ impl Status {
             self.list_length.filter(|length| *length != 0).map(|length| Unmet::LeftoverList { length });
         // In the order in which they are to be dealt with: a list that is left over starts with the next start.
         [moving, list, alarm, homed, mode].into_iter().flatten().collect()
+    }
+
+    /// The first axis move that takes an axis somewhere which this robot does not have by its `axisNum`: nobody could see it arrive.
+    /// Zeros are let through, for people write all eight.
+    pub(crate) fn step_beyond_axes(&self, steps: &[Instruction]) -> Option<StepError> {
+        const FIELDS: [&str; AXES] = ["m0", "m1", "m2", "m3", "m4", "m5", "m6", "m7"];
+        let count = usize::try_from(self.axis_count.filter(|count| *count > 0)?).ok()?;
+        steps.iter().zip(1..).find_map(|(step, number)| {
+            let Action::AxisMove(motion) = &step.action else { return None };
+            let goes = |axis: AxisIndex| {
+                motion.target.at(axis).is_some_and(|place| place != 0.0)
+                    && motion.manner.mask.is_none_or(|mask| mask.contains(axis))
+            };
+            let (_, field) = AxisIndex::ALL.into_iter().zip(FIELDS).skip(count).find(|(axis, _)| goes(*axis))?;
+            let wanted = "left out: by its axisNum this robot has fewer axes";
+            Some(StepError { step: number, field, wanted })
+        })
     }
 
     /// What it tells about motion.

@@ -131,6 +131,9 @@ impl Robot {
         let (turn, stops) = self.turn().await.map_err(failed)?;
         let (status, connection) = self.look_before(options).await.map_err(failed)?;
         let sample = status.sample();
+        if let Some(error) = status.step_beyond_axes(steps) {
+            return Err(failed(Cause::Step(error)));
+        }
         if status.list_length.is_none() && ends_in_endless_wait(motion) {
             let wanted =
                 "limited: this firmware does not tell the length of its list, and nobody could see the end";

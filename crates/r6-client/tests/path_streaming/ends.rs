@@ -283,3 +283,20 @@ async fn values_that_no_longer_change_are_noticed() {
     assert!(!error.stop.unwrap().unwrap().confirmed);
     assert!(!cell.handle().snapshot().moving);
 }
+
+#[tokio::test(start_paused = true)]
+async fn nothing_is_sent_of_a_motion_of_an_axis_that_is_not_there() {
+    let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let all_eight = |seventh: f64| AxisPosition::degrees([1.0, 0.0, 0.0, 0.0, 30.0, 0.0, seventh, 0.0]);
+    let to = |seventh| {
+        Motion::new().axis_move(all_eight(0.0), percent(50.0)).axis_move(all_eight(seventh), percent(50.0))
+    };
+    let error = cell.robot.run(&to(77.0), RunOptions::default()).await.unwrap_err();
+    assert_eq!(
+        error.cause.to_string(),
+        "step 2: J7 has to be left out: by its axisNum this robot has fewer axes"
+    );
+    assert_eq!(cell.lists(), []);
+    // Zeros for axes that are not there are what many people write.
+    soon(cell.robot.run(&to(0.0), RunOptions::default()).await.unwrap().finished()).await.unwrap();
+}

@@ -63,6 +63,18 @@ fn axes_that_are_not_given_stay() {
 }
 
 #[test]
+fn an_axis_that_is_not_there_is_named() {
+    let robot = Robot::start(&[]);
+    let outcome = robot.r6(&["move", "axes", "1", "2", "3", "4", "5", "6", "7", "--wait"]);
+    assert_eq!(outcome.code, 2, "{outcome:?}");
+    assert_eq!(
+        outcome.err,
+        "r6: step 1: J7 has to be left out: by its axisNum this robot has fewer axes; nothing was sent\n"
+    );
+    assert_eq!(robot.value("axis-0"), 0.0);
+}
+
+#[test]
 fn a_robot_that_is_not_ready_is_sent_nothing() {
     let robot = Robot::start(&["--start", "stopped"]);
     let outcome = robot.r6(&["move", "axes", "10", "--wait"]);
