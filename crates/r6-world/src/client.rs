@@ -11,7 +11,7 @@ use r6_client::{
 use r6_controller::random::Random;
 use tokio::time::{sleep, timeout};
 
-use crate::fault::Promise;
+use crate::fault::{Class, Promise};
 use crate::kept::look_at_disk;
 use crate::plan::{ClientPlan, RobotPlan};
 use crate::shared::{Shared, State, now};
@@ -139,7 +139,11 @@ impl Work {
         if self.plan.drops && self.random.strikes(0.15) {
             let patience = self.random.up_to(ms(120));
             let done = timeout(patience, call).await.ok();
-            self.shared.state().record.tally.dropped += u64::from(done.is_none());
+            if done.is_none() {
+                let record = &mut self.shared.state().record;
+                record.tally.dropped += 1;
+                record.strikes(Class::K1);
+            }
             return done;
         }
         Some(self.bounded(what, call).await)

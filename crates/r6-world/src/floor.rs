@@ -10,6 +10,7 @@ use r6_proto::{Address, AxisIndex};
 use tokio::sync::watch;
 
 use crate::fault::Promise;
+use crate::felt::Felt;
 use crate::kept::Kept;
 use crate::record::Record;
 
@@ -91,6 +92,8 @@ pub struct Floor {
     is_new: bool,
     starts: u64,
     pub door: watch::Sender<Door>,
+    /// What its scenario has in force.
+    pub felt: Felt,
     /// Whether somebody has seen to the machine after all that went wrong.
     pub is_seen_to: bool,
     /// Acknowledged and sent values of the registers that are kept, by register.
@@ -137,6 +140,7 @@ impl Floor {
             is_new: false,
             starts: 0,
             door: watch::Sender::new(Door::Open),
+            felt: Felt::default(),
             is_seen_to: false,
             kept,
         }
@@ -153,6 +157,7 @@ impl Floor {
         self.ahead.clear();
         self.pace.clear();
         self.sights.clear();
+        self.felt.boots();
         self.is_new = again;
         (self.halted, self.rests) = (again.then_some((at, None)), again.then_some(at));
         self.door.send_replace(Door::Open);
@@ -188,12 +193,17 @@ impl Floor {
     pub fn look(&mut self, controller: &Controller, lines: &[LogLine], record: &mut Record) {
         let machine = controller.machine();
         let at = self.booted + machine.now().since(r6_proto::time::Instant::ORIGIN);
+        let moves = machine.motion().axis_speeds.iter().any(|speed| *speed != 0.0);
         for line in lines {
             record.tell(at, format_args!("{}: {line}", self.name));
+            self.felt.read(line, moves, record);
             self.read(at, &line.text);
             if line.text.starts_with("alarm ") && !line.text.ends_with("cleared") {
                 record.tally.alarms[usize::from(!line.text.starts_with("alarm 7:"))] += 1;
             }
+        }
+        if machine.mode().may_run() && machine.list().len() > 0 {
+            self.felt.has_instructions(record);
         }
         self.count(at, controller, record);
         self.see(at, controller, record);

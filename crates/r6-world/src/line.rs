@@ -87,6 +87,8 @@ pub struct Line {
     /// The number of connections, whenever it grows.
     pub news: watch::Sender<usize>,
     deaf: bool,
+    /// The network is away, and nothing has left since.
+    held: bool,
     waker: Option<Waker>,
 }
 
@@ -113,6 +115,7 @@ impl Line {
             is_well: false,
             news: watch::Sender::new(0),
             deaf: false,
+            held: false,
             waker: None,
         }
     }
@@ -163,6 +166,28 @@ impl Line {
         }
     }
 
+    /// The network is away from now on, or there again.
+    pub fn hold(&mut self, held: bool) {
+        self.held = held;
+    }
+
+    /// Something leaves: whether the network is away, and nothing else has left since.
+    pub fn feels_hold(&mut self) -> bool {
+        std::mem::take(&mut self.held)
+    }
+
+    /// Whether a motion of its program is under way.
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        !self.runs.is_empty() || self.unnumbered > 0
+    }
+
+    /// Whether nothing came over this connection yet.
+    #[must_use]
+    pub fn has_heard_nothing(&self, number: usize) -> bool {
+        self.connections[number].marks.is_empty() && self.connections[number].forgotten == 0
+    }
+
     /// Whether it reads nothing.
     pub fn is_deaf(&mut self, cx: &Context<'_>) -> bool {
         if self.deaf {
@@ -185,7 +210,7 @@ impl Line {
         self.connections.len() - 1
     }
 
-    /// Bytes left.
+    /// Bytes left; whether there is a command among them that another's motion may feel.
     pub fn sent(
         &mut self,
         at: Duration,
@@ -193,7 +218,7 @@ impl Line {
         bytes: &[u8],
         floors: &mut [Floor],
         record: &mut Record,
-    ) {
+    ) -> bool {
         let connection = &mut self.connections[number];
         connection.begun.extend_from_slice(bytes);
         let mut frames = Vec::new();
@@ -205,12 +230,17 @@ impl Line {
         }
         drop(stream);
         connection.begun.drain(..end);
+        let commands = frames.iter().any(|(frame, _)| {
+            frame["reqType"] == "AddRCC"
+                || (frame["reqType"] == "command" && frame["cmdData"][0] != "rewriteData")
+        });
         for (frame, length) in frames {
             record.tally.frames += 1;
             record.check(Promise::I6, at, length <= MOST_BYTES, || format!("a frame of {length} bytes"));
             self.left(at, number, &frame, floors, record);
             self.connections[number].sent.push(Sent { at, frame });
         }
+        commands
     }
 
     /// A whole frame has left.

@@ -16,6 +16,9 @@ use crate::fault::Class;
 /// Nothing goes wrong before all have connected.
 const CALM: Duration = Duration::from_secs(2);
 
+/// An alarm that no manual has.
+pub const NOBODYS_ALARM: u32 = 4711;
+
 /// A controller, its disk and the people around it.
 #[derive(Clone, Debug)]
 pub struct RobotPlan {
@@ -395,7 +398,7 @@ impl Draw<'_> {
                 }
             }
             C3 | P9 => {
-                let number = if class == P9 { 4711 } else { self.pick(&[5001, 42, 130]) };
+                let number = if class == P9 { NOBODYS_ALARM } else { self.pick(&[5001, 42, 130]) };
                 for n in 0..self.pick(&[1_u64, 1, 2, 6]) {
                     self.person(soon(n * 150), PanelAction::RaiseAlarm(number));
                     self.person(soon(n * 150 + 70), PanelAction::ClearAlarm);
@@ -428,8 +431,9 @@ impl Draw<'_> {
                 self.person(soon(1000), PanelAction::SwitchProgram("cell".to_owned()));
                 self.person(soon(1100), PanelAction::Press(Button::Start));
             }
-            // Whoever else asks, commands and sends.
+            // Whoever else asks, commands and sends: a speed at last.
             _ => {
+                self.plan.classes.push(C7);
                 let words = self.pick(&[
                     "[\"modifyGSPD\",\"300\"]",
                     "[\"modifyGSPD\",\"1000\"]",
