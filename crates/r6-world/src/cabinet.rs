@@ -31,8 +31,8 @@ pub async fn run(shared: Shared, robot: usize) -> turmoil::Result {
     let own = shared.clone();
     handle.observe(move |_, controller, lines| {
         let mut state = own.state();
-        let State { record, floors, .. } = &mut *state;
-        floors[robot].look(controller, lines, record);
+        let State { record, floors, lines: clients, .. } = &mut *state;
+        floors[robot].look(controller, lines, clients, record);
     });
     tokio::spawn(look(shared.clone(), robot, handle.clone()));
     tokio::spawn(people(shared.clone(), robot, handle.clone()));

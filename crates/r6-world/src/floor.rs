@@ -12,6 +12,7 @@ use tokio::sync::watch;
 use crate::fault::Promise;
 use crate::felt::Felt;
 use crate::kept::Kept;
+use crate::line::Line;
 use crate::record::Record;
 
 /// An arm that is stopped rests after this long at the latest (`docs/FIDELITY.md`: a pause takes half a second).
@@ -67,11 +68,14 @@ struct Sight {
 #[derive(Debug)]
 pub struct Floor {
     name: String,
+    robot: usize,
     /// When its present process was started.
     booted: Duration,
     sights: VecDeque<Sight>,
     /// What it carried out, by the number of the step.
     done: BTreeSet<i64>,
+    /// What left its list undone: it was cleared, replaced, or lost with the mains.
+    gone: BTreeSet<i64>,
     completed: u64,
     /// The steps that were in its list when it was last seen.
     ahead: VecDeque<i64>,
@@ -119,13 +123,15 @@ pub fn number_of(degrees: f64) -> i64 {
 impl Floor {
     /// Nobody has looked yet.
     #[must_use]
-    pub fn new(name: String) -> Self {
-        let (sights, done, pace, numbers, kept) = Default::default();
+    pub fn new(robot: usize) -> Self {
+        let (sights, done, gone, pace, numbers, kept) = Default::default();
         Self {
-            name,
+            name: format!("robot-{robot}"),
+            robot,
             booted: Duration::ZERO,
             sights,
             done,
+            gone,
             completed: 0,
             ahead: VecDeque::new(),
             taken: 0,
@@ -154,7 +160,7 @@ impl Floor {
         // A stop before it says nothing about what runs now.
         (self.booted, self.last_start) = (at, at);
         (self.completed, self.points, self.is_seen_to) = (0, 0, false);
-        self.ahead.clear();
+        self.lose_list();
         self.pace.clear();
         self.sights.clear();
         self.felt.boots();
@@ -189,8 +195,30 @@ impl Floor {
         numbers.iter().all(|number| self.done.contains(number))
     }
 
-    /// Looks at a controller after something happened to it.
-    pub fn look(&mut self, controller: &Controller, lines: &[LogLine], record: &mut Record) {
+    /// Whether each of these steps was carried out, or left the list undone.
+    #[must_use]
+    pub fn is_through_with(&self, numbers: &[i64]) -> bool {
+        numbers.iter().all(|number| self.done.contains(number) || self.gone.contains(number))
+    }
+
+    /// Whether it has begun with this step, or is through with it.
+    #[must_use]
+    pub fn has_begun(&self, number: i64) -> bool {
+        self.ahead.front() == Some(&number) || self.is_through_with(&[number])
+    }
+
+    fn lose_list(&mut self) {
+        self.gone.extend(self.ahead.drain(..).filter(|number| *number > 0));
+    }
+
+    /// Looks at a controller after something happened to it, with those who are connected to it.
+    pub fn look(
+        &mut self,
+        controller: &Controller,
+        lines: &[LogLine],
+        clients: &[Line],
+        record: &mut Record,
+    ) {
         let machine = controller.machine();
         let at = self.booted + machine.now().since(r6_proto::time::Instant::ORIGIN);
         let moves = machine.motion().axis_speeds.iter().any(|speed| *speed != 0.0);
@@ -205,7 +233,7 @@ impl Floor {
         if machine.mode().may_run() && machine.list().len() > 0 {
             self.felt.has_instructions(record);
         }
-        self.count(at, controller, record);
+        self.count(at, controller, clients, record);
         self.see(at, controller, record);
         let door = door_of(controller.link_faults());
         self.door.send_if_modified(|before| *before != Door::Dies && std::mem::replace(before, door) != door);
@@ -246,13 +274,13 @@ impl Floor {
         }
     }
 
-    fn count(&mut self, at: Duration, controller: &Controller, record: &mut Record) {
+    fn count(&mut self, at: Duration, controller: &Controller, clients: &[Line], record: &mut Record) {
         let machine = controller.machine();
         let list = machine.list();
         if list.completed() < self.completed {
             // It was switched off and on.
             self.completed = 0;
-            self.ahead.clear();
+            self.lose_list();
         }
         for _ in self.completed..list.completed() {
             // Whatever changes the list is an event of its own, after which somebody looked.
@@ -262,6 +290,12 @@ impl Floor {
                 record.check(Promise::Once, at, first, || {
                     format!("{} carries out step {number} twice", self.name)
                 });
+                // Each client has numbers of its own.
+                let is_theirs =
+                    clients.iter().any(|line| line.robot() == self.robot && line.has_sent(number));
+                record.check(Promise::Once, at, is_theirs, || {
+                    format!("{} carries out step {number}, which its client never sent", self.name)
+                });
             }
         }
         self.completed = list.completed();
@@ -269,8 +303,9 @@ impl Floor {
             Action::AxisMove(step) => step.target.at(AxisIndex::ALL[1]).map_or(0, number_of),
             _ => 0,
         };
-        self.ahead.clear();
-        self.ahead.extend((0..list.len()).map_while(|ahead| list.ahead(ahead)).map(number));
+        let ahead: VecDeque<_> = (0..list.len()).map_while(|ahead| list.ahead(ahead)).map(number).collect();
+        let before = std::mem::replace(&mut self.ahead, ahead);
+        self.gone.extend(before.into_iter().filter(|number| *number > 0 && !self.ahead.contains(number)));
         let length = list.len();
         let most = r6_controller::instruction_list::MAX_INSTRUCTIONS;
         record.check(Promise::I6, at, length <= most, || format!("{} has {length} instructions", self.name));

@@ -152,6 +152,12 @@ impl Line {
         self.values.get(&value).copied().unwrap_or(0)
     }
 
+    /// The number of its robot.
+    #[must_use]
+    pub fn robot(&self) -> usize {
+        self.robot
+    }
+
     /// Whether these steps left.
     #[must_use]
     pub fn has_sent(&self, step: i64) -> bool {

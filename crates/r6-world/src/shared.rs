@@ -51,7 +51,7 @@ impl Shared {
     pub fn new(plan: Plan, aloud: bool) -> Self {
         let state = State {
             record: Record::new(aloud),
-            floors: (0..plan.robots.len()).map(|number| Floor::new(format!("robot-{number}"))).collect(),
+            floors: (0..plan.robots.len()).map(Floor::new).collect(),
             disks: plan.robots.iter().map(|robot| SimDisk::new(robot.seed)).collect(),
             lines: plan.clients.iter().map(Line::new).collect(),
             resets: BTreeSet::new(),
