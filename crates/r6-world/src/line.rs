@@ -355,10 +355,11 @@ impl Line {
         connection.came.extend_from_slice(bytes);
     }
 
-    /// A command with this value was answered with ok: a whole reply says so that came in time, and answers nothing else.
+    /// A command with this value was answered with ok: whole replies came since it left that say so (I1), and one of them has its number,
+    /// came in time, and answers nothing else (I2).
     pub fn answered(&mut self, value: i64, since: Duration, at: Duration, record: &mut Record) {
         let (patience, found) = (self.patience + SKEW * 2, value.to_string());
-        let mut supported = false;
+        let (mut came, mut answered) = (false, false);
         for connection in &mut self.connections {
             let Some(sent) = connection.sent.iter().rev().find(|sent| {
                 sent.at + SKEW >= since && sent.frame["cmdData"][2].as_str() == Some(found.as_str())
@@ -366,19 +367,23 @@ impl Line {
                 continue;
             };
             let (frame, sent_at) = (sent.frame.clone(), sent.at);
-            let reply = connection.since(sent_at).into_iter().find(|(when, end, reply)| {
-                let fits = answers(reply, &frame) && reply.to_ascii_lowercase().contains("ok");
-                fits && *when <= sent_at + patience && !connection.used.contains(end)
+            let mut replies = connection.since(sent_at);
+            replies.retain(|(_, _, reply)| reply.to_ascii_lowercase().contains("ok"));
+            came |= !replies.is_empty();
+            let own = replies.into_iter().find(|(when, end, reply)| {
+                answers(reply, &frame) && *when <= sent_at + patience && !connection.used.contains(end)
             });
-            if let Some((_, end, _)) = reply {
+            if let Some((_, end, _)) = own {
                 connection.used.insert(end);
-                supported = true;
+                answered = true;
             }
         }
-        record.check(Promise::I2, at, supported, || {
-            format!("{value} was answered, they say, and no reply of its own came in time")
+        record.check(Promise::I1, at, came, || {
+            format!("{value} was answered with ok, they say, and no whole frame came since that says ok")
         });
-        record.check(Promise::I1, at, supported, || format!("no whole frame says that {value} was written"));
+        record.check(Promise::I2, at, answered || !came, || {
+            format!("{value} was answered, they say, and no reply of its own came in time that answers nothing else")
+        });
     }
 
     /// A value was delivered: a whole frame that came since then has it.
