@@ -1,5 +1,7 @@
 //! Who reads along on the wires of one client, and knows what its program has asked for.
 
+mod said;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::task::{Context, Waker};
 use std::time::Duration;
@@ -13,6 +15,7 @@ use crate::floor::{Floor, SKEW, number_of};
 use crate::plan::ClientPlan;
 use crate::record::Record;
 use crate::wire::whole_frames;
+use said::{answers, says_ok, tells};
 
 /// The longest frame that a client sends unless it is told otherwise.
 const MOST_BYTES: usize = 2048;
@@ -368,7 +371,7 @@ impl Line {
             };
             let (frame, sent_at) = (sent.frame.clone(), sent.at);
             let mut replies = connection.since(sent_at);
-            replies.retain(|(_, _, reply)| reply.to_ascii_lowercase().contains("ok"));
+            replies.retain(|(_, _, reply)| says_ok(reply));
             came |= !replies.is_empty();
             let own = replies.into_iter().find(|(when, end, reply)| {
                 answers(reply, &frame) && *when <= sent_at + patience && !connection.used.contains(end)
@@ -435,36 +438,4 @@ impl Connection {
 /// The number of a step on the wire.
 fn number_in(step: &Value) -> i64 {
     number_of(step["m1"].as_str().and_then(|place| place.parse().ok()).unwrap_or(0.0))
-}
-
-/// Whether a reply has the number of a request, if it has one.
-fn answers(reply: &str, request: &Value) -> bool {
-    let number = request["packID"].as_str().unwrap_or_default();
-    !reply.contains("\"packID\"") || reply.contains(&format!("\"packID\":\"{number}\""))
-}
-
-/// Whether a frame tells this value; one that is no clean JSON does where it has its text.
-fn tells(frame: &str, address: &str, reading: &Reading) -> bool {
-    let said = |value: &Value| {
-        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        match reading {
-            Reading::Integer(number) => text.trim().parse::<f64>().is_ok_and(|said| said == *number as f64),
-            Reading::Decimal(number) => text.trim().parse::<f64>().is_ok_and(|said| said == *number),
-            Reading::Text(_)
-            | Reading::Word(_)
-            | Reading::Flag(_)
-            | Reading::Texts(_)
-            | Reading::Counter(_) => true,
-        }
-    };
-    match serde_json::from_str::<Value>(frame) {
-        Ok(frame) => {
-            let Some(values) = frame["queryData"].as_array() else { return false };
-            match frame["queryAddr"].as_array().filter(|asked| asked.len() == values.len()) {
-                Some(asked) => asked.iter().zip(values).any(|(asked, value)| asked == address && said(value)),
-                None => values.iter().any(said),
-            }
-        }
-        Err(_) => frame.contains("queryData"),
-    }
 }
