@@ -186,7 +186,7 @@ impl Floor {
                 record.tally.alarms[usize::from(!line.text.starts_with("alarm 7:"))] += 1;
             }
         }
-        if machine.mode().may_run() && machine.list().len() > 0 {
+        if machine.mode().may_run() && !machine.list().is_empty() {
             self.felt.has_instructions(record);
         }
         self.count(at, controller, clients, record);
