@@ -282,6 +282,45 @@ fn a_chance_of_a_connection_is_drawn_once() {
     assert!((250..350).contains(&deaf.count()));
 }
 
+/// What was told of strikes after a frame and a read.
+fn told(link: &mut Link) -> Vec<LinkFault> {
+    assert!(link.send(START, b"abcdefgh"));
+    assert_eq!(link.receive(START, b"abc"), 3);
+    std::iter::from_fn(|| link.poll_strike()).collect()
+}
+
+#[test]
+fn each_fault_that_strikes_is_told_once_and_no_other_is() {
+    for fault in [
+        LinkFault::ResetMidFrame { after: Some(2) },
+        LinkFault::CloseBeforeReply,
+        LinkFault::Pieces { bytes: 3 },
+        LinkFault::Coalesce { frames: 2, within: ms(40) },
+        LinkFault::Latency { to_controller: ms(1), to_client: ms(1), spread: ms(0) },
+        LinkFault::Slow { bytes_per_second: 1000 },
+        LinkFault::Noise,
+        LinkFault::Stall { delay: ms(190) },
+        LinkFault::Silence,
+    ] {
+        let mut link = with(&[fault]);
+        assert_eq!((told(&mut link), told(&mut link)), (vec![fault], vec![]));
+        let mut spared = Link::new(1, START, &[LinkFaultNow { fault, chance: 0.0 }]);
+        assert_eq!(told(&mut spared), []);
+    }
+    let mut link = Link::new(1, START, &[]);
+    link.set_faults(START, &[always(LinkFault::HalfOpen), always(LinkFault::Silence)]);
+    assert_eq!(told(&mut link), [LinkFault::HalfOpen]);
+}
+
+#[test]
+fn a_fault_of_which_nothing_was_felt_is_not_told() {
+    let slow = LinkFault::Slow { bytes_per_second: 1000 };
+    assert_eq!(with(&[slow, LinkFault::Noise, LinkFault::CloseBeforeReply]).poll_strike(), None);
+    // Deaf already: nothing is left that could be struck.
+    let mut link = with(&[LinkFault::Silence, LinkFault::CloseBeforeReply]);
+    assert_eq!(told(&mut link), [LinkFault::Silence]);
+}
+
 #[test]
 fn pieces_are_as_long_as_they_should_be() {
     let mut link = with(&[LinkFault::Pieces { bytes: 3 }, LinkFault::Pieces { bytes: 4 }]);

@@ -196,6 +196,24 @@ async fn t1_and_t2_follow_one_another() {
     cell.assert_works_again().await;
 }
 
+/// The log tells what struck a connection, once for as long as the fault is in force.
+#[tokio::test]
+async fn a_strike_is_told_once_for_each_connection() {
+    let cell = Cell::start().await;
+    let mut stream = cell.connect().await;
+    let mut log = cell.broken().log();
+    for _ in 0..2 {
+        cell.set(&[LinkFault::Pieces { bytes: 20 }]);
+        assert_answered(&mut stream).await;
+        assert_answered(&mut stream).await;
+        cell.set(&[]);
+        assert_answered(&mut stream).await;
+    }
+    let strikes = std::iter::from_fn(|| log.try_recv().ok()).filter(|line| line.text.contains("struck"));
+    let strikes: Vec<_> = strikes.map(|line| line.to_string()).collect();
+    assert_eq!(strikes, ["connection 0: the connection was struck by fault pieces"; 2]);
+}
+
 #[tokio::test]
 async fn t3_a_connection_that_comes_is_accepted_and_never_answered() {
     let cell = Cell::start().await;

@@ -11,6 +11,7 @@ use tokio::time::sleep;
 use turmoil::net::{TcpListener, TcpStream};
 
 use crate::fault::Promise;
+use crate::felt::class_of_deed;
 use crate::floor::Door;
 use crate::kept::STATE;
 use crate::plan::rest_of;
@@ -30,8 +31,8 @@ pub async fn run(shared: Shared, robot: usize) -> turmoil::Result {
     let own = shared.clone();
     handle.observe(move |_, controller, lines| {
         let mut state = own.state();
-        let State { record, floors, .. } = &mut *state;
-        floors[robot].look(controller, lines, record);
+        let State { record, floors, lines: clients, .. } = &mut *state;
+        floors[robot].look(controller, lines, clients, record);
     });
     tokio::spawn(look(shared.clone(), robot, handle.clone()));
     tokio::spawn(people(shared.clone(), robot, handle.clone()));
@@ -125,11 +126,14 @@ fn operate(shared: &Shared, robot: usize, handle: &ControllerHandle, action: &Pa
     };
     shared.tell(format_args!("robot-{robot}: somebody does {action:?}"));
     let before = starts.then(|| shared.state().floors[robot].starts(now()));
-    if let Err(refused) = handle.operate(action) {
-        if let Some(before) = before {
-            shared.state().floors[robot].was_refused(before);
+    match handle.operate(action) {
+        Ok(()) => class_of_deed(action).into_iter().for_each(|class| shared.state().record.strikes(class)),
+        Err(refused) => {
+            if let Some(before) = before {
+                shared.state().floors[robot].was_refused(before);
+            }
+            shared.tell(format_args!("robot-{robot}: {refused}"));
         }
-        shared.tell(format_args!("robot-{robot}: {refused}"));
     }
 }
 

@@ -8,6 +8,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::time::sleep;
 use turmoil::net::TcpListener;
 
+use crate::fault::Class;
 use crate::plan::Temper;
 use crate::shared::Shared;
 use crate::wire::{CAMERA_PORT, Dialler, End};
@@ -62,6 +63,9 @@ pub async fn run(shared: Shared, number: usize) -> turmoil::Result {
                     random.up_to(Duration::from_millis(60))
                 };
                 let count = i32::try_from(random.below(4)).unwrap_or(0);
+                if plan.temper == Temper::Slow {
+                    shared.state().record.strikes(Class::V6);
+                }
                 let first = next;
                 next += count;
                 async move {
@@ -111,6 +115,7 @@ async fn talk_rubbish(dialler: &mut Dialler, random: &mut Random) -> turmoil::Re
                 if stream.write_all(rubbish.as_bytes()).await.is_err() {
                     break;
                 }
+                dialler.shared.state().record.strikes(Class::V1);
             }
         }
         sleep(Duration::from_millis(700) + random.up_to(Duration::from_secs(1))).await;

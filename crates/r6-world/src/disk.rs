@@ -29,6 +29,8 @@ struct Platters {
     /// Changes of names that are not on the disk, in their order.
     pending: Vec<Renamed>,
     full: bool,
+    /// Writes that found no room since somebody asked.
+    refused: u64,
 }
 
 #[derive(Debug, Default)]
@@ -50,7 +52,7 @@ impl SimDisk {
     pub fn new(seed: u64) -> Self {
         let (files, names, safe, pending) = Default::default();
         let random = Random::new(seed);
-        Self(Arc::new(Mutex::new(Platters { random, files, names, safe, pending, full: false })))
+        Self(Arc::new(Mutex::new(Platters { random, files, names, safe, pending, full: false, refused: 0 })))
     }
 
     fn platters(&self) -> MutexGuard<'_, Platters> {
@@ -60,6 +62,12 @@ impl SimDisk {
     /// Whether it takes no more bytes from now on.
     pub fn set_full(&self, full: bool) {
         self.platters().full = full;
+    }
+
+    /// How many writes found no room since this was asked last.
+    #[must_use]
+    pub fn take_refused(&self) -> u64 {
+        std::mem::take(&mut self.platters().refused)
     }
 
     /// Whether there is this file.
@@ -141,7 +149,10 @@ impl Disk for SimDisk {
     fn carry_out(&self, step: &DiskStep) -> io::Result<()> {
         let mut platters = self.platters();
         match step {
-            DiskStep::Write { .. } if platters.full => return Err(io::ErrorKind::StorageFull.into()),
+            DiskStep::Write { .. } if platters.full => {
+                platters.refused += 1;
+                return Err(io::ErrorKind::StorageFull.into());
+            }
             DiskStep::Write { file, bytes } => {
                 let number = match platters.file(file) {
                     Ok(number) => number,

@@ -11,6 +11,7 @@ mod camera;
 mod client;
 pub mod disk;
 pub mod fault;
+mod felt;
 mod floor;
 mod kept;
 mod line;

@@ -1,54 +1,19 @@
 //! Who reads along on the wires of one client, and knows what its program has asked for.
 
+mod arrival;
+mod connection;
+mod departure;
+mod said;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::task::{Context, Waker};
 use std::time::Duration;
 
-use r6_client::{Address, Reading};
-use serde_json::Value;
 use tokio::sync::watch;
 
-use crate::fault::Promise;
-use crate::floor::{Floor, SKEW, number_of};
 use crate::plan::ClientPlan;
 use crate::record::Record;
-use crate::wire::whole_frames;
-
-/// The longest frame that a client sends unless it is told otherwise.
-const MOST_BYTES: usize = 2048;
-
-/// What came is remembered for so long: no answer is made of what came earlier.
-const REMEMBERED: Duration = Duration::from_secs(70);
-
-/// And no more of it than this, bytes: some replies are 200 000 bytes too long.
-const MOST_REMEMBERED: usize = 16 << 20;
-
-/// Who is asked who it is on a new connection.
-const WHO: [&str; 5] = ["version", "machineName", "axisNum", "curMode", "curAlarm"];
-
-/// One connection.
-#[derive(Debug, Default)]
-struct Connection {
-    /// Bytes that left and are no whole frame yet.
-    begun: Vec<u8>,
-    sent: Vec<Sent>,
-    came: Vec<u8>,
-    /// How many bytes came before those.
-    forgotten: usize,
-    /// Where the bytes begin that came at a time.
-    marks: Vec<(Duration, usize)>,
-    /// Replies that answered a command already: where they end.
-    used: BTreeSet<usize>,
-    /// Whether somebody was asked who is there.
-    asked_who: bool,
-}
-
-/// A frame that left.
-#[derive(Clone, Debug)]
-struct Sent {
-    at: Duration,
-    frame: Value,
-}
+use connection::Connection;
 
 /// A motion that is being streamed.
 #[derive(Debug)]
@@ -87,6 +52,8 @@ pub struct Line {
     /// The number of connections, whenever it grows.
     pub news: watch::Sender<usize>,
     deaf: bool,
+    /// The network is away, and nothing has left since.
+    held: bool,
     waker: Option<Waker>,
 }
 
@@ -113,6 +80,7 @@ impl Line {
             is_well: false,
             news: watch::Sender::new(0),
             deaf: false,
+            held: false,
             waker: None,
         }
     }
@@ -149,6 +117,12 @@ impl Line {
         self.values.get(&value).copied().unwrap_or(0)
     }
 
+    /// The number of its robot.
+    #[must_use]
+    pub fn robot(&self) -> usize {
+        self.robot
+    }
+
     /// Whether these steps left.
     #[must_use]
     pub fn has_sent(&self, step: i64) -> bool {
@@ -161,6 +135,28 @@ impl Line {
         if let Some(waker) = self.waker.take() {
             waker.wake();
         }
+    }
+
+    /// The network is away from now on, or there again.
+    pub fn hold(&mut self, held: bool) {
+        self.held = held;
+    }
+
+    /// Something leaves: whether the network is away, and nothing else has left since.
+    pub fn feels_hold(&mut self) -> bool {
+        std::mem::take(&mut self.held)
+    }
+
+    /// Whether a motion of its program is under way.
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        !self.runs.is_empty() || self.unnumbered > 0
+    }
+
+    /// Whether nothing came over this connection yet.
+    #[must_use]
+    pub fn has_heard_nothing(&self, number: usize) -> bool {
+        self.connections[number].marks.is_empty() && self.connections[number].forgotten == 0
     }
 
     /// Whether it reads nothing.
@@ -183,247 +179,5 @@ impl Line {
         self.connections.push(Connection::default());
         self.news.send_replace(self.connections.len());
         self.connections.len() - 1
-    }
-
-    /// Bytes left.
-    pub fn sent(
-        &mut self,
-        at: Duration,
-        number: usize,
-        bytes: &[u8],
-        floors: &mut [Floor],
-        record: &mut Record,
-    ) {
-        let connection = &mut self.connections[number];
-        connection.begun.extend_from_slice(bytes);
-        let mut frames = Vec::new();
-        let mut stream = serde_json::Deserializer::from_slice(&connection.begun).into_iter::<Value>();
-        let mut end = 0;
-        while let Some(Ok(frame)) = stream.next() {
-            frames.push((frame, stream.byte_offset() - end));
-            end = stream.byte_offset();
-        }
-        drop(stream);
-        connection.begun.drain(..end);
-        for (frame, length) in frames {
-            record.tally.frames += 1;
-            record.check(Promise::I6, at, length <= MOST_BYTES, || format!("a frame of {length} bytes"));
-            self.left(at, number, &frame, floors, record);
-            self.connections[number].sent.push(Sent { at, frame });
-        }
-    }
-
-    /// A whole frame has left.
-    fn left(
-        &mut self,
-        at: Duration,
-        number: usize,
-        frame: &Value,
-        floors: &mut [Floor],
-        record: &mut Record,
-    ) {
-        let connection = &mut self.connections[number];
-        connection.asked_who |= frame["queryAddr"] == serde_json::json!(WHO);
-        let word = frame["cmdData"][0].as_str().unwrap_or_default();
-        let is_list = frame["reqType"] == "AddRCC";
-        let acts =
-            is_list || (frame["reqType"] == "command" && !["actionStop", "actionPause"].contains(&word));
-        if acts && number > self.before {
-            let asked = connection.asked_who;
-            record.check(Promise::I4, at, asked, || format!("sent to nobody knows whom: {frame}"));
-        }
-        let starts = ["startButton", "actionSingleCycle", "clearAlarmRunNext", "clearAlarmContinue"];
-        if starts.contains(&word) {
-            self.starts_sent += 1;
-            let holds = self.starts_sent <= self.starts_asked;
-            record.check(Promise::I4, at, holds, || format!("a start that nobody asked for: {frame}"));
-        }
-        if word == "rewriteData" {
-            let value = frame["cmdData"][2].as_str().and_then(|value| value.parse().ok()).unwrap_or(0);
-            let times = self.values.entry(value).or_insert(0);
-            *times += 1;
-            let once = *times == 1;
-            record.check(Promise::Once, at, once, || format!("{value} left twice"));
-        }
-        let steps = frame["instructions"].as_array().filter(|_| is_list);
-        let Some(steps) = steps.filter(|steps| !steps.is_empty()) else { return };
-        floors[self.robot].lists_sent += 1;
-        // Where nobody numbered the step, a program sent it by itself, and when it looked is its own business. What streams steps looks by
-        // itself once it was asked to, whoever else did before.
-        let is_streamed = steps.iter().all(|step| number_in(step) > 0);
-        let streams =
-            |run: &&Run| is_streamed && steps.iter().any(|step| run.steps.contains(&number_in(step)));
-        let asked = self.runs.values().find(streams).map(|run| run.begun);
-        let seen = self.seen_before(at, number, asked);
-        let most = if is_streamed { self.patience * 4 + Duration::from_secs(1) } else { Duration::MAX };
-        let is_own_business = !is_streamed && number == self.before;
-        let fresh = is_own_business || seen.is_some_and(|seen| at.saturating_sub(seen) <= most);
-        record.check(Promise::I3, at, fresh, || {
-            format!("a list without a look, the last at {seen:?}: {frame}")
-        });
-        for step in steps {
-            self.step_left(at, number, number_in(step), record);
-        }
-    }
-
-    fn step_left(&mut self, at: Duration, number: usize, step: i64, record: &mut Record) {
-        if step <= 0 {
-            let asked = self.unnumbered > 0;
-            record.check(Promise::I4, at, asked, || "a step that nobody asked for".to_owned());
-            return;
-        }
-        let once = self.sent_steps.insert(step);
-        record.check(Promise::Once, at, once, || format!("step {step} left twice"));
-        let Some(run) = self.runs.values_mut().find(|run| run.steps.contains(&step)) else {
-            return record
-                .check(Promise::I4, at, false, || format!("step {step} leaves, and its motion is over"));
-        };
-        let on = *run.on.get_or_insert(number);
-        record.check(Promise::I4, at, on == number, || {
-            format!("step {step} leaves on connection {number}, and its motion began on {on}: resumed")
-        });
-    }
-
-    /// When the last look at mode and alarm on this connection was answered; for a motion that was asked for at a time: the last look of
-    /// its own.
-    fn seen_before(&self, at: Duration, number: usize, asked: Option<Duration>) -> Option<Duration> {
-        let connection = &self.connections[number];
-        // On a connection that was made anew neither what a subscription polls counts nor the question who is there: the program itself
-        // has to look. The first one begins with the program.
-        let looks = |sent: &&Sent| {
-            let Some(addresses) = sent.frame["queryAddr"].as_array() else { return false };
-            let has = |wanted: &str| addresses.iter().any(|address| address == wanted);
-            let is_who = sent.frame["queryAddr"] == serde_json::json!(WHO);
-            let is_polled = has("axis-0") && !has("isMoving");
-            let is_own = !(is_polled || is_who);
-            has("curAlarm")
-                && match asked {
-                    Some(asked) => is_own && sent.at >= asked,
-                    None => is_own || number == self.before,
-                }
-        };
-        connection.sent.iter().rev().filter(looks).take(100).find_map(|sent| {
-            let replies = connection.since(sent.at);
-            replies.into_iter().filter(|(when, ..)| *when <= at + SKEW).find_map(|(when, _, reply)| {
-                (answers(&reply, &sent.frame) && reply.contains("queryData")).then_some(when)
-            })
-        })
-    }
-
-    /// Bytes came.
-    pub fn received(&mut self, at: Duration, number: usize, bytes: &[u8], record: &mut Record) {
-        record.tally.frames += 1;
-        let connection = &mut self.connections[number];
-        connection.forget(at);
-        connection.marks.push((at, connection.forgotten + connection.came.len()));
-        connection.came.extend_from_slice(bytes);
-    }
-
-    /// A command with this value was answered with ok: a whole reply says so that came in time, and answers nothing else.
-    pub fn answered(&mut self, value: i64, since: Duration, at: Duration, record: &mut Record) {
-        let (patience, found) = (self.patience + SKEW * 2, value.to_string());
-        let mut supported = false;
-        for connection in &mut self.connections {
-            let Some(sent) = connection.sent.iter().rev().find(|sent| {
-                sent.at + SKEW >= since && sent.frame["cmdData"][2].as_str() == Some(found.as_str())
-            }) else {
-                continue;
-            };
-            let (frame, sent_at) = (sent.frame.clone(), sent.at);
-            let reply = connection.since(sent_at).into_iter().find(|(when, end, reply)| {
-                let fits = answers(reply, &frame) && reply.to_ascii_lowercase().contains("ok");
-                fits && *when <= sent_at + patience && !connection.used.contains(end)
-            });
-            if let Some((_, end, _)) = reply {
-                connection.used.insert(end);
-                supported = true;
-            }
-        }
-        record.check(Promise::I2, at, supported, || {
-            format!("{value} was answered, they say, and no reply of its own came in time")
-        });
-        record.check(Promise::I1, at, supported, || format!("no whole frame says that {value} was written"));
-    }
-
-    /// A value was delivered: a whole frame that came since then has it.
-    pub fn delivered(
-        &self,
-        (address, reading): (Address, &Reading),
-        since: Duration,
-        at: Duration,
-        record: &mut Record,
-    ) {
-        let wanted = address.to_string();
-        let supported = self.connections.iter().rev().any(|connection| {
-            let frames = connection.since(since.saturating_sub(SKEW));
-            frames.iter().rev().any(|(_, _, frame)| tells(frame, &wanted, reading))
-        });
-        record.check(Promise::I1, at, supported, || {
-            format!("{wanted} is {reading} they say, and no whole frame since {since:?} says so")
-        });
-    }
-}
-
-impl Connection {
-    /// Forgets what came long ago, in large pieces.
-    fn forget(&mut self, at: Duration) {
-        let is_old = self.marks.first().is_some_and(|(first, _)| *first + REMEMBERED * 2 < at);
-        if !is_old && self.came.len() <= MOST_REMEMBERED {
-            return;
-        }
-        let keep = self.marks.partition_point(|(mark, _)| *mark + REMEMBERED < at).max(self.marks.len() / 2);
-        let Some((_, begin)) = self.marks.get(keep).copied() else { return };
-        self.came.drain(..begin - self.forgotten);
-        self.marks.drain(..keep);
-        self.forgotten = begin;
-    }
-
-    /// The whole frames that came from then on: when the last byte came, where it ends, and its text.
-    fn since(&self, from: Duration) -> Vec<(Duration, usize, String)> {
-        let Some((_, begin)) = self.marks.iter().find(|(at, _)| *at >= from) else { return Vec::new() };
-        let bytes = self.came.get(begin - self.forgotten..).unwrap_or_default();
-        let frames = whole_frames(bytes).map(|(first, end)| {
-            let mark = self.marks.partition_point(|(_, start)| *start < begin + end);
-            let at = self.marks.get(mark.saturating_sub(1)).map_or(Duration::ZERO, |(at, _)| *at);
-            (at, begin + end, String::from_utf8_lossy(&bytes[first..end]).into_owned())
-        });
-        frames.collect()
-    }
-}
-
-/// The number of a step on the wire.
-fn number_in(step: &Value) -> i64 {
-    number_of(step["m1"].as_str().and_then(|place| place.parse().ok()).unwrap_or(0.0))
-}
-
-/// Whether a reply has the number of a request, if it has one.
-fn answers(reply: &str, request: &Value) -> bool {
-    let number = request["packID"].as_str().unwrap_or_default();
-    !reply.contains("\"packID\"") || reply.contains(&format!("\"packID\":\"{number}\""))
-}
-
-/// Whether a frame tells this value; one that is no clean JSON does where it has its text.
-fn tells(frame: &str, address: &str, reading: &Reading) -> bool {
-    let said = |value: &Value| {
-        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        match reading {
-            Reading::Integer(number) => text.trim().parse::<f64>().is_ok_and(|said| said == *number as f64),
-            Reading::Decimal(number) => text.trim().parse::<f64>().is_ok_and(|said| said == *number),
-            Reading::Text(_)
-            | Reading::Word(_)
-            | Reading::Flag(_)
-            | Reading::Texts(_)
-            | Reading::Counter(_) => true,
-        }
-    };
-    match serde_json::from_str::<Value>(frame) {
-        Ok(frame) => {
-            let Some(values) = frame["queryData"].as_array() else { return false };
-            match frame["queryAddr"].as_array().filter(|asked| asked.len() == values.len()) {
-                Some(asked) => asked.iter().zip(values).any(|(asked, value)| asked == address && said(value)),
-                None => values.iter().any(said),
-            }
-        }
-        Err(_) => frame.contains("queryData"),
     }
 }

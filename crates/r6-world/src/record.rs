@@ -27,13 +27,24 @@ impl fmt::Display for Violation {
     }
 }
 
+/// What became of one class of faults.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faults {
+    /// Worlds whose seed says that it is there.
+    pub drawn_in: u64,
+    /// Worlds in which it took effect.
+    pub felt_in: u64,
+    /// How often it did, as [`CLASSES`] counts it.
+    pub strikes: u64,
+}
+
 /// Counts of what was done, for the table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tally {
     /// How often each promise was checked.
     pub checks: [u64; PROMISES.len()],
-    /// How often each class of faults was there.
-    pub faults: [u64; CLASSES.len()],
+    /// Each class of faults.
+    pub faults: [Faults; CLASSES.len()],
     /// Milliseconds of the world's time.
     pub millis: u64,
     /// Frames to and from the clients.
@@ -64,7 +75,7 @@ impl Default for Tally {
     fn default() -> Self {
         Self {
             checks: [0; PROMISES.len()],
-            faults: [0; CLASSES.len()],
+            faults: [Faults::default(); CLASSES.len()],
             millis: 0,
             frames: 0,
             motions: [0; 2],
@@ -84,8 +95,12 @@ impl Default for Tally {
 impl Tally {
     /// Adds another world's.
     pub fn add(&mut self, other: &Self) {
-        let pairs =
-            self.checks.iter_mut().zip(&other.checks).chain(self.faults.iter_mut().zip(&other.faults));
+        for (sum, more) in self.faults.iter_mut().zip(&other.faults) {
+            sum.drawn_in += more.drawn_in;
+            sum.felt_in += more.felt_in;
+            sum.strikes += more.strikes;
+        }
+        let pairs = self.checks.iter_mut().zip(&other.checks);
         let small =
             self.motions.iter_mut().zip(&other.motions).chain(self.stops.iter_mut().zip(&other.stops));
         let more =
@@ -149,9 +164,15 @@ impl Record {
         }
     }
 
-    /// A fault of this class was there.
+    /// The seed says that a fault of this class is there.
+    pub fn draws(&mut self, class: Class) {
+        self.tally.faults[class.index()].drawn_in = 1;
+    }
+
+    /// A fault of this class took effect.
     pub fn strikes(&mut self, class: Class) {
-        self.tally.faults[class.index()] += 1;
+        let faults = &mut self.tally.faults[class.index()];
+        (faults.felt_in, faults.strikes) = (1, faults.strikes + 1);
     }
 
     /// A sum of all that happened, in its order.

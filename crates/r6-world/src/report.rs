@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::time::Duration;
 
 use crate::fault::{CLASSES, PROMISES};
-use crate::record::Tally;
+use crate::record::{Faults, Tally};
 use crate::world::Outcome;
 
 /// How many worlds were run, and how.
@@ -40,8 +40,16 @@ pub fn section(course: &Course, tally: &Tally) -> String {
     );
     out.push_str(&what_was_done(*done, tally));
     let checks = PROMISES.map(|(promise, _)| format!("{promise:?} {}", tally.checks[promise.index()]));
-    let faults = CLASSES.map(|(class, _)| format!("{class:?} {}", tally.faults[class.index()]));
-    let _ = write!(out, "\nChecks: {}.\n\nFaults drawn: {}.\n", checks.join("; "), faults.join("; "));
+    let faults = CLASSES.map(|(class, ..)| {
+        let Faults { drawn_in, felt_in, strikes } = tally.faults[class.index()];
+        format!("{class:?} {felt_in} of {drawn_in} ({strikes})")
+    });
+    let _ = write!(
+        out,
+        "\nChecks: {}.\n\nFaults, in how many worlds they took effect of those that drew them, and how often in all: {}.\n",
+        checks.join("; "),
+        faults.join("; ")
+    );
     out
 }
 
@@ -53,9 +61,11 @@ pub fn table(seeds: u64, tally: &Tally) -> String {
     for (promise, what) in PROMISES {
         let _ = writeln!(out, "| {promise:?} | {what} | {} |", tally.checks[promise.index()]);
     }
-    out.push_str("\n| fault | what | times drawn |\n|---|---|---|\n");
-    for (class, what) in CLASSES {
-        let _ = writeln!(out, "| {class:?} | {what} | {} |", tally.faults[class.index()]);
+    out.push_str("\n| fault | what | worlds that drew it | that felt it | strikes | one of them is |\n");
+    out.push_str("|---|---|---|---|---|---|\n");
+    for (class, what, one) in CLASSES {
+        let Faults { drawn_in, felt_in, strikes } = tally.faults[class.index()];
+        let _ = writeln!(out, "| {class:?} | {what} | {drawn_in} | {felt_in} | {strikes} | {one} |");
     }
     out
 }

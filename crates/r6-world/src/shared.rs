@@ -7,10 +7,10 @@ use std::task::Context;
 use std::time::Duration;
 
 use crate::disk::SimDisk;
-use crate::fault::Promise;
+use crate::fault::{Class, Promise};
 use crate::floor::Floor;
 use crate::line::Line;
-use crate::plan::Plan;
+use crate::plan::{Plan, RobotPlan};
 use crate::record::Record;
 use crate::wire::End;
 
@@ -51,7 +51,7 @@ impl Shared {
     pub fn new(plan: Plan, aloud: bool) -> Self {
         let state = State {
             record: Record::new(aloud),
-            floors: (0..plan.robots.len()).map(|number| Floor::new(format!("robot-{number}"))).collect(),
+            floors: (0..plan.robots.len()).map(Floor::new).collect(),
             disks: plan.robots.iter().map(|robot| SimDisk::new(robot.seed)).collect(),
             lines: plan.clients.iter().map(Line::new).collect(),
             resets: BTreeSet::new(),
@@ -99,9 +99,19 @@ impl Shared {
         let mut state = self.state();
         let State { record, lines, floors, .. } = &mut *state;
         record.tell(at, format_args!("{end:?}/{number} > {}", String::from_utf8_lossy(bytes)));
-        match end {
-            End::Client(client) => lines[client].sent(at, number, bytes, floors, record),
-            End::Camera(_) => {}
+        let End::Client(client) = end else { return };
+        let commands = lines[client].sent(at, number, bytes, floors, record);
+        if lines[client].feels_hold() {
+            record.strikes(Class::T13);
+        }
+        let plans = &self.plan.clients;
+        let others = plans
+            .iter()
+            .zip(lines)
+            .enumerate()
+            .filter(|(other, (plan, _))| *other != client && plan.robot == plans[client].robot);
+        if commands && others.into_iter().any(|(_, (_, line))| line.is_moving()) {
+            record.strikes(Class::P14);
         }
     }
 
@@ -111,10 +121,24 @@ impl Shared {
         let mut state = self.state();
         let State { record, lines, .. } = &mut *state;
         record.tell(at, format_args!("{end:?}/{number} < {}", String::from_utf8_lossy(bytes)));
-        match end {
-            End::Client(client) => lines[client].received(at, number, bytes, record),
-            End::Camera(_) => {}
+        let End::Client(client) = end else { return };
+        if lines[client].has_heard_nothing(number) && self.robot_of(end).profile != "hc1" {
+            record.strikes(Class::P8);
         }
+        lines[client].received(at, number, bytes, record);
+    }
+
+    /// The number of the robot that somebody is connected to.
+    #[must_use]
+    pub fn robot_number(&self, end: End) -> usize {
+        match end {
+            End::Client(client) => self.plan.clients[client].robot,
+            End::Camera(camera) => self.plan.cameras[camera].robot,
+        }
+    }
+
+    fn robot_of(&self, end: End) -> &RobotPlan {
+        &self.plan.robots[self.robot_number(end)]
     }
 
     /// A connection ended.

@@ -10,6 +10,7 @@ use r6_sim::Wire;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use turmoil::net::{TcpListener, TcpStream};
 
+use crate::fault::Class;
 use crate::shared::Shared;
 
 /// The port that controllers listen on.
@@ -51,10 +52,51 @@ impl Connect for Dialler {
     async fn connect(&mut self) -> io::Result<Tapped> {
         let stream = match &self.listener {
             Some(listener) => listener.accept().await?.0,
-            None => TcpStream::connect((self.robot.as_str(), PORT)).await?,
+            None => Attempt { dialler: self, is_answered: false }.make().await?,
         };
         let number = self.shared.connected(self.end);
-        Ok(Tapped { stream, shared: self.shared.clone(), end: self.end, number })
+        Ok(Tapped { stream, shared: self.shared.clone(), end: self.end, number, waited: false })
+    }
+}
+
+/// An attempt to connect.
+struct Attempt<'d> {
+    dialler: &'d Dialler,
+    is_answered: bool,
+}
+
+impl Attempt<'_> {
+    async fn make(mut self) -> io::Result<TcpStream> {
+        let Dialler { shared, end, robot, .. } = self.dialler;
+        if let End::Client(client) = *end {
+            let mut state = shared.state();
+            if state.lines[client].feels_hold() {
+                state.record.strikes(Class::T13);
+            }
+        }
+        let made = TcpStream::connect((robot.as_str(), PORT)).await;
+        self.is_answered = true;
+        let mut state = shared.state();
+        let refuses = state.floors[shared.robot_number(*end)].felt.is_in_force("refuse");
+        if refuses && made.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::ConnectionRefused) {
+            state.record.strikes(Class::T1);
+        }
+        drop(state);
+        made
+    }
+}
+
+impl Drop for Attempt<'_> {
+    /// Whoever tried has no more patience.
+    fn drop(&mut self) {
+        if self.is_answered {
+            return;
+        }
+        let Dialler { shared, end, .. } = self.dialler;
+        let mut state = shared.state();
+        if state.floors[shared.robot_number(*end)].felt.is_in_force("black-hole") {
+            state.record.strikes(Class::T2);
+        }
     }
 }
 
@@ -64,6 +106,8 @@ pub struct Tapped {
     shared: Shared,
     end: End,
     number: usize,
+    /// It was asked for bytes while it read nothing.
+    waited: bool,
 }
 
 impl AsyncRead for Tapped {
@@ -73,13 +117,18 @@ impl AsyncRead for Tapped {
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         if self.shared.is_deaf(self.end, cx) {
+            self.waited = true;
             return Poll::Pending;
         }
+        let waited = std::mem::take(&mut self.waited);
         let before = buffer.filled().len();
         let mut read = ready!(Pin::new(&mut self.stream).poll_read(cx, buffer));
         let bytes = &buffer.filled()[before..];
         if bytes.is_empty() && self.is_reset() {
             read = Err(io::ErrorKind::ConnectionReset.into());
+        }
+        if waited && !bytes.is_empty() {
+            self.shared.state().record.strikes(Class::T10);
         }
         match &read {
             Ok(()) if bytes.is_empty() => self.shared.ended(self.end, self.number, "an end"),

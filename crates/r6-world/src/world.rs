@@ -9,7 +9,7 @@ use crate::floor::Door;
 use crate::plan::{Blow, Plan};
 use crate::pulse::Pulse;
 use crate::record::{Tally, Violation};
-use crate::shared::Shared;
+use crate::shared::{Shared, State};
 use crate::{cabinet, camera, client};
 
 /// One step of the world: each host runs for so long before the next does.
@@ -128,7 +128,7 @@ impl<'s> World<'s> {
     fn run(mut self) -> Result<(), String> {
         let plan = std::sync::Arc::clone(&self.shared.plan);
         for class in &plan.classes {
-            self.shared.state().record.strikes(*class);
+            self.shared.state().record.draws(*class);
         }
         let mut blows = plan.blows.iter().peekable();
         let pulse = Pulse::of(plan.seed);
@@ -147,6 +147,10 @@ impl<'s> World<'s> {
             state.record.tally.millis += 1;
             state.quiet = at >= quiet;
             if at.as_millis() % 50 == 0 {
+                let State { disks, record, .. } = &mut *state;
+                for _ in 0..disks.iter().map(crate::disk::SimDisk::take_refused).sum() {
+                    record.strikes(Class::S1);
+                }
                 let extents: Vec<_> = state.disks.iter().map(crate::disk::SimDisk::extent).collect();
                 for (files, longest) in extents {
                     let holds = files <= MOST_FILES && longest <= MOST_BYTES;
@@ -184,25 +188,32 @@ impl<'s> World<'s> {
         let plan = &self.shared.plan;
         match blow {
             Blow::Hold { client } => {
-                self.sim.hold(client_name(client), robot_name(plan.clients[client].robot))
+                self.shared.state().lines[client].hold(true);
+                self.sim.hold(client_name(client), robot_name(plan.clients[client].robot));
             }
             Blow::Release { client } => {
+                self.shared.state().lines[client].hold(false);
                 self.sim.release(client_name(client), robot_name(plan.clients[client].robot));
             }
             Blow::Kill { robot } => {
                 let mut state = self.shared.state();
                 state.floors[robot].door.send_replace(Door::Dies);
                 state.record.tally.restarts[0] += 1;
+                state.record.strikes(Class::C4);
                 self.dying.push(robot);
             }
             Blow::CutPower { robot } => {
                 self.crash(&robot_name(robot));
                 let mut state = self.shared.state();
                 state.record.tally.restarts[1] += 1;
+                state.record.strikes(Class::C4);
                 state.disks[robot].cut_power();
             }
             Blow::Boot { robot } => self.sim.bounce(robot_name(robot)),
-            Blow::KillClient { client } => self.sim.crash(client_name(client)),
+            Blow::KillClient { client } => {
+                self.sim.crash(client_name(client));
+                self.shared.state().record.strikes(Class::K2);
+            }
             Blow::StartClient { client } => self.sim.bounce(client_name(client)),
             Blow::Deafen { client, deaf } => self.shared.state().lines[client].deafen(deaf),
             Blow::FillDisk { robot, full } => self.shared.state().disks[robot].set_full(full),
@@ -210,12 +221,12 @@ impl<'s> World<'s> {
     }
 }
 
-/// The class of what a table has to show at least once.
+/// What of a table has to show at least once, and does not: the faults that took effect, and the promises that were checked.
 #[must_use]
 pub fn never_seen(tally: &Tally) -> Vec<String> {
     let classes = crate::fault::CLASSES
         .iter()
-        .map(|(class, _)| (format!("{class:?}"), tally.faults[Class::index(*class)]));
+        .map(|(class, ..)| (format!("{class:?}"), tally.faults[class.index()].strikes));
     let promises = crate::fault::PROMISES
         .iter()
         .map(|(promise, _)| (format!("{promise:?}"), tally.checks[promise.index()]));

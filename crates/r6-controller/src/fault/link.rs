@@ -32,7 +32,7 @@ use super::{LinkFault, LinkFaultNow};
 use crate::random::Random;
 
 pub use door::Door;
-use fate::{DrawnFor, Fate, InForce, disturbed, drawn_for, speed};
+use fate::{DrawnFor, Fate, Felt, InForce, disturbed, drawn_for, speed};
 use way::{Group, Parcel, Way};
 
 /// How many bytes wait in one direction; then a link takes no more. Three frames of the longest that is read, and one of
@@ -96,7 +96,7 @@ impl Link {
             controller_random: of(2),
         };
         if link.begin(now, faults).contains(&LinkFault::Silence) {
-            link.deafen(State::Silent);
+            link.deafen(State::Silent, LinkFault::Silence);
         }
         link
     }
@@ -104,7 +104,7 @@ impl Link {
     /// These faults are in force from now on. One that was before goes on; one that was not begins.
     pub fn set_faults(&mut self, now: Instant, faults: &[LinkFaultNow]) {
         if self.begin(now, faults).contains(&LinkFault::HalfOpen) {
-            self.deafen(State::HalfOpen);
+            self.deafen(State::HalfOpen, LinkFault::HalfOpen);
         }
     }
 
@@ -117,7 +117,7 @@ impl Link {
             let one = known.unwrap_or_else(|| {
                 let strikes = self.random.strikes(fault.chance);
                 begun.extend(strikes.then_some(fault.fault));
-                InForce { now: *fault, strikes }
+                InForce { now: *fault, strikes, felt: Felt::NotYet }
             });
             self.in_force.push(one);
         }
@@ -130,11 +130,27 @@ impl Link {
         begun
     }
 
-    fn deafen(&mut self, state: State) {
+    fn deafen(&mut self, state: State, by: LinkFault) {
         // Deaf for good, and what was lost first decides what is noticed.
         if self.state == State::Alive {
             self.end(state);
+            self.in_force
+                .iter_mut()
+                .filter(|one| one.now.fault == by && one.strikes)
+                .for_each(InForce::is_felt);
         }
+    }
+
+    /// The next fault that has struck this connection, or a byte of it: each is told once for as long as it is in force.
+    pub fn poll_strike(&mut self) -> Option<LinkFault> {
+        let one = self.in_force.iter_mut().find(|one| one.felt == Felt::ToBeTold)?;
+        one.felt = Felt::Told;
+        Some(one.now.fault)
+    }
+
+    /// Bytes pass: a slow line makes them wait.
+    fn slows(&mut self) {
+        self.in_force.iter_mut().filter(|one| one.strikes && speed(one).is_some()).for_each(InForce::is_felt);
     }
 
     fn end(&mut self, state: State) {
@@ -189,13 +205,14 @@ impl Link {
         if !self.takes_frames() {
             return false;
         }
-        let fate = Fate::draw(&self.in_force, &mut self.client_random, frame.len());
+        self.slows();
+        let fate = Fate::draw(&mut self.in_force, &mut self.client_random, frame.len());
         if fate.close {
             self.to_client.end(now + fate.latency, Delivery::Close);
             return true;
         }
         let kept = frame.get(..fate.cut.unwrap_or(frame.len())).unwrap_or(frame);
-        let mut bytes = disturbed(&self.in_force, &mut self.client_random, kept);
+        let mut bytes = disturbed(&mut self.in_force, &mut self.client_random, kept);
         let due = now + fate.latency;
         if let Some(delay) = fate.stall {
             let later = bytes.split_off(bytes.len() / 2);
@@ -236,11 +253,13 @@ impl Link {
             return bytes.len();
         }
         let taken = bytes.get(..self.room()).unwrap_or(bytes);
+        self.slows();
         let mut due = now;
-        for one in &self.in_force {
+        for one in &mut self.in_force {
             if let LinkFault::Latency { to_controller, spread, .. } = one.now.fault
                 && self.controller_random.strikes(one.now.chance)
             {
+                one.is_felt();
                 due = due + to_controller + self.controller_random.up_to(spread);
             }
         }

@@ -343,6 +343,10 @@ fn each_strike_is_told() {
         assert!((20..80).contains(&quiet), "{quiet}");
         assert_eq!(cell.log().matches(told).count(), quiet, "{word}");
     }
+    let mut frozen = cell(&fault("frozen-values", ""));
+    frozen.send(ASK);
+    frozen.send(r#"{"reqType":"command","cmdData":["modifyGSPD","500"]}"#);
+    assert_eq!(frozen.log().matches("answered with old values: fault frozen-values").count(), 1);
     let mut cell = cell(&fault("not-acknowledged", ""));
     cell.send(r#"{"reqType":"command","cmdData":["modifyGSPD","500"]}"#);
     assert_eq!(frames(&mut cell).len(), 0);

@@ -3,6 +3,8 @@
 use std::io;
 use std::time::Duration;
 
+use r6_controller::Level;
+use r6_controller::fault::Fault;
 use r6_controller::fault::link::{Delivery, Link};
 use tokio::io::AsyncReadExt;
 use tracing::trace;
@@ -15,6 +17,7 @@ impl<W: Wire> Conversation<'_, W> {
     pub(super) async fn run_faulty(&mut self, link: &mut Link) -> io::Result<Option<End>> {
         loop {
             self.give_frames(link).await;
+            self.tell_strikes(link);
             if let Some(end) = self.write_due(link).await? {
                 return Ok(Some(end));
             }
@@ -54,7 +57,16 @@ impl<W: Wire> Conversation<'_, W> {
         self.change(link);
     }
 
+    fn tell_strikes(&self, link: &mut Link) {
+        while let Some(fault) = link.poll_strike() {
+            let text = format!("the connection was struck by fault {}", Fault::Link(fault));
+            self.controller.tell(Some(self.id), Level::Info, text);
+        }
+    }
+
     fn change(&mut self, link: &mut Link) {
+        // What struck and is over with this change was there all the same.
+        self.tell_strikes(link);
         self.controller.look(|controller, now| {
             if controller.link_changes() != self.link_changes {
                 self.link_changes = controller.link_changes();

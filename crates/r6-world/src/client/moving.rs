@@ -116,19 +116,21 @@ impl Work {
                 let finished = self.bounded("a motion", handle.finished()).await;
                 let at = now();
                 let mut state = self.shared.state();
-                let State { record, floors, .. } = &mut *state;
+                let State { record, floors, lines, .. } = &mut *state;
                 record.tally.motions[usize::from(finished.is_err())] += 1;
                 let floor = &floors[self.plan.robot];
                 match &finished {
                     Ok(_) => {
-                        // Where others clear the list while the arm makes a step, that step is never counted as carried out.
-                        let of = match (self.is_alone(), self.robot_plan().does_what_it_says) {
-                            (false, _) => &[],
-                            (true, true) => steps,
-                            (true, false) => &steps[steps.len() - 1..],
+                        let of = match self.robot_plan().does_what_it_says {
+                            true => steps,
+                            false => &steps[steps.len() - 1..],
                         };
-                        record.check(Promise::Once, at, floor.has_done(of), || {
-                            format!("client-{}: {steps:?} came to an end, they say", self.index)
+                        // Where others clear the list while the arm makes a step, that step is never counted as carried out.
+                        let is_through =
+                            if self.is_alone() { floor.has_done(of) } else { floor.is_through_with(of) };
+                        let left = steps.iter().all(|step| lines[self.index].has_sent(*step));
+                        record.check(Promise::Once, at, left && is_through, || {
+                            format!("client-{}: {steps:?} came to an end, they say; left: {left}", self.index)
                         });
                     }
                     Err(error) => record.tell(at, format_args!("client-{}: {error}", self.index)),
@@ -147,12 +149,15 @@ impl Work {
         let at = now();
         let mut state = self.shared.state();
         let State { record, lines, floors, .. } = &mut *state;
+        let plan = self.robot_plan();
+        let is_true = plan.tells_values && plan.does_what_it_says;
         for (told, step) in told.iter().zip(steps) {
-            let (left, done) =
-                (lines[self.index].has_sent(*step), floors[self.plan.robot].has_done(&[*step]));
+            let (left, floor) = (lines[self.index].has_sent(*step), &floors[self.plan.robot]);
+            let (done, begun) = (floor.has_done(&[*step]), floor.has_begun(*step));
             let holds = match told.state() {
                 StepState::Queued => !left,
-                StepState::Done => left,
+                // Where the next move is blended in, a client sees it begin before the machine counts this one.
+                StepState::Done => left && (begun || !is_true),
                 StepState::Sent | StepState::Running | StepState::Lost => true,
             };
             record.check(Promise::Once, at, holds && (left || !done), || {

@@ -83,6 +83,11 @@ impl Breakage {
 }
 
 impl Strikes {
+    /// Whether a query gets the values of a time before.
+    fn answers_of_before(self) -> bool {
+        self.frozen_values && !self.task_dead
+    }
+
     /// What the log says of a request that gets no answer.
     fn unanswered(self, is_order: bool) -> Option<String> {
         let task = if self.task_dead {
@@ -122,7 +127,10 @@ impl Controller {
         let mut to_others = Vec::new();
         let (fates, struck) = breakage.fate_of(&asked, frames);
         let unanswered = strikes.unanswered(is_order).filter(|_| may_be_answered(asked.request));
-        for text in unanswered.into_iter().chain(struck) {
+        let is_old = strikes.answers_of_before() && asked.request == Some(RequestType::Query);
+        let old = is_old
+            .then(|| format!("answered with old values: fault {}", Fault::Task(TaskFault::FrozenValues)));
+        for text in unanswered.into_iter().chain(old).chain(struck) {
             self.log.add(now, Some(id), Level::Info, text);
         }
         for (due, fate) in fates {

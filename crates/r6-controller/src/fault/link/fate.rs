@@ -10,6 +10,24 @@ use crate::random::Random;
 pub(super) struct InForce {
     pub now: LinkFaultNow,
     pub strikes: bool,
+    pub felt: Felt,
+}
+
+/// Whether anything of this connection was struck since the fault began.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Felt {
+    NotYet,
+    ToBeTold,
+    Told,
+}
+
+impl InForce {
+    /// It has struck something of this connection.
+    pub fn is_felt(&mut self) {
+        if self.felt == Felt::NotYet {
+            self.felt = Felt::ToBeTold;
+        }
+    }
 }
 
 /// What it is drawn for whether a fault strikes.
@@ -65,12 +83,13 @@ pub(super) struct Fate {
 
 impl Fate {
     /// Draws it for a frame of so many bytes.
-    pub fn draw(in_force: &[InForce], random: &mut Random, length: usize) -> Self {
+    pub fn draw(in_force: &mut [InForce], random: &mut Random, length: usize) -> Self {
         let mut fate = Self::default();
         for one in in_force {
             if drawn_for(one.now.fault) != DrawnFor::Frame || !random.strikes(one.now.chance) {
                 continue;
             }
+            one.is_felt();
             match one.now.fault {
                 LinkFault::CloseBeforeReply => fate.close = true,
                 LinkFault::ResetMidFrame { after } => {
@@ -94,11 +113,12 @@ impl Fate {
 }
 
 /// The bytes, as noise lets them be.
-pub(super) fn disturbed(in_force: &[InForce], random: &mut Random, bytes: &[u8]) -> Vec<u8> {
+pub(super) fn disturbed(in_force: &mut [InForce], random: &mut Random, bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
-    for noise in in_force.iter().filter(|one| one.now.fault == LinkFault::Noise) {
+    for noise in in_force.iter_mut().filter(|one| one.now.fault == LinkFault::Noise) {
         let mut heard = Vec::with_capacity(bytes.len());
-        for byte in bytes {
+        for byte in &bytes {
+            let byte = *byte;
             match random.strikes(noise.now.chance).then(|| random.below(3)) {
                 None => heard.push(byte),
                 Some(0) => {}
@@ -106,6 +126,9 @@ pub(super) fn disturbed(in_force: &[InForce], random: &mut Random, bytes: &[u8])
                 // Never the byte that it was.
                 Some(_) => heard.push(byte ^ drawn_byte(random, 1)),
             }
+        }
+        if heard != bytes {
+            noise.is_felt();
         }
         bytes = heard;
     }

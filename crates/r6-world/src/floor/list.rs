@@ -1,0 +1,97 @@
+//! What a controller has in its list, what it carried out of it, and what left it undone.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use r6_controller::Controller;
+use r6_proto::AxisIndex;
+use r6_proto::message::Action;
+
+use super::{Floor, number_of};
+use crate::fault::Promise;
+use crate::line::Line;
+use crate::record::Record;
+
+impl Floor {
+    /// Whether these steps were carried out.
+    #[must_use]
+    pub fn has_done(&self, numbers: &[i64]) -> bool {
+        numbers.iter().all(|number| self.done.contains(number))
+    }
+
+    /// Whether each of these steps was carried out, or left the list undone.
+    #[must_use]
+    pub fn is_through_with(&self, numbers: &[i64]) -> bool {
+        numbers.iter().all(|number| self.done.contains(number) || self.gone.contains(number))
+    }
+
+    /// Whether it has begun with this step, or is through with it.
+    #[must_use]
+    pub fn has_begun(&self, number: i64) -> bool {
+        self.ahead.front() == Some(&number) || self.is_through_with(&[number])
+    }
+
+    pub(super) fn lose_list(&mut self) {
+        self.gone.extend(self.ahead.drain(..).filter(|number| *number > 0));
+    }
+
+    pub(super) fn count(
+        &mut self,
+        at: Duration,
+        controller: &Controller,
+        clients: &[Line],
+        record: &mut Record,
+    ) {
+        let machine = controller.machine();
+        let list = machine.list();
+        if list.completed() < self.completed {
+            // It was switched off and on.
+            self.completed = 0;
+            self.lose_list();
+        }
+        for _ in self.completed..list.completed() {
+            // Whatever changes the list is an event of its own, after which somebody looked.
+            if let Some(number) = self.ahead.pop_front().filter(|number| *number > 0) {
+                let first = self.done.insert(number);
+                record.tally.instructions += 1;
+                record.check(Promise::Once, at, first, || {
+                    format!("{} carries out step {number} twice", self.name)
+                });
+                // Each client has numbers of its own.
+                let is_theirs =
+                    clients.iter().any(|line| line.robot() == self.robot && line.has_sent(number));
+                record.check(Promise::Once, at, is_theirs, || {
+                    format!("{} carries out step {number}, which its client never sent", self.name)
+                });
+            }
+        }
+        self.completed = list.completed();
+        let number = |step: &r6_proto::message::Instruction| match &step.action {
+            Action::AxisMove(step) => step.target.at(AxisIndex::ALL[1]).map_or(0, number_of),
+            _ => 0,
+        };
+        let ahead: VecDeque<_> = (0..list.len()).map_while(|ahead| list.ahead(ahead)).map(number).collect();
+        let before = std::mem::replace(&mut self.ahead, ahead);
+        self.gone.extend(before.into_iter().filter(|number| *number > 0 && !self.ahead.contains(number)));
+        let length = list.len();
+        let most = r6_controller::instruction_list::MAX_INSTRUCTIONS;
+        record.check(Promise::I6, at, length <= most, || format!("{} has {length} instructions", self.name));
+        let (taken, sent) = (self.taken, self.lists_sent);
+        record.check(Promise::Once, at, taken <= sent, || {
+            format!("{} took {taken} lists of {sent}", self.name)
+        });
+        let points = machine.points();
+        if points.len() != self.points {
+            let count = points.len();
+            let fresh: Vec<i64> = points.skip(self.points).map(|(_, point)| number_of(point.x)).collect();
+            self.points = count;
+            for number in fresh.into_iter().filter(|number| *number > 1000) {
+                record.tally.points += 1;
+                let first = self.numbers.insert(number);
+                record.check(Promise::Once, at, first, || format!("{} got point {number} twice", self.name));
+            }
+            let most = r6_controller::machine::MAX_POINTS;
+            record.check(Promise::I6, at, count <= most, || format!("{} has {count} points", self.name));
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! One connection of a client: what left over it and what came.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use serde_json::Value;
+
+use crate::wire::whole_frames;
+
+/// What came is remembered for so long: no answer is made of what came earlier.
+const REMEMBERED: Duration = Duration::from_secs(70);
+
+/// And no more of it than this, bytes: some replies are 200 000 bytes too long.
+const MOST_REMEMBERED: usize = 16 << 20;
+
+/// One connection.
+#[derive(Debug, Default)]
+pub(super) struct Connection {
+    /// Bytes that left and are no whole frame yet.
+    pub begun: Vec<u8>,
+    pub sent: Vec<Sent>,
+    pub came: Vec<u8>,
+    /// How many bytes came before those.
+    pub forgotten: usize,
+    /// Where the bytes begin that came at a time.
+    pub marks: Vec<(Duration, usize)>,
+    /// Replies that answered a command already: where they end.
+    pub used: BTreeSet<usize>,
+    /// Whether somebody was asked who is there.
+    pub asked_who: bool,
+}
+
+/// A frame that left.
+#[derive(Clone, Debug)]
+pub(super) struct Sent {
+    pub at: Duration,
+    pub frame: Value,
+}
+
+impl Connection {
+    /// Forgets what came long ago, in large pieces.
+    pub fn forget(&mut self, at: Duration) {
+        let is_old = self.marks.first().is_some_and(|(first, _)| *first + REMEMBERED * 2 < at);
+        if !is_old && self.came.len() <= MOST_REMEMBERED {
+            return;
+        }
+        let keep = self.marks.partition_point(|(mark, _)| *mark + REMEMBERED < at).max(self.marks.len() / 2);
+        let Some((_, begin)) = self.marks.get(keep).copied() else { return };
+        self.came.drain(..begin - self.forgotten);
+        self.marks.drain(..keep);
+        self.forgotten = begin;
+    }
+
+    /// The whole frames that came from then on: when the last byte came, where it ends, and its text.
+    pub fn since(&self, from: Duration) -> Vec<(Duration, usize, String)> {
+        let Some((_, begin)) = self.marks.iter().find(|(at, _)| *at >= from) else { return Vec::new() };
+        let bytes = self.came.get(begin - self.forgotten..).unwrap_or_default();
+        let frames = whole_frames(bytes).map(|(first, end)| {
+            let mark = self.marks.partition_point(|(_, start)| *start < begin + end);
+            let at = self.marks.get(mark.saturating_sub(1)).map_or(Duration::ZERO, |(at, _)| *at);
+            (at, begin + end, String::from_utf8_lossy(&bytes[first..end]).into_owned())
+        });
+        frames.collect()
+    }
+}
