@@ -13,6 +13,9 @@ mod serve;
 use std::env;
 use std::process::ExitCode;
 
+const USAGE: &str = "usage: r6-bench [ROW...]    rows with one of these words in their name; without any, all of them, in some four minutes, which writes
+                           docs/BENCHMARKS.md and the figures of README.md. The machine has to be quiet.";
+
 /// Where the table of all rows goes.
 const PAGE: &str = "docs/BENCHMARKS.md";
 
@@ -23,21 +26,26 @@ fn main() -> ExitCode {
     if let Some(served) = serve::asked() {
         return served;
     }
-    let wanted: Vec<String> = env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let wanted: Vec<String> = env::args().skip(1).collect();
+    let names: Vec<_> = rows::ALL.iter().map(|(name, _)| *name).collect();
+    if wanted.iter().any(|word| word == "--help" || word == "-h") {
+        println!("{USAGE}\nRows: {}", names.join(", "));
+        return ExitCode::SUCCESS;
+    }
+    if let Some(word) = wanted.iter().find(|word| !names.iter().any(|name| name.contains(word.as_str()))) {
+        eprintln!("no row is called {word}; there are: {}", names.join(", "));
+        return ExitCode::from(2);
+    }
     if let Err(error) = measure::pin() {
         eprintln!("this process cannot be kept on one core ({error}); ratios of two cores are none");
         return ExitCode::FAILURE;
     }
     let chosen = |name: &str| wanted.is_empty() || wanted.iter().any(|word| name.contains(word.as_str()));
     let rows: Vec<_> = rows::ALL.iter().filter(|(name, _)| chosen(name)).collect();
-    if rows.is_empty() {
-        let names: Vec<_> = rows::ALL.iter().map(|(name, _)| *name).collect();
-        eprintln!("no row is called {}; there are: {}", wanted.join(", "), names.join(", "));
-        return ExitCode::from(2);
-    }
     let mut table = Vec::new();
-    for (name, row) in rows {
-        eprintln!("{name} …");
+    let count = rows.len();
+    for ((name, row), number) in rows.into_iter().zip(1..) {
+        eprintln!("{name} ({number} of {count}) …");
         table.extend(row());
     }
     if wanted.is_empty()

@@ -157,7 +157,7 @@ fn keep_undisturbed(rounds: &mut Vec<Vec<Vec<f64>>>) {
     floors.sort_by(f64::total_cmp);
     let median = floors[floors.len() / 2];
     rounds.retain(|figures| (figures[0][0] / median - 1.0).abs() <= 0.15);
-    eprintln!("  the floor: {median:.0} ns; {} of {} rounds count", rounds.len(), floors.len());
+    eprintln!("  its yardstick took {median:.0} ns; {} of {} rounds count", rounds.len(), floors.len());
 }
 
 /// How a contender's figure compares with a fixed amount. So that a disturbed round is noticed, its floor is a copy of memory.

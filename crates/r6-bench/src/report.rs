@@ -34,6 +34,8 @@ pub enum Goal {
     AtMost(f64),
     /// At least so many times as fast.
     AtLeastFast(f64),
+    /// None, but told as so many times as fast.
+    ToldFast,
     /// Not more than this amount.
     AmountAtMost(f64),
 }
@@ -51,7 +53,7 @@ impl Row {
             // The goal of the one says nothing of the other.
             (Figure::Ratio(_), Goal::AmountAtMost(_))
             | (Figure::Amount(..), Goal::AtMost(_) | Goal::AtLeastFast(_)) => None,
-            (Figure::NotMeasured(_), _) => None,
+            (Figure::NotMeasured(_), _) | (_, Goal::ToldFast) => None,
         }
     }
 
@@ -62,8 +64,8 @@ impl Row {
 
     fn goal(&self) -> String {
         match (self.goal, &self.figure) {
-            (None, _) => "–".to_owned(),
-            (Some(Goal::AtMost(limit)), _) => format!("≤ {} ×", shown(limit)),
+            (None | Some(Goal::ToldFast), _) => "–".to_owned(),
+            (Some(Goal::AtMost(limit)), _) => format!("≤ {} × the time", shown(limit)),
             (Some(Goal::AtLeastFast(times)), _) => format!("≥ {} × as fast", shown(times)),
             (Some(Goal::AmountAtMost(limit)), Figure::Amount(_, unit)) if limit > 0.0 => {
                 format!("≤ {limit}{unit}")
@@ -82,9 +84,10 @@ impl Row {
             }
             Figure::Ratio(ratio) => {
                 let quartiles = ratio.quartiles();
-                let fast = matches!(self.goal, Some(Goal::AtLeastFast(_)));
+                let fast = matches!(self.goal, Some(Goal::AtLeastFast(_) | Goal::ToldFast));
+                let unit = if fast { "as fast" } else { "the time" };
                 let [low, median, high] = if fast { inverse(quartiles) } else { quartiles }.map(shown);
-                format!("{median} × ({low}–{high})")
+                format!("{median} × {unit} ({low}–{high})")
             }
             Figure::Amount(amount, unit) => format!("{}{unit}", (amount * 10.0).round() / 10.0),
             Figure::NotMeasured(why) => format!("not measured: {why}"),

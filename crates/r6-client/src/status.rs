@@ -157,7 +157,8 @@ impl Status {
                 motion.target.at(axis).is_some_and(|place| place != 0.0)
                     && motion.manner.mask.is_none_or(|mask| mask.contains(axis))
             };
-            let (_, field) = AxisIndex::ALL.into_iter().zip(FIELDS).skip(count).find(|(axis, _)| goes(*axis))?;
+            let (_, field) =
+                AxisIndex::ALL.into_iter().zip(FIELDS).skip(count).find(|(axis, _)| goes(*axis))?;
             let wanted = "left out: by its axisNum this robot has fewer axes";
             Some(StepError { step: number, field, wanted })
         })

@@ -11,6 +11,7 @@ const USAGE: &str =
        r6-fuzz targets            names the targets
        r6-fuzz seeds              writes fuzz/corpus from vectors, transcripts, examples and programs
        r6-fuzz words              writes fuzz/words.dict
+       r6-fuzz page               writes fuzz/ledger.tsv into docs/RELIABILITY.md
        r6-fuzz record TARGET SECONDS EXECUTIONS COVERAGE FINDINGS COMMIT DAY
                                   adds a run to fuzz/ledger.tsv and docs/RELIABILITY.md";
 
@@ -19,6 +20,7 @@ fn main() -> ExitCode {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["targets"] => TARGETS.iter().for_each(|(name, _)| println!("{name}")),
+        ["page"] => ledger::show(),
         ["words"] => write(&corpus::folder().join("words.dict"), words::dictionary().as_bytes()),
         ["seeds"] => {
             for (name, _) in TARGETS {
@@ -45,12 +47,21 @@ fn main() -> ExitCode {
         }
         [name, files @ ..] if !files.is_empty() => {
             let Some((_, run)) = target(name) else {
-                eprintln!("there is no target `{name}`\n{USAGE}");
+                let names: Vec<_> = TARGETS.iter().map(|(name, _)| *name).collect();
+                eprintln!("there is no target `{name}`; there are: {}", names.join(", "));
                 return ExitCode::from(2);
             };
             for file in files {
-                println!("{name}: {file}");
-                run(&corpus::read(Path::new(file)));
+                let bytes = match std::fs::read(file) {
+                    Ok(bytes) => bytes,
+                    Err(error) => {
+                        eprintln!("{file}: {error}");
+                        return ExitCode::from(2);
+                    }
+                };
+                println!("{name}: {file} ({} bytes)", bytes.len());
+                run(&bytes);
+                println!("{name}: every promise holds");
             }
         }
         _ => {

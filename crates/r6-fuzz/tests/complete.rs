@@ -14,6 +14,8 @@ fn every_target_has_a_corpus_a_program_a_test_and_a_row() {
     let manifest = read("Cargo.toml");
     let tests = read("../crates/r6-fuzz/tests/corpus.rs");
     let page = read("../docs/RELIABILITY.md");
+    let programs = fs::read_dir(corpus::folder().join("fuzz_targets")).unwrap().count();
+    assert_eq!(programs, TARGETS.len(), "tools/fuzz takes each file of fuzz_targets for a target");
     for (name, _) in TARGETS {
         assert!(!corpus::files("corpus", name).is_empty(), "fuzz/corpus/{name} is empty");
         let program = read(&format!("fuzz_targets/{name}.rs"));

@@ -1,11 +1,12 @@
 //! Runs worlds: `make sim SEEDS=1000`, or one of them with everything that happens in it: `make sim SEED=7`.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
+use clap::Parser;
 use r6_world::fault::Promise;
 use r6_world::record::{Tally, Violation};
 use r6_world::report::{self, Course};
@@ -17,57 +18,44 @@ const TWICE_EVERY: u64 = 10;
 /// So many seeds show every fault and every promise.
 const ENOUGH_SEEDS: u64 = 1000;
 
+/// More seeds than anybody has time for.
+const MOST_SEEDS: u64 = 1_000_000_000;
+
 /// So many failures are told.
 const MOST_FAILURES: usize = 5;
 
-const USAGE: &str = "usage: r6-world [--seeds N] [--from N] [--seed N] [--jobs N] [--markdown] [--quiet]";
-
+/// Clients, controllers, cameras and disks in one process, broken from a seed and held to their promises (docs/SIMULATION.md).
+#[derive(Parser)]
+#[command(
+    after_help = "Examples:\n  r6-world --seeds 1000\n  r6-world --seed 7 > seed-7.log    everything that happens, some thousand lines\n\n\
+    Exit codes: 0 all hold, 1 one does not, 2 a wrong argument."
+)]
 struct Wanted {
+    /// How many seeds, one after the other.
+    #[arg(long, default_value_t = ENOUGH_SEEDS, value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     seeds: u64,
+    /// The first of them.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=u64::MAX - MOST_SEEDS))]
     from: u64,
-    one: Option<u64>,
-    jobs: usize,
-    aloud: bool,
+    /// One seed alone, with everything that happens in it.
+    #[arg(long, value_name = "SEED", conflicts_with_all = ["seeds", "from", "jobs", "markdown"])]
+    seed: Option<u64>,
+    /// How many at the same time; as many as there are cores where it is not said.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=64))]
+    jobs: Option<u16>,
+    /// Of one seed, only the outcome.
+    #[arg(long)]
+    quiet: bool,
+    /// The section of docs/SIMULATION.md about the last full run.
+    #[arg(long)]
     markdown: bool,
 }
 
-fn read_arguments() -> Option<Wanted> {
-    let jobs = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut wanted = Wanted { seeds: ENOUGH_SEEDS, from: 1, one: None, jobs, aloud: true, markdown: false };
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        match word.as_str() {
-            "--quiet" => {
-                wanted.aloud = false;
-                continue;
-            }
-            // The section of docs/SIMULATION.md about the last full run.
-            "--markdown" => {
-                wanted.markdown = true;
-                continue;
-            }
-            _ => {}
-        }
-        let number: u64 = words.next()?.parse().ok()?;
-        match word.as_str() {
-            "--seeds" => wanted.seeds = number,
-            "--from" => wanted.from = number,
-            "--seed" => wanted.one = Some(number),
-            "--jobs" => wanted.jobs = usize::try_from(number).ok()?.clamp(1, 64),
-            _ => return None,
-        }
-    }
-    Some(wanted)
-}
-
 fn main() -> ExitCode {
-    let Some(wanted) = read_arguments() else {
-        eprintln!("{USAGE}");
-        return ExitCode::from(2);
-    };
+    let wanted = Wanted::parse();
     world::catch_panics();
-    match wanted.one {
-        Some(seed) => one(seed, wanted.aloud),
+    match wanted.seed {
+        Some(seed) => one(seed, !wanted.quiet),
         None => many(&wanted),
     }
 }
@@ -103,12 +91,17 @@ fn run(seed: u64) -> Outcome {
 
 fn many(wanted: &Wanted) -> ExitCode {
     let begun = Instant::now();
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let jobs = wanted.jobs.map_or(cores, usize::from);
+    // On a terminal the line of progress is written over; in a log each would be a line of its own, and few will do.
+    let in_place = std::io::stderr().is_terminal();
+    let between = Duration::from_secs(if in_place { 1 } else { 30 });
     let next = AtomicU64::new(wanted.from);
     let end = wanted.from + wanted.seeds;
     let (tell, told) = mpsc::channel();
     let (mut tally, mut failures, mut done) = (Tally::default(), Vec::new(), 0_u64);
     std::thread::scope(|scope| {
-        for _ in 0..wanted.jobs {
+        for _ in 0..jobs {
             let (next, tell) = (&next, tell.clone());
             scope.spawn(move || {
                 loop {
@@ -131,26 +124,25 @@ fn many(wanted: &Wanted) -> ExitCode {
                     next.store(end, Ordering::Relaxed);
                 }
             }
-            if shown.elapsed() > Duration::from_secs(1) {
+            if shown.elapsed() > between {
                 shown = Instant::now();
-                eprint!(
-                    "\r{done} of {} seeds, {} s, {} failed ",
-                    wanted.seeds,
-                    begun.elapsed().as_secs(),
-                    failures.len()
-                );
+                let (start, end) = if in_place { ("\r", " ") } else { ("", "\n") };
+                let (took, failed) = (begun.elapsed().as_secs(), failures.len());
+                eprint!("{start}{done} of {} seeds, {took} s, {failed} failed{end}", wanted.seeds);
                 let _ = std::io::stderr().flush();
             }
         }
     });
-    eprintln!();
+    if in_place {
+        eprintln!();
+    }
     if wanted.markdown {
         let course = Course {
             from: wanted.from,
             wanted: wanted.seeds,
             done,
             failed: failures.clone(),
-            jobs: wanted.jobs,
+            jobs,
             took: begun.elapsed(),
         };
         println!("{}", report::section(&course, &tally));
@@ -163,8 +155,12 @@ fn many(wanted: &Wanted) -> ExitCode {
         println!("never seen in {done} seeds: {}", never.join(", "));
     }
     if failures.is_empty() && !incomplete {
-        println!("{done} seeds hold, in {} s", begun.elapsed().as_secs());
+        let what = if done == 1 { "seed holds" } else { "seeds hold" };
+        println!("{done} {what}, in {} s", begun.elapsed().as_secs());
         return ExitCode::SUCCESS;
+    }
+    if failures.is_empty() {
+        return ExitCode::FAILURE;
     }
     println!(
         "failed: {}",

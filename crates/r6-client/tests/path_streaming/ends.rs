@@ -294,7 +294,7 @@ async fn nothing_is_sent_of_a_motion_of_an_axis_that_is_not_there() {
     let error = cell.robot.run(&to(77.0), RunOptions::default()).await.unwrap_err();
     assert_eq!(
         error.cause.to_string(),
-        "step 2: J7 has to be left out: by its axisNum this robot has fewer axes"
+        "nothing was sent: step 2: J7 has to be left out: by its axisNum this robot has fewer axes"
     );
     assert_eq!(cell.lists(), []);
     // Zeros for axes that are not there are what many people write.

@@ -69,7 +69,7 @@ fn an_axis_that_is_not_there_is_named() {
     assert_eq!(outcome.code, 2, "{outcome:?}");
     assert_eq!(
         outcome.err,
-        "r6: step 1: J7 has to be left out: by its axisNum this robot has fewer axes; nothing was sent\n"
+        "r6: nothing was sent: step 1: J7 has to be left out: by its axisNum this robot has fewer axes\n"
     );
     assert_eq!(robot.value("axis-0"), 0.0);
 }
