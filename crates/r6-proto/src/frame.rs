@@ -201,6 +201,7 @@ impl FrameBuffer {
         clippy::should_implement_trait,
         reason = "a frame borrows the buffer, which an iterator cannot say"
     )]
+    #[inline]
     pub fn next(&mut self) -> Option<Result<Frame<'_>, FrameError>> {
         loop {
             let step = match self.mode {
@@ -336,6 +337,7 @@ impl FrameBuffer {
         Step::Again
     }
 
+    #[cold]
     fn skip_mark(&mut self, seen: usize) -> Step {
         let Some(due) = BYTE_ORDER_MARK.get(seen) else {
             self.enter(Mode::Between);
@@ -354,6 +356,7 @@ impl FrameBuffer {
     }
 
     /// Reads garbage until there is enough of it for a report, or until it ends.
+    #[cold]
     fn read_garbage(&mut self, mut trail: Trail) -> Step {
         let ended = self.follow(&mut trail, HEAD_BYTES - (self.at - self.begin));
         if !ended && self.at - self.begin < HEAD_BYTES {
@@ -367,6 +370,7 @@ impl FrameBuffer {
     }
 
     /// Skips what was reported, up to the next frame.
+    #[cold]
     fn skip(&mut self, left: usize, mut trail: Trail) -> Step {
         let from = self.at;
         let ended = self.follow(&mut trail, left);
