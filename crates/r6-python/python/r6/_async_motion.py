@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Coroutine
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic
 
 from ._asyncio import run, run_at_once
 from ._errors import RequestError
-from ._motion import of, stopped
+from ._motion import Core, of, stopped
 from ._r6 import AxisPosition, FollowCore, MotionCore, Progress
 from ._types import Done, Followed, StepState, StopReport
 
@@ -16,40 +16,16 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-class AsyncMotionHandle:
-    """A motion that runs: ``MotionHandle`` for asyncio.
+class AsyncRunning(Generic[Core]):
+    """How what runs ends: ``Running`` for asyncio."""
 
-    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, as
-    ``MotionHandle`` does, and waits for the end of the motion otherwise.
-    """
+    def __init__(self, core: Core) -> None:
+        """Use ``AsyncRobot.run`` or ``AsyncRobot.follow``."""
+        self._core: Core = core
 
-    def __init__(self, core: MotionCore) -> None:
-        """Use ``AsyncRobot.run``."""
-        self._core = core
-
-    @property
-    def progress(self) -> Progress:
-        """How far it is now."""
-        return self._core.progress()
-
-    async def __aiter__(self) -> AsyncIterator[Progress]:
-        """As iterating over ``MotionHandle``."""
-        while (progress := await run(self._core.next_progress())) is not None:
-            yield progress
-
-    def step(self, number: int) -> AsyncStep:
-        """As ``MotionHandle.step``."""
-        self._core.step_state(number)
-        return AsyncStep(self._core, number)
-
-    async def ended_within(self, time: float) -> bool:
-        """As ``MotionHandle.ended_within``."""
-        return await run(self._core.ended_within(time))
-
-    async def finished(self) -> Done:
-        """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""
-        with of(self._core):
-            return await run(self._core.finished())
+    async def finished(self) -> Done | Followed:
+        """Waits until the arm stands; each kind says more."""
+        raise NotImplementedError
 
     def stop(self) -> Coroutine[Any, Any, StopReport]:
         """As ``MotionHandle.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
@@ -77,16 +53,44 @@ class AsyncMotionHandle:
             report = failed
         stopped(self._core, error, report)
 
+
+class AsyncMotionHandle(AsyncRunning[MotionCore]):
+    """A motion that runs: ``MotionHandle`` for asyncio.
+
+    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, as
+    ``MotionHandle`` does, and waits for the end of the motion otherwise.
+    """
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is now."""
+        return self._core.progress()
+
+    async def __aiter__(self) -> AsyncIterator[Progress]:
+        """As iterating over ``MotionHandle``."""
+        while (progress := await run(self._core.next_progress())) is not None:
+            yield progress
+
+    def step(self, number: int) -> AsyncStep:
+        """As ``MotionHandle.step``."""
+        self._core.step_state(number)
+        return AsyncStep(self._core, number)
+
+    async def ended_within(self, time: float) -> bool:
+        """As ``MotionHandle.ended_within``."""
+        return await run(self._core.ended_within(time))
+
+    async def finished(self) -> Done:
+        """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""
+        with of(self._core):
+            return await run(self._core.finished())
+
     def __repr__(self) -> str:
         return f"<AsyncMotionHandle {self.progress!r}>"
 
 
-class AsyncFollowing:
+class AsyncFollowing(AsyncRunning[FollowCore]):
     """A target that is followed: ``Following`` for asyncio; use ``async with``."""
-
-    def __init__(self, core: FollowCore) -> None:
-        """Use ``AsyncRobot.follow``."""
-        self._core = core
 
     def target(self, to: AxisPosition) -> None:
         """As ``Following.target``."""
@@ -97,32 +101,6 @@ class AsyncFollowing:
         """As ``Following.finished``."""
         with of(self._core):
             return await run(self._core.finished())
-
-    def stop(self) -> Coroutine[Any, Any, StopReport]:
-        """As ``Following.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
-        return run_at_once(self._core.stop())
-
-    def release(self) -> None:
-        """As ``Following.release``."""
-        self._core.release()
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            await self.finished()
-            return
-        try:
-            report: StopReport | RequestError = await self.stop()
-        except RequestError as failed:
-            report = failed
-        stopped(self._core, error, report)
 
 
 class AsyncStep:

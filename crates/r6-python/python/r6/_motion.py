@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from ._errors import MotionError, RequestError
 from ._r6 import AxisPosition, FollowCore, MotionCore, Progress
@@ -16,7 +16,48 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-class MotionHandle:
+Core = TypeVar("Core", MotionCore, FollowCore)
+
+
+class Running(Generic[Core]):
+    """What a motion that runs and a target that is followed have in common: how they end."""
+
+    def __init__(self, core: Core) -> None:
+        """Use ``Robot.run`` or ``Robot.follow``."""
+        self._core: Core = core
+
+    def finished(self) -> Done | Followed:
+        """Waits until the arm stands; each kind says more."""
+        raise NotImplementedError
+
+    def stop(self) -> StopReport:
+        """Ends it and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
+        return self._core.stop().wait()
+
+    def release(self) -> None:
+        """Ends it, as dropping it does: the arm finishes what is in its list."""
+        self._core.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.finished()
+            return
+        try:
+            report: StopReport | RequestError = self.stop()
+        except RequestError as failed:
+            report = failed
+        stopped(self._core, error, report)
+
+
+class MotionHandle(Running[MotionCore]):
     """A motion that runs.
 
     Dropping it, ``release``, or the end of the process ends the streaming: the arm finishes what is in its list, unless
@@ -27,10 +68,6 @@ class MotionHandle:
     raised; a ``MotionError`` of this motion goes on instead and has it as ``stop``. Without an exception the block waits for the end of
     the motion.
     """
-
-    def __init__(self, core: MotionCore) -> None:
-        """Use ``Robot.run``."""
-        self._core = core
 
     @property
     def progress(self) -> Progress:
@@ -61,47 +98,17 @@ class MotionHandle:
         with of(self._core):
             return self._core.finished().wait()
 
-    def stop(self) -> StopReport:
-        """Ends the streaming and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
-        return self._core.stop().wait()
-
-    def release(self) -> None:
-        """Ends the streaming, as dropping the handle does."""
-        self._core.release()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self.finished()
-            return
-        try:
-            report: StopReport | RequestError = self.stop()
-        except RequestError as failed:
-            report = failed
-        stopped(self._core, error, report)
-
     def __repr__(self) -> str:
         return f"<MotionHandle {self.progress!r}>"
 
 
-class Following:
+class Following(Running[FollowCore]):
     """A target that is followed.
 
     Dropping it, ``release``, or the end of the process ends it: the arm finishes the step or two in its list. As a
     ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included, and waits until the arm stands
     otherwise; errors as in ``MotionHandle``.
     """
-
-    def __init__(self, core: FollowCore) -> None:
-        """Use ``Robot.follow``."""
-        self._core = core
 
     def target(self, to: AxisPosition) -> None:
         """Where the target is now. Does not wait. Send it again while the arm is to go there: it counts for
@@ -120,32 +127,6 @@ class Following:
         """
         with of(self._core):
             return self._core.finished().wait()
-
-    def stop(self) -> StopReport:
-        """Ends it and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
-        return self._core.stop().wait()
-
-    def release(self) -> None:
-        """Ends it, as dropping it does."""
-        self._core.release()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self.finished()
-            return
-        try:
-            report: StopReport | RequestError = self.stop()
-        except RequestError as failed:
-            report = failed
-        stopped(self._core, error, report)
 
 
 class Step:
