@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::command::COMMANDS;
 use r6_proto::{ADDRESSES, RequestType};
 use r6_testkit::{coverage, vector};
@@ -195,4 +196,48 @@ fn the_coverage_table_cites_the_manual_as_the_code_does() {
     for row in &COMMANDS {
         assert_eq!(cited("command", row.word), row.source);
     }
+}
+
+/// The codes that a first cell of the page's table of alarms stands for: `7`, `5, 6`, `16 – 19`, `90+n` for the eight axes,
+/// and `700+n … 850+n` for every tenth of these.
+fn codes(cell: &str) -> Vec<u32> {
+    let number = |text: &str| -> u32 { text.parse().unwrap_or_else(|_| panic!("no code: {text} in {cell}")) };
+    let axes = |first: u32| first..first + 8;
+    cell.split(", ")
+        .flat_map(|part| {
+            let of_axes = |text: &str| text.strip_suffix("+n").map(number);
+            if let Some((first, last)) = part.split_once(" … ") {
+                let (first, last) = (of_axes(first).unwrap(), of_axes(last).unwrap());
+                (first..=last).step_by(10).flat_map(axes).collect()
+            } else if let Some((first, last)) = part.split_once(" – ") {
+                (number(first)..=number(last)).collect::<Vec<_>>()
+            } else if let Some(first) = of_axes(part) {
+                axes(first).collect()
+            } else {
+                vec![number(part)]
+            }
+        })
+        .collect()
+}
+
+#[test]
+fn the_page_has_the_alarms_of_the_table_in_the_code() {
+    let page = include_str!("../../../docs/PROTOCOL.md");
+    let section = page.split("## 9. Alarms").nth(1).unwrap().split("\n## ").next().unwrap();
+    let rows = section.lines().filter_map(|line| line.strip_prefix("| "));
+    let told: Vec<u32> = rows
+        .filter(|row| row.starts_with(|first: char| first.is_ascii_digit()))
+        .flat_map(|row| codes(row.split(" |").next().unwrap()))
+        .collect();
+    let known: Vec<u32> = (1..=20_000).filter(|&code| AlarmCode(code).decode().known).collect();
+    assert!(told.is_sorted_by(|before, after| before < after), "in order, none twice");
+    assert_eq!(told, known);
+
+    // Of a meaning that stands for several axes, one of them was seen.
+    let meaning = |code: u32| AlarmCode(code).decode().text.rsplit(": ").next().unwrap().to_owned();
+    let live = section.split("Seen live: ").nth(1).unwrap().split('.').next().unwrap();
+    let live = live.split([',', '\n', ' ']).filter(|word| !word.is_empty());
+    let live: BTreeSet<String> = live.map(|code| meaning(code.parse().unwrap())).collect();
+    let seen = known.into_iter().filter(|&code| AlarmCode(code).decode().seen_live).map(meaning);
+    assert_eq!(live, seen.collect());
 }

@@ -346,4 +346,30 @@ mod tests {
             assert_eq!(Fields::name(slot), name);
         }
     }
+
+    #[test]
+    fn every_name_has_a_row_in_the_coverage_table() {
+        let rows = r6_testkit::coverage::protocol_rows();
+        let covered: Vec<&str> = rows
+            .iter()
+            .filter(|row| ["instruction field", "vision field"].contains(&row.group.as_str()))
+            .filter_map(|row| row.item.rsplit('.').next())
+            .collect();
+        // The eight axes share a row; the shape of 2020 is told in a sentence of its own.
+        let row = |slot: usize, name: &'static str| match slot {
+            slot if Fields::M.contains(&slot) => Some("m0-m7"),
+            slot if Fields::M_P.contains(&slot) => Some("m0_p-m7_p"),
+            slot if Fields::POS.contains(&slot) => None,
+            _ => Some(name),
+        };
+        let rows_of_names: Vec<&str> =
+            NAMES.into_iter().enumerate().filter_map(|(slot, name)| row(slot, name)).collect();
+        for name in &rows_of_names {
+            assert!(covered.contains(name), "docs/PROTOCOL.md has no row in its coverage for {name}");
+        }
+        // The answer to a photo, and the list itself, are read elsewhere.
+        for item in covered.into_iter().filter(|item| !["ret", "data"].contains(item)) {
+            assert!(rows_of_names.contains(&item), "{item} has a row, and no slot");
+        }
+    }
 }
