@@ -117,7 +117,10 @@ impl ControllerHandle {
         let log_from_start = Mutex::new(Some(first));
         let timers = Notify::new();
         let shared = Shared { address, state, keeper, timers, log, log_from_start, door, entrance, seed };
-        Self { shared: Arc::new(shared) }
+        let handle = Self { shared: Arc::new(shared) };
+        // What happened as it was switched on is told now, not when somebody first does something.
+        handle.look(|_, _| ());
+        handle
     }
 
     /// Where it listens; only a name where it is reached in memory.

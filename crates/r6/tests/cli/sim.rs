@@ -15,6 +15,18 @@ fn a_signal_ends_sim_cleanly() {
 }
 
 #[test]
+fn a_damaged_state_is_told_before_anybody_connects() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("controller-1.json"), "{\"version\"").unwrap();
+    let mut sim =
+        Running::start(&["sim", "--listen", "127.0.0.1:0", "--state", folder.path().to_str().unwrap()]);
+    assert!(sim.line().starts_with("listening on "));
+    let told = sim.line();
+    assert!(told.contains("alarm 14") && told.contains("controller-1.damaged-1.json"), "{told}");
+    assert_eq!(sim.end("INT"), Some(0));
+}
+
+#[test]
 fn several_addresses_are_several_controllers() {
     let args = [
         "sim",
