@@ -1,6 +1,6 @@
 //! Logs of the program itself, on stderr.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 
 use clap::Args;
 use tracing_subscriber::EnvFilter;
@@ -30,6 +30,12 @@ pub fn begin(args: &LogArgs, has_screen: bool) -> std::io::Result<LineQueue> {
     // A log that cannot be written is no reason to end.
     let queue = LineQueue::start(|bytes| drop(std::io::stderr().write_all(bytes)))?;
     let writer = queue.clone();
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(move || writer.clone()).init();
+    // Colours are for a terminal: in a file they are noise.
+    let colours = std::io::stderr().is_terminal();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_ansi(colours)
+        .with_writer(move || writer.clone())
+        .init();
     Ok(queue)
 }

@@ -1,5 +1,6 @@
 //! Values of the command line, read with their units and limits.
 
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use r6_proto::AxisMask;
@@ -20,6 +21,14 @@ pub fn duration(text: &str) -> Result<Duration, String> {
         Ok(_) => Err("a time has to be above 0 and at most a day".to_owned()),
         Err(_) => Err("write a time as 100ms, 1.5s or 2m".to_owned()),
     }
+}
+
+/// An address of this machine to listen on.
+pub fn listen_address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| {
+        "write IP:PORT, as 127.0.0.1:9760 for this machine alone, 0.0.0.0:9760 for all networks, 127.0.0.1:0 for any free port"
+            .to_owned()
+    })
 }
 
 /// A coordinate in mm or degrees.
@@ -91,6 +100,15 @@ mod tests {
         assert_eq!(duration("3"), Ok(Duration::from_secs(3)));
         for wrong in ["0s", "-1s", "ms", "", "1h", "nan", "inf", "99999999s"] {
             assert!(duration(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn where_to_listen_is_shown_by_example() {
+        assert_eq!(listen_address("127.0.0.1:9760"), Ok(SocketAddr::from(([127, 0, 0, 1], 9760))));
+        assert!(listen_address("[::1]:0").is_ok());
+        for wrong in ["9760", "localhost:9760", "127.0.0.1", "127.0.0.1:99999", ""] {
+            assert!(listen_address(wrong).unwrap_err().contains("127.0.0.1:9760"), "{wrong}");
         }
     }
 

@@ -19,7 +19,12 @@ impl TypedValueParser for AddressWord {
     type Value = Address;
 
     fn parse_ref(&self, command: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<Address, Error> {
-        let parse = |text: &str| text.parse::<Address>();
+        let parse = |text: &str| {
+            text.parse::<Address>().map_err(|unknown| match unknown.nearest() {
+                Some(_) => unknown.to_string(),
+                None => format!("{unknown}; `r6 query --list` prints them all"),
+            })
+        };
         parse.parse_ref(command, arg, value)
     }
 

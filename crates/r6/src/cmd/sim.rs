@@ -17,7 +17,7 @@ use tokio::task::JoinSet;
 use crate::exit::{Exit, Failure};
 use crate::output::{self, queue::LineQueue};
 use crate::signals::Ending;
-use crate::text_file;
+use crate::{text_file, units};
 
 /// Where `r6 sim` and `r6 up` listen unless told: the port of the real controllers, for this machine alone.
 pub const DEFAULT_LISTEN: &str = "127.0.0.1:9760";
@@ -105,7 +105,7 @@ Examples:
   r6 sim --panel 127.0.0.1:9770                 then: r6 panel status")]
 pub struct SimArgs {
     /// Where to listen, may be given several times; port 0 takes any free port
-    #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_LISTEN)]
+    #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_LISTEN, value_parser = units::listen_address)]
     listen: Vec<SocketAddr>,
     #[command(flatten)]
     cell: CellArgs,
@@ -113,7 +113,7 @@ pub struct SimArgs {
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
     count: u16,
     /// Where to offer the panel over HTTP: what a person does at the machine; port 0 takes any free port
-    #[arg(long, value_name = "ADDR:PORT")]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = units::listen_address)]
     panel: Option<SocketAddr>,
     /// Let --panel be an address that other machines can reach: it has no login
     #[arg(long, requires = "panel")]

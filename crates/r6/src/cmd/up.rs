@@ -14,6 +14,7 @@ use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::output::screen::{Screen, View};
 use crate::signals::Ending;
+use crate::units;
 
 /// How often the screen is drawn: smooth to the eye, and little work.
 const DRAW_INTERVAL: Duration = Duration::from_millis(50);
@@ -56,7 +57,7 @@ Then, in a second shell:
   r6 panel input X010 on                        what a person does at the machine")]
 pub struct UpArgs {
     /// Where to listen; port 0 takes any free port
-    #[arg(long, value_name = "ADDR:PORT", default_value = sim::DEFAULT_LISTEN)]
+    #[arg(long, value_name = "ADDR:PORT", default_value = sim::DEFAULT_LISTEN, value_parser = units::listen_address)]
     listen: SocketAddr,
     /// Where to offer the panel over HTTP, or off [default: 127.0.0.1:9770 with --listen on port 9760 and if it is
     /// free, else any free port]

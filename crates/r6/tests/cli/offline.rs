@@ -54,6 +54,21 @@ fn tables_are_printed_without_a_robot() {
 }
 
 #[test]
+fn a_wrong_argument_is_answered_with_a_right_one() {
+    for (args, right) in [
+        (["query", "foo"], "`r6 query --list` prints them all"),
+        (["watch", "currAlarm"], "nearest: `curAlarm`"),
+        (["sim", "--listen=9760"], "127.0.0.1:9760 for this machine alone"),
+        (["up", "--listen=localhost:9760"], "127.0.0.1:9760 for this machine alone"),
+        (["sim", "--panel=9770"], "write IP:PORT"),
+    ] {
+        let outcome = r6(&args);
+        assert_eq!(outcome.code, 2, "{args:?}");
+        assert!(outcome.err.contains(right), "{args:?}: {}", outcome.err);
+    }
+}
+
+#[test]
 fn completions_are_for_every_shell() {
     for (shell, part) in [("bash", "complete -F"), ("zsh", "#compdef r6"), ("fish", "complete -c r6")] {
         let outcome = r6(&["completions", shell]);

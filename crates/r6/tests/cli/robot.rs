@@ -19,6 +19,13 @@ fn a_robot_that_is_ready_says_so() {
 }
 
 #[test]
+fn a_log_through_a_pipe_has_no_colours() {
+    let status = Robot::start(&[]).r6(&["-vvv", "status"]);
+    assert!(["INFO", "DEBUG", "TRACE"].iter().any(|level| status.err.contains(level)), "{}", status.err);
+    assert!(!status.err.contains('\u{1b}'), "{:?}", status.err);
+}
+
+#[test]
 fn a_robot_that_is_not_ready_says_what_to_do() {
     let robot = Robot::start(&["--start", "stopped"]);
     let status = robot.r6(&["status"]);
