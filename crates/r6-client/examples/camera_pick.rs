@@ -53,6 +53,7 @@ pub async fn run(robot: &Robot, mut pictures: VecDeque<Vec<Point>>) -> PhotosEnd
             }
             Err(error) => return PhotosEnded::Request { cam_id: 0, error },
         }
+        println!("waiting for a program that asks for a photo");
         let ended = robot
             .serve_photos(|cam_id| {
                 let seen = pictures.pop_front().unwrap_or_default();

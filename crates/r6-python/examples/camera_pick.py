@@ -54,6 +54,7 @@ def photo(events: r6.PushedEvents) -> r6.Photo:
 def serve(address: str) -> None:
     """Serves one pick."""
     with r6.Robot.connect(address) as robot:
+        print("waiting for a program that asks for a photo", flush=True)
         asked = photo(robot.pushed())
         robot.answer_photo(asked)
         accepted = robot.add_points(asked.cam_id, [PART])
