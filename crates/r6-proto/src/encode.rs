@@ -36,7 +36,7 @@ pub(crate) fn write_integer(out: &mut Vec<u8>, value: i64) {
 
 /// Appends a whole number and a quote behind it.
 #[inline]
-fn write_closed_integer(out: &mut Vec<u8>, value: i64) {
+pub(crate) fn write_closed_integer(out: &mut Vec<u8>, value: i64) {
     match u32::try_from(value) {
         Ok(few @ 0..1_000) => append_closed_few(out, few),
         Ok(_) | Err(_) => {

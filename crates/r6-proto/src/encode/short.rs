@@ -43,6 +43,15 @@ impl Short {
         if first { Self { bytes: self.bytes >> 8, length: self.length - 1 } } else { self }
     }
 
+    /// The text without its last bytes. It must have as many.
+    #[inline]
+    pub const fn without_last(self, count: usize) -> Self {
+        Self {
+            bytes: self.bytes & u128::MAX >> (8 * (Self::MOST + count - self.length)),
+            length: self.length - count,
+        }
+    }
+
     /// A whole number of at most eight digits; `None` if it has more.
     #[inline]
     pub fn of_integer(value: u32) -> Option<Self> {
