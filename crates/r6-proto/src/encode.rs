@@ -80,27 +80,7 @@ pub(crate) fn write_fixed(
     value: f64,
     decimals: Decimals,
 ) -> Result<(), EncodeError> {
-    let scaled = scaled(field, value, decimals)?;
-    if !append_fixed(out, scaled, decimals, false) {
-        write_long_fixed(out, scaled, decimals);
-    }
-    Ok(())
-}
-
-/// The same with a quote behind it. Where it is called the decimals are known, and half of it falls away.
-#[inline(always)]
-fn write_closed_fixed(
-    out: &mut Vec<u8>,
-    field: &'static str,
-    value: f64,
-    decimals: Decimals,
-) -> Result<(), EncodeError> {
-    let scaled = scaled(field, value, decimals)?;
-    if !append_fixed(out, scaled, decimals, true) {
-        write_long_fixed(out, scaled, decimals);
-        out.push(b'"');
-    }
-    Ok(())
+    write_fixed_behind(out, Short::EMPTY, field, value, decimals, false)
 }
 
 /// The same in quotes.
@@ -110,12 +90,29 @@ pub(crate) fn write_quoted_fixed(
     value: f64,
     decimals: Decimals,
 ) -> Result<(), EncodeError> {
-    out.push(b'"');
-    let written = write_closed_fixed(out, field, value, decimals);
-    if written.is_err() {
-        out.pop();
+    write_fixed_behind(out, const { Short::EMPTY.with(b'"') }, field, value, decimals, true)
+}
+
+/// The same behind a text, and with a quote behind it if it is to be `closed`. Where it is called the decimals are known, and half of
+/// it falls away.
+#[inline(always)]
+fn write_fixed_behind(
+    out: &mut Vec<u8>,
+    before: Short,
+    field: &'static str,
+    value: f64,
+    decimals: Decimals,
+    closed: bool,
+) -> Result<(), EncodeError> {
+    let scaled = scaled(field, value, decimals)?;
+    if !append_fixed(out, before, scaled, decimals, closed) {
+        before.append_to(out);
+        write_long_fixed(out, scaled, decimals);
+        if closed {
+            out.push(b'"');
+        }
     }
-    written
+    Ok(())
 }
 
 /// The value in steps of its last decimal.
@@ -249,12 +246,16 @@ impl<'o> ObjectWriter<'o> {
     /// A decimal number in quotes.
     #[inline]
     pub fn quoted_fixed(&mut self, key: &Key, value: f64, decimals: Decimals) -> Result<(), EncodeError> {
-        write_closed_fixed(self.quoted(key), key.name, value, decimals)
+        let before = key.quoted.behind_comma(self.first);
+        self.first = false;
+        write_fixed_behind(self.out, before, key.name, value, decimals, true)
     }
 
     /// A decimal number without quotes.
     pub fn bare_fixed(&mut self, key: &Key, value: f64, decimals: Decimals) -> Result<(), EncodeError> {
-        write_fixed(self.key(key), key.name, value, decimals)
+        let before = key.bare.behind_comma(self.first);
+        self.first = false;
+        write_fixed_behind(self.out, before, key.name, value, decimals, false)
     }
 
     pub fn bare_integer(&mut self, key: &Key, value: i64) {

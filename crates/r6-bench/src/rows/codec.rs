@@ -39,8 +39,8 @@ const IN_THE_WAY: [[&str; 2]; 5] =
 const VALUES: &str = "each name and number is looked at twice: for its end and for anything out of the ordinary in it (an escape, a byte beyond \
      ASCII), then as one of the table's names, or in 119 instructions for its value; what would be faster compares with what one \
      firmware sends";
-const NAMES: &str = "the others are given the names ready made and copy them; ours puts each together from its kind and its index, and the \
-     processor cannot guess which kind is next";
+const NAMES: &str = "all copy names that are ready made; ours are found by kind and index first, and the processor cannot guess whether the \
+     next has an index, nor when a counter comes, whose name is put together";
 const MEMBERS: &str = "134 instructions for each member: its key is compared with the one that came in its place the last time, its value is \
      kept by position and read by meaning afterwards, whatever the order, quoted or not, and what is not used is reported; the others \
      take one form only";

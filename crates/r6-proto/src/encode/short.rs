@@ -74,26 +74,32 @@ impl Short {
     }
 }
 
-/// Appends a number in steps of its last decimal, and a quote behind it if it is to be `closed`; `false`, and nothing, if it has more
-/// than seven digits before the point.
+/// Appends a text, a number in steps of its last decimal, and a quote behind it if it is to be `closed`; `false`, and nothing, if the
+/// number has more than seven digits before the point.
 #[inline(always)]
-pub(crate) fn append_fixed(out: &mut Vec<u8>, scaled: i64, decimals: Decimals, closed: bool) -> bool {
+pub(crate) fn append_fixed(
+    out: &mut Vec<u8>,
+    before: Short,
+    scaled: i64,
+    decimals: Decimals,
+    closed: bool,
+) -> bool {
     let magnitude = scaled.unsigned_abs();
     // Two constants, for each of which the division becomes a multiplication.
-    let (before, behind, zeros) = if decimals.most == 3 {
+    let (whole_part, behind, zeros) = if decimals.most == 3 {
         (magnitude / 1_000, three(magnitude % 1_000), ZEROS >> 40)
     } else {
         let behind = magnitude % 1_000_000;
         (magnitude / 1_000_000, three(behind / 1_000) | three(behind % 1_000) << 24, ZEROS >> 16)
     };
-    let (digits, length) = match u32::try_from(before) {
-        Ok(before @ 0..1_000) => few(before),
-        Ok(before @ ..=MOST_IN_SEVEN) => whole(before),
+    let (digits, length) = match u32::try_from(whole_part) {
+        Ok(value @ 0..1_000) => few(value),
+        Ok(value @ ..=MOST_IN_SEVEN) => whole(value),
         Ok(_) | Err(_) => return false,
     };
     let negative = usize::from(scaled < 0);
     let head = digits << (8 * negative) | if scaled < 0 { u64::from(b'-') } else { 0 };
-    let point = negative + length;
+    let point = before.length + negative + length;
     let used = 8 - (behind ^ zeros).leading_zeros() as usize / 8;
     let kept = used.max(decimals.least);
     let tail = behind << 8 | u64::from(b'.');
@@ -102,7 +108,10 @@ pub(crate) fn append_fixed(out: &mut Vec<u8>, scaled: i64, decimals: Decimals, c
     let begin = out.len();
     out.extend_from_slice(&[0; ROOM]);
     if let Some(room) = out.last_chunk_mut::<ROOM>() {
-        put(room, 0, head);
+        if let Some(text) = room.first_chunk_mut() {
+            *text = before.bytes.to_le_bytes();
+        }
+        put(room, before.length, head);
         put(room, point, tail);
         put(room, point + tail_length, u64::from(b'"'));
     }
@@ -119,8 +128,8 @@ pub(crate) fn append_closed_few(out: &mut Vec<u8>, value: u32) {
     out.truncate(end);
 }
 
-/// A sign and seven digits, a point and six more, a quote, and the seven bytes that the last word is longer than that.
-const ROOM: usize = 24;
+/// A text, a sign and seven digits, a point and six more, a quote, and the seven bytes that the last word is longer than that.
+const ROOM: usize = Short::MOST + 24;
 
 /// Writes eight bytes, the lowest first.
 #[inline(always)]
@@ -211,7 +220,7 @@ mod tests {
     fn a_decimal_that_fills_its_room_is_whole() {
         let fixed = |scaled| {
             let mut out = b"[".to_vec();
-            let appended = append_fixed(&mut out, scaled, Decimals::SIX, true);
+            let appended = append_fixed(&mut out, Short::EMPTY, scaled, Decimals::SIX, true);
             (appended, String::from_utf8(out).unwrap())
         };
         assert_eq!(fixed(-9_999_999_999_999), (true, "[-9999999.999999\"".to_owned()));
@@ -226,7 +235,7 @@ mod tests {
         for thousandths in (0..1_000_000_i64).chain((1_000_000..9_999_999_999).step_by(9_999_991)) {
             for scaled in [thousandths, -thousandths] {
                 let mut out = Vec::new();
-                assert!(append_fixed(&mut out, scaled, decimals, false));
+                assert!(append_fixed(&mut out, Short::EMPTY, scaled, decimals, false));
                 let sign = if scaled < 0 { "-" } else { "" };
                 let expected = format!("{sign}{}.{:03}", thousandths / 1_000, thousandths % 1_000);
                 assert_eq!(String::from_utf8(out).unwrap(), expected);
