@@ -151,6 +151,8 @@ pub struct Machine {
     pub(crate) random: Random,
     /// Points of the cameras: camera, point.
     pub(crate) points: VecDeque<(i64, Point)>,
+    /// Whether there was no room for the last ones.
+    loses_points: bool,
     events: VecDeque<MachineEvent>,
 }
 
@@ -234,6 +236,7 @@ impl Machine {
             cycles: 0,
             random: Random::new(settings.seed),
             points: VecDeque::new(),
+            loses_points: false,
             events: VecDeque::new(),
         }
     }
@@ -377,20 +380,22 @@ impl Machine {
     /// Takes the points of a camera. Where there are too many, its own oldest ones go: no camera takes another's room, but for the
     /// first point of one that has none yet.
     pub(crate) fn take_points(&mut self, cam_id: i64, points: &[Point]) {
-        let mut lost = 0_u32;
+        let mut loses = false;
         for point in points {
             if self.points.len() >= MAX_POINTS {
                 let own = self.points.iter().position(|(camera, _)| *camera == cam_id);
                 self.points.remove(own.unwrap_or(0));
-                lost += 1;
+                loses = true;
             }
             self.points.push_back((cam_id, *point));
         }
-        if lost > 0 {
+        // A camera that goes on and on is no news.
+        if loses && !self.loses_points {
             self.note(format!(
-                "{lost} old points are lost: {MAX_POINTS} wait already, and no program takes them"
+                "old points are lost from now on: {MAX_POINTS} wait already, and no program takes them"
             ));
         }
+        self.loses_points = loses;
         self.points_have_come();
     }
 

@@ -34,7 +34,7 @@ fn in_the_way(what: &str) -> &'static str {
             "the way of the answer to whoever waits, the list of addresses, and the values that are handed out: they are the caller's and outlive the frame"
         }
         Some("virtual controller") => {
-            "what is asked for is kept: the instructions in the list and the plan of each move, some ten pieces of a motion; the points of a camera"
+            "what is asked for is kept: the instructions in the list and the plan of each move, some ten pieces of a motion"
         }
         _ => "",
     }
