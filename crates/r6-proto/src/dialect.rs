@@ -125,7 +125,7 @@ pub enum DsIdForm {
 impl DsIdForm {
     /// The `dsID` that a request of this type carries.
     #[must_use]
-    pub fn ds_id(self, request: RequestType) -> &'static str {
+    pub const fn ds_id(self, request: RequestType) -> &'static str {
         match (request, self) {
             (RequestType::Query | RequestType::Command | RequestType::Heartbreak, Self::Long) => {
                 "www.hc-system.com.RemoteMonitor"

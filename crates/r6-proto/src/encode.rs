@@ -206,6 +206,11 @@ impl<'o> ObjectWriter<'o> {
         Self { out, first: true }
     }
 
+    /// Goes on with an object that has members already.
+    pub fn go_on(out: &'o mut Vec<u8>) -> Self {
+        Self { out, first: false }
+    }
+
     /// Writes the key and returns the buffer for the value.
     #[inline(always)]
     pub fn key(&mut self, key: &Key) -> &mut Vec<u8> {
@@ -224,13 +229,6 @@ impl<'o> ObjectWriter<'o> {
 
     pub fn text(&mut self, key: &Key, value: &str) {
         text::write_escaped(self.key(key), value);
-    }
-
-    /// A text that has nothing to escape: a word of the protocol, digits.
-    pub fn word(&mut self, key: &Key, value: &str) {
-        let out = self.quoted(key);
-        out.extend_from_slice(value.as_bytes());
-        out.push(b'"');
     }
 
     /// A whole number in quotes.

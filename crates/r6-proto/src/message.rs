@@ -69,7 +69,7 @@ impl RequestType {
 
     /// The word on the wire.
     #[must_use]
-    pub fn word(self) -> &'static str {
+    pub const fn word(self) -> &'static str {
         match self {
             Self::Query => "query",
             Self::Command => "command",
@@ -122,7 +122,7 @@ impl TypeKey {
 
     /// The key on the wire, `reqType` where there was none.
     #[must_use]
-    pub fn word(self) -> &'static str {
+    pub const fn word(self) -> &'static str {
         match self {
             Self::ReqType | Self::Absent => "reqType",
             Self::CmdType => "cmdType",

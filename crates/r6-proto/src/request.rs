@@ -4,8 +4,10 @@ use crate::address::Address;
 use crate::dialect::Envelope;
 use crate::encode::{ObjectWriter, key};
 use crate::error::EncodeError;
-use crate::message::{Command, Instruction, PhotoAnswer, Point, RequestType, TypeKey};
+use crate::message::{Command, Instruction, PhotoAnswer, Point, RequestType};
 use crate::text;
+
+mod head;
 
 /// What a PC or a camera sends to a controller.
 #[derive(Clone, Copy, Debug)]
@@ -76,12 +78,8 @@ impl Request<'_> {
 
     fn encode_members(&self, envelope: &Envelope<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let request = self.request_type();
-        let mut frame = ObjectWriter::begin(out);
-        frame.word(key!("dsID"), envelope.ds_id.ds_id(request));
-        match envelope.type_key {
-            TypeKey::Absent => {}
-            TypeKey::ReqType | TypeKey::CmdType => frame.word(envelope.type_key.key(), request.word()),
-        }
+        head::append(out, envelope, request);
+        let mut frame = ObjectWriter::go_on(out);
         if let Some(pack_id) = envelope.pack_id {
             frame.text(key!("packID"), pack_id);
         }

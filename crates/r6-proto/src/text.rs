@@ -122,6 +122,15 @@ pub fn unescape<'a>(body: &'a [u8], end: &StringEnd) -> Cow<'a, str> {
 pub fn write_escaped(out: &mut Vec<u8>, text: &str) {
     out.push(b'"');
     let mut rest = text.as_bytes();
+    let first = Chunk::at(rest, 0);
+    if first.plain() == rest.len() {
+        // Numbers of frames and most words: one copy of known length.
+        let end = out.len() + rest.len();
+        out.extend_from_slice(&first.bits().to_le_bytes());
+        out.truncate(end);
+        out.push(b'"');
+        return;
+    }
     if plain_end(rest, 0) == rest.len() {
         out.extend_from_slice(rest);
         out.push(b'"');
