@@ -31,7 +31,7 @@ def test_the_names_are_those_of_the_other() -> None:
         (r6.PushedEvents, r6.AsyncPushedEvents),
     ):
         def public(kind: type) -> set[str]:
-            return {name for name in vars(kind) if not name.startswith("_")}
+            return {name for name in dir(kind) if not name.startswith("_")}
 
         assert public(one) == public(other)
         for name in public(one):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class AsyncRunning(Generic[Core]):
-    """How what runs ends: ``Running`` for asyncio."""
+    """How a motion or a followed target ends: ``Running`` for asyncio."""
 
     def __init__(self, core: Core) -> None:
         """Use ``AsyncRobot.run`` or ``AsyncRobot.follow``."""
@@ -28,11 +28,11 @@ class AsyncRunning(Generic[Core]):
         raise NotImplementedError
 
     def stop(self) -> Coroutine[Any, Any, StopReport]:
-        """As ``MotionHandle.stop``; begun by the call, as ``AsyncRobot.stop`` is."""
+        """As ``stop`` without asyncio; begun by the call, as ``AsyncRobot.stop`` is."""
         return run_at_once(self._core.stop())
 
     def release(self) -> None:
-        """As ``MotionHandle.release``."""
+        """As ``release`` without asyncio."""
         self._core.release()
 
     async def __aenter__(self) -> Self:

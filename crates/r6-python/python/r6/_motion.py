@@ -35,7 +35,7 @@ class Running(Generic[Core]):
         return self._core.stop().wait()
 
     def release(self) -> None:
-        """Ends it, as dropping it does: the arm finishes what is in its list."""
+        """Ends it, as dropping it does; the class says what the arm does then."""
         self._core.release()
 
     def __enter__(self) -> Self:
