@@ -30,8 +30,9 @@ pub fn begin(args: &LogArgs, has_screen: bool) -> std::io::Result<LineQueue> {
     // A log that cannot be written is no reason to end.
     let queue = LineQueue::start(|bytes| drop(std::io::stderr().write_all(bytes)))?;
     let writer = queue.clone();
-    // Colours are for a terminal: in a file they are noise.
-    let colours = std::io::stderr().is_terminal();
+    // Colours are for a terminal, and for who wants them there (https://no-color.org).
+    let unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let colours = std::io::stderr().is_terminal() && !unwanted;
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_ansi(colours)

@@ -23,12 +23,16 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// An address of this machine to listen on.
+/// Where a controller listens.
 pub fn listen_address(text: &str) -> Result<SocketAddr, String> {
-    text.parse().map_err(|_| {
-        "write IP:PORT, as 127.0.0.1:9760 for this machine alone, 0.0.0.0:9760 for all networks, 127.0.0.1:0 for any free port"
-            .to_owned()
-    })
+    let wanted = "write IP:PORT, as 127.0.0.1:9760 for this machine alone, 0.0.0.0:9760 for every network of it, or 127.0.0.1:0 for any \
+                  free port";
+    text.parse().map_err(|_| wanted.to_owned())
+}
+
+/// Where a panel is offered.
+pub fn panel_address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| "write IP:PORT, as 127.0.0.1:9770, or 127.0.0.1:0 for any free port".to_owned())
 }
 
 /// A coordinate in mm or degrees.
@@ -109,6 +113,7 @@ mod tests {
         assert!(listen_address("[::1]:0").is_ok());
         for wrong in ["9760", "localhost:9760", "127.0.0.1", "127.0.0.1:99999", ""] {
             assert!(listen_address(wrong).unwrap_err().contains("127.0.0.1:9760"), "{wrong}");
+            assert!(panel_address(wrong).unwrap_err().contains("127.0.0.1:9770"), "{wrong}");
         }
     }
 

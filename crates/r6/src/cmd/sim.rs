@@ -113,7 +113,7 @@ pub struct SimArgs {
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
     count: u16,
     /// Where to offer the panel over HTTP: what a person does at the machine; port 0 takes any free port
-    #[arg(long, value_name = "ADDR:PORT", value_parser = units::listen_address)]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = units::panel_address)]
     panel: Option<SocketAddr>,
     /// Let --panel be an address that other machines can reach: it has no login
     #[arg(long, requires = "panel")]

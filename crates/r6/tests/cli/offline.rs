@@ -60,7 +60,7 @@ fn a_wrong_argument_is_answered_with_a_right_one() {
         (["watch", "currAlarm"], "nearest: `curAlarm`"),
         (["sim", "--listen=9760"], "127.0.0.1:9760 for this machine alone"),
         (["up", "--listen=localhost:9760"], "127.0.0.1:9760 for this machine alone"),
-        (["sim", "--panel=9770"], "write IP:PORT"),
+        (["sim", "--panel=9770"], "write IP:PORT, as 127.0.0.1:9770"),
     ] {
         let outcome = r6(&args);
         assert_eq!(outcome.code, 2, "{args:?}");
