@@ -151,7 +151,7 @@ pub struct Machine {
     pub(crate) random: Random,
     /// Points of the cameras: camera, point.
     pub(crate) points: VecDeque<(i64, Point)>,
-    /// Whether there was no room for the last ones.
+    /// Whether there was no room for some, and there is none yet.
     loses_points: bool,
     events: VecDeque<MachineEvent>,
 }
@@ -392,10 +392,10 @@ impl Machine {
         // A camera that goes on and on is no news.
         if loses && !self.loses_points {
             self.note(format!(
-                "old points are lost from now on: {MAX_POINTS} wait already, and no program takes them"
+                "old points are lost from now on: {MAX_POINTS} wait already, and programs take fewer than come"
             ));
         }
-        self.loses_points = loses;
+        self.loses_points = loses || (self.loses_points && self.points.len() >= MAX_POINTS);
         self.points_have_come();
     }
 

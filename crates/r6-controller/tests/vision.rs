@@ -272,7 +272,7 @@ fn a_camera_that_sends_too_much_loses_its_own_points() {
     add_points(&mut cell, id, &[(1, vec![point(9, 1.0)])]);
     for _ in 0..15 {
         let many: Vec<_> = (0..100).map(|n| point(n, 0.0)).collect();
-        add_points(&mut cell, id, &[(2, many)]);
+        add_points(&mut cell, id, &[(2, many), (3, vec![])]);
     }
     let points =
         |cell: &Cell| -> Vec<i64> { cell.controller.machine().points().map(|(camera, _)| *camera).collect() };
