@@ -5,9 +5,9 @@
 use std::fmt;
 
 use crate::axis::AxisIndex;
-use crate::encode::Short;
 use crate::spelling;
 
+mod item;
 mod known;
 
 /// Which network port of the cabinet a thing exists on (manual 4.1.1, 4.2.1).
@@ -361,53 +361,6 @@ impl Address {
         }
     }
 
-    /// Appends the name in quotes, with a comma before it unless it is the first of its list.
-    #[inline]
-    pub(crate) fn write_item(self, first: bool, out: &mut Vec<u8>) {
-        match ITEMS.get(self.row()).and_then(|row| row.get(self.column())) {
-            Some(item) => item.behind_comma(first).append_to(out),
-            None => self.write_long_item(first, out),
-        }
-    }
-
-    /// Where its item stands in its row of [`ITEMS`]; beyond the end for a name that is put together.
-    #[inline]
-    fn column(self) -> usize {
-        match self {
-            Self::Input(n) | Self::Output(n) | Self::M(n) => usize::from(n),
-            Self::Axis(axis)
-            | Self::World(axis)
-            | Self::CurTorque(axis)
-            | Self::CurSpeed(axis)
-            | Self::Faxis(axis) => axis.index(),
-            Self::Counter(_) | Self::Addr(_) => COLUMNS,
-            Self::Version
-            | Self::CurMold
-            | Self::CounterList
-            | Self::CurMode
-            | Self::BoardIoNum
-            | Self::AxisNum
-            | Self::CurAlarm
-            | Self::CurCycle
-            | Self::LastCycle
-            | Self::MachineName
-            | Self::CurAccount
-            | Self::Origin
-            | Self::MoldList
-            | Self::IsMoving
-            | Self::RemoteCmdLen
-            | Self::ToolCoord => 0,
-        }
-    }
-
-    /// The same for a name that is put together of that of index 0 and its own index.
-    #[inline(never)]
-    fn write_long_item(self, first: bool, out: &mut Vec<u8>) {
-        let [zeroth, ..] = ITEMS.get(self.row()).copied().unwrap_or([Short::EMPTY; COLUMNS]);
-        zeroth.behind_comma(first).without_last(b"0\"".len()).append_to(out);
-        crate::encode::write_closed_integer(out, self.index().map_or(0, i64::from));
-    }
-
     /// How long the name is that [`Self::write_name`] appends, bytes.
     #[must_use]
     pub fn name_len(self) -> usize {
@@ -416,32 +369,6 @@ impl Address {
         self.stem().len() + digits
     }
 }
-
-/// How many items of a row are ready made: those of the eight axes and words.
-const COLUMNS: usize = 8;
-
-/// The names in quotes behind a comma, by row and index: what is asked for all day is copied. In a row without an index
-/// only the first counts.
-static ITEMS: [[Short; COLUMNS]; ADDRESSES.len()] = {
-    let mut items = [[Short::EMPTY; COLUMNS]; ADDRESSES.len()];
-    let (mut slots, mut rows) = (items.as_mut_slice(), ADDRESSES.as_slice());
-    while let ([row_of_items, later_slots @ ..], [row, later_rows @ ..]) = (slots, rows) {
-        let mut columns = row_of_items.as_mut_slice();
-        let mut digit = b'0';
-        while let [item, later_columns @ ..] = columns {
-            let begun = Short::EMPTY.and(b",\"");
-            *item = match (row.name.as_bytes(), row.indices) {
-                ([name @ .., _], Some(_)) => begun.and(name).with(digit),
-                (name, _) => begun.and(name),
-            }
-            .with(b'"');
-            columns = later_columns;
-            digit += 1;
-        }
-        (slots, rows) = (later_slots, later_rows);
-    }
-    items
-};
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -572,23 +499,6 @@ mod tests {
             let mut wire = Vec::new();
             address.write_name(&mut wire);
             assert_eq!(wire, name.as_bytes());
-        }
-    }
-
-    #[test]
-    fn every_item_is_the_name_in_quotes() {
-        let large =
-            [Address::Counter(10), Address::Counter(LAST_COUNTER), Address::Input(8), Address::M(255)];
-        let named = ADDRESSES.iter().flat_map(|row| {
-            let (first, last) = row.indices.unwrap_or((0, 0));
-            (first..=last.min(first + 100))
-                .map(|index| Address::parse(&row.name.replace("-n", &format!("-{index}"))).unwrap())
-        });
-        for address in named.chain(large) {
-            let mut items = Vec::new();
-            address.write_item(true, &mut items);
-            address.write_item(false, &mut items);
-            assert_eq!(String::from_utf8(items).unwrap(), format!("\"{address}\",\"{address}\""));
         }
     }
 

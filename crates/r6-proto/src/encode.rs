@@ -93,8 +93,8 @@ pub(crate) fn write_quoted_fixed(
     write_fixed_behind(out, const { Short::EMPTY.with(b'"') }, field, value, decimals, true)
 }
 
-/// The same behind a text, and with a quote behind it if it is to be `closed`. Where it is called the decimals are known, and half of
-/// it falls away.
+/// The same behind a text, and with a quote behind it if it is to be `closed`. Where the caller knows the decimals, half of it
+/// falls away.
 #[inline(always)]
 fn write_fixed_behind(
     out: &mut Vec<u8>,
@@ -300,6 +300,24 @@ mod tests {
             );
             assert!(out.is_empty());
         }
+    }
+
+    #[test]
+    fn numbers_of_any_length_stand_behind_their_keys() {
+        let mut out = Vec::new();
+        let mut object = ObjectWriter::begin(&mut out);
+        object.quoted_fixed(key!("a"), 12_345_678.5, Decimals::POSITION).unwrap();
+        object.quoted_fixed(key!("b"), -1e9, Decimals::POSITION).unwrap();
+        object.bare_fixed(key!("c"), -12_345_678.5, Decimals::POSITION).unwrap();
+        object.bare_fixed(key!("d"), 1.5, Decimals::POSITION).unwrap();
+        object.end();
+        let wanted = r#"{"a":"12345678.500","b":"-1000000000.000","c":-12345678.500,"d":1.500}"#;
+        assert_eq!(String::from_utf8(out).unwrap(), wanted);
+
+        let mut out = b"before".to_vec();
+        write_quoted_fixed(&mut out, "a", 1e9, Decimals::SIX).unwrap();
+        assert!(write_quoted_fixed(&mut out, "a", f64::NAN, Decimals::SIX).is_err());
+        assert_eq!(String::from_utf8(out).unwrap(), "before\"1000000000.000000\"");
     }
 
     #[test]

@@ -269,6 +269,26 @@ mod tests {
     }
 
     #[test]
+    fn texts_of_any_length_are_escaped_as_serde_json_does() {
+        let written = |text: &str| {
+            let mut out = b"before".to_vec();
+            write_escaped(&mut out, text);
+            String::from_utf8(out).unwrap()
+        };
+        for length in 0..=33 {
+            let plain: String = ('a'..='z').cycle().take(length).collect();
+            assert_eq!(written(&plain), format!("before\"{plain}\""));
+            for special in ["\"", "\\", "\0", "\u{1f}", "é"] {
+                for at in 0..=length {
+                    let mut text = plain.clone();
+                    text.insert_str(at, special);
+                    assert_eq!(written(&text), format!("before{}", serde_json::to_string(&text).unwrap()));
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_gbk_character_may_end_in_a_backslash_or_a_brace() {
         // 乗 is 81 5C; 亄 is 81 7B; 亇 is 81 7D is not, so the pairs are named by their bytes.
         for (trail, known) in [(0x5C, Some('乗')), (0x5B, None), (0x5D, None), (0x7B, None), (0x7D, None)] {

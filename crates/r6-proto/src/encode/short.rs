@@ -43,7 +43,7 @@ impl Short {
         if first { Self { bytes: self.bytes >> 8, length: self.length - 1 } } else { self }
     }
 
-    /// The text without its last bytes. It must have as many.
+    /// The text without its last bytes. It must have more.
     #[inline]
     pub const fn without_last(self, count: usize) -> Self {
         Self {
@@ -218,15 +218,23 @@ mod tests {
 
     #[test]
     fn a_decimal_that_fills_its_room_is_whole() {
-        let fixed = |scaled| {
+        let behind = |before, scaled| {
             let mut out = b"[".to_vec();
-            let appended = append_fixed(&mut out, Short::EMPTY, scaled, Decimals::SIX, true);
+            let appended = append_fixed(&mut out, before, scaled, Decimals::SIX, true);
             (appended, String::from_utf8(out).unwrap())
         };
+        let fixed = |scaled| behind(Short::EMPTY, scaled);
         assert_eq!(fixed(-9_999_999_999_999), (true, "[-9999999.999999\"".to_owned()));
         assert_eq!(fixed(-1), (true, "[-0.000001\"".to_owned()));
         assert_eq!(fixed(0), (true, "[0.000000\"".to_owned()));
         assert_eq!(fixed(10_000_000_000_000), (false, "[".to_owned()));
+        let longest = Short::EMPTY.and(b",\"abcdefghijk\":\"");
+        assert_eq!(longest.len(), Short::MOST);
+        assert_eq!(
+            behind(longest, -9_999_999_999_999),
+            (true, "[,\"abcdefghijk\":\"-9999999.999999\"".to_owned())
+        );
+        assert_eq!(behind(longest, 10_000_000_000_000), (false, "[".to_owned()));
     }
 
     #[test]

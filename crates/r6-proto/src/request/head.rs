@@ -39,7 +39,7 @@ impl Head {
     }
 }
 
-/// The heads by request, form and key, each in the order in which its type names them.
+/// The heads by request, form and key.
 static HEADS: [[[Head; 3]; 2]; 6] = {
     const fn keys(request: RequestType, form: DsIdForm) -> [Head; 3] {
         [
@@ -64,14 +64,27 @@ static HEADS: [[[Head; 3]; 2]; 6] = {
 /// Appends the head of a frame.
 #[inline]
 pub(super) fn append(out: &mut Vec<u8>, envelope: &Envelope<'_>, request: RequestType) {
-    let forms = HEADS.get(request as usize);
-    let keys = forms.and_then(|forms| forms.get(envelope.ds_id as usize));
-    // There is one for each; a test asks for all of them.
-    if let Some(head) = keys.and_then(|keys| keys.get(envelope.type_key as usize)) {
-        let end = out.len() + head.length;
-        out.extend_from_slice(&head.bytes);
-        out.truncate(end);
-    }
+    let [query, command, heartbreak, photo, add_points, add_rcc] = &HEADS;
+    let [long, short] = match request {
+        RequestType::Query => query,
+        RequestType::Command => command,
+        RequestType::Heartbreak => heartbreak,
+        RequestType::Photo => photo,
+        RequestType::AddPoints => add_points,
+        RequestType::AddRcc => add_rcc,
+    };
+    let [req_type, cmd_type, absent] = match envelope.ds_id {
+        DsIdForm::Long => long,
+        DsIdForm::Short => short,
+    };
+    let head = match envelope.type_key {
+        TypeKey::ReqType => req_type,
+        TypeKey::CmdType => cmd_type,
+        TypeKey::Absent => absent,
+    };
+    let end = out.len() + head.length;
+    out.extend_from_slice(&head.bytes);
+    out.truncate(end);
 }
 
 #[cfg(test)]
