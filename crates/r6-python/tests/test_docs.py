@@ -1,6 +1,7 @@
 """The Python that the pages show: each block compiles, has the right types, and does what the page says."""
 
 import ast
+import inspect
 import re
 import subprocess
 import sys
@@ -144,3 +145,10 @@ def test_it_does_what_the_page_says(name: str, virtual_controller: r6.Simulator,
     ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
     assert (ended.returncode, ended.stderr) == (0, ""), ended.stdout + ended.stderr
     DID[name](ended.stdout, virtual_controller)
+
+
+def test_help_tells_the_settings_as_the_stub_does() -> None:
+    stub = ast.parse((Path(r6.__file__).parent / "_r6.pyi").read_text())
+    told = {node.name: ast.get_docstring(node) for node in stub.body if isinstance(node, ast.ClassDef)}
+    for kind in (r6.RobotSettings, r6.RunOptions, r6.FollowOptions):
+        assert inspect.getdoc(kind) == told[kind.__name__]

@@ -193,6 +193,10 @@ class Robot:
                     following.target(position)
             print(following.finished().behind)
 
+        **A target counts for half a second** (``FollowOptions.fresh_within``), the last one too: for the arm to arrive, tell it again
+        until ``status()`` or ``Followed.behind`` says that it is there. Where an arm can go is not looked at beforehand: it goes
+        towards the target in steps, up to its soft limits.
+
         Each time the arm is ready for another step, the newest target counts; those that came in between are skipped. A
         step is never sent again, and nothing more is sent once targets are no longer fresh, the state cannot be read, or
         a handle of this connection sends a stop. ``Following`` tells what went wrong, ``NotReady`` at the beginning
