@@ -112,7 +112,7 @@ impl<C: Connect> Driver<C> {
             self.hub.connection_lost(reason);
             if unidentified {
                 // One attempt answers everybody who waited for it.
-                self.refuse_waiting(&NotSent::Unidentified { address: self.target.to_string(), reason });
+                self.tell_unconnected(&NotSent::Unidentified { address: self.target.to_string(), reason });
             }
             stream = match self.reconnect().await {
                 Ok(stream) => stream,
@@ -237,7 +237,7 @@ impl<C: Connect> Driver<C> {
             match connect(&mut self.target, self.settings.connect_timeout).await {
                 Ok(stream) => return Ok(stream),
                 // One attempt answers everybody who waited for it.
-                Err(error) => self.refuse_waiting(&error),
+                Err(error) => self.tell_unconnected(&error),
             }
         }
     }
@@ -264,8 +264,12 @@ impl<C: Connect> Driver<C> {
         }
     }
 
-    fn refuse_waiting(&mut self, error: &NotSent) {
+    fn tell_unconnected(&mut self, error: &NotSent) {
         tracing::info!(controller = %self.target, %error, "no connection");
+        self.refuse_waiting(error);
+    }
+
+    fn refuse_waiting(&mut self, error: &NotSent) {
         for job in self.held.drain(..) {
             job.not_sent(error.clone());
         }
