@@ -108,11 +108,38 @@ pub fn page(rows: &[Row]) -> String {
          if the whole middle half is beyond it. Rounds in which the yardstick was more than 15 % off its own median do not count, and of {ROUNDS} at \
          least {LEAST_ROUNDS} have to. Beside a fixed amount (a million, real time) the yardstick is a copy of memory. What is counted or weighed \
          (allocations, memory, processor time at rest) is so once.\n\n\
-         Ratios travel between machines, times do not: {model}; {kernel}; {rust}. The others: {}.\n\n{}\n{}{HOW_TO_READ}",
+         Ratios travel between machines, times do not: {model}; {kernel}; {rust}. The code: {}. The others: {}.\n\n{}\n{}\n\n{}{HOW_TO_READ}",
+        commit(),
         others(),
         table(rows),
+        sum(rows),
         reasons(rows)
     )
+}
+
+/// How many goals are held, and how many missed.
+fn sum(rows: &[Row]) -> String {
+    let [held, missed] =
+        [true, false].map(|held| rows.iter().filter(|row| row.holds() == Some(held)).count());
+    format!("Of {} goals {held} are held and {missed} are missed.", held + missed)
+}
+
+/// The commit that is measured, with its day, and a + where files have changed since.
+fn commit() -> String {
+    let git = |arguments: &[&str]| {
+        let output = std::process::Command::new("git").args(arguments).output().ok()?;
+        output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    };
+    let changed = git(&["status", "--porcelain", "--untracked-files=no", "--", ".", ":!*.md"]);
+    match (git(&["log", "-1", "--format=%h"]), git(&["log", "-1", "--format=%cs"])) {
+        (Some(commit), Some(day)) => {
+            format!(
+                "`{commit}{}`, {day}",
+                if changed.is_some_and(|files| files.is_empty()) { "" } else { "+" }
+            )
+        }
+        _ => "of no commit that git knows".to_owned(),
+    }
 }
 
 /// What stands below the table whatever is in it.
