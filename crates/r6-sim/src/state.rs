@@ -152,7 +152,8 @@ impl StateFile {
         let rename = DiskStep::Rename { from: self.path.clone(), to: aside.clone() };
         self.disk.carry_out(&rename).map_err(failed("renamed"))?;
         let why = format!(
-            "{}: {problem}; the file is kept as {}, and the controller begins anew",
+            "{}: {problem}; the file is kept as {}, and the controller begins anew without what it held: stop it and put the file right, or \
+             clear the alarm",
             self.path.display(),
             aside.display()
         );

@@ -30,8 +30,8 @@ FILE.toml is written by people: one [[instruction]] table for each step, in orde
   do = \"axis-move\"        to = [degrees of J1, J2, …]
   do = \"linear-move\"      to = [X, Y, Z] or [X, Y, Z, U, V, W], mm and degrees
   do = \"curve-move\"       through = [X, Y, Z, U, V, W], to = [X, Y, Z, U, V, W]
-                          moves also: speed (percent), blend (0-9), delay (seconds before),
-                          mask (0x3F), tool, work_frame
+                          each move needs its speed (percent), and can have blend (0-9),
+                          delay (seconds before), mask (0x3F), tool, work_frame
   do = \"wait\"             seconds; or: source (\"input\", \"m\", \"eu\"), board, point,
                           until (\"on\", \"off\", \"rising\", \"falling\"), limit (seconds)
   do = \"output\"           kind (\"y\", \"m\", \"euy\"), point, on, delay (seconds before);

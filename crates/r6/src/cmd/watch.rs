@@ -34,7 +34,7 @@ pub struct WatchArgs {
     /// Query addresses, as for `r6 query`
     #[arg(value_name = "ADDRESS", required = true, value_parser = AddressWord, hide_possible_values = true)]
     addresses: Vec<Address>,
-    /// Time from one reading to the next: 100ms, 1s
+    /// Time from one reading to the next: 100ms, 1s; a number alone is seconds
     #[arg(long, value_name = "TIME", default_value = "500ms", value_parser = units::duration)]
     every: Duration,
     /// End after so many readings

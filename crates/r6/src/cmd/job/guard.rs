@@ -18,10 +18,10 @@ pub struct GuardArgs {
     /// Limits of this cell (see `r6 run --help`): if a step goes beyond, nothing is sent
     #[arg(long, value_name = "FILE.toml")]
     guard: Option<PathBuf>,
-    /// No move is faster than this; of --guard and this, the lower counts
+    /// Refuse what has a faster move than this; of --guard and this, the lower counts
     #[arg(long, value_name = "PERCENT", value_parser = units::speed_percent)]
     max_speed: Option<f64>,
-    /// No axis move turns an axis further than this at once; of --guard and this, the lower counts
+    /// Refuse what turns an axis further than this in one axis move; of --guard and this, the lower counts
     #[arg(long, value_name = "DEGREES", value_parser = units::largest_step)]
     max_axis_step: Option<f64>,
 }

@@ -82,7 +82,11 @@ impl Panel {
         let (status, body) = match tokio::time::timeout(PATIENCE, exchange).await {
             Ok(Ok(reply)) => reply,
             Ok(Err(why)) => return Err(no_reply(&why)),
-            Err(_) => return Err(no_reply(&format!("none came within {PATIENCE:?}"))),
+            Err(_) => {
+                return Err(no_reply(&format!(
+                    "none came within {PATIENCE:?}; the port of a robot is not that of its panel"
+                )));
+            }
         };
         if status.is_success() {
             return serde_json::from_slice(&body)
