@@ -1,5 +1,5 @@
-//! Addresses as the items of a query: names in quotes. Nearly all that are ever asked for are ready made and copied; counters and
-//! registers are put together.
+//! Addresses as the items of a query: names in quotes. Nearly all that are ever asked for are ready made and copied; registers, and
+//! counters from 8 on, are put together.
 
 use super::{ADDRESSES, Address};
 use crate::encode::{Short, write_closed_integer};
@@ -8,55 +8,27 @@ impl Address {
     /// Appends the name in quotes, with a comma before it unless it is the first of its list.
     #[inline]
     pub(crate) fn write_item(self, first: bool, out: &mut Vec<u8>) {
-        match ITEMS.get(self.row()).and_then(|row| row.get(self.column())) {
+        #[expect(clippy::indexing_slicing, reason = "a constant below the table's length in every arm")]
+        let row = &ITEMS[self.row()];
+        let index = self.index().unwrap_or(0);
+        match row.get(index as usize) {
             Some(item) => item.behind_comma(first).append_to(out),
-            None => self.write_long_item(first, out),
+            None => write_long_item(row, index, first, out),
         }
     }
+}
 
-    /// Where its item stands in its row of [`ITEMS`]; beyond the end for a name that is put together.
-    #[inline]
-    fn column(self) -> usize {
-        match self {
-            Self::Input(n) | Self::Output(n) | Self::M(n) => usize::from(n),
-            Self::Axis(axis)
-            | Self::World(axis)
-            | Self::CurTorque(axis)
-            | Self::CurSpeed(axis)
-            | Self::Faxis(axis) => axis.index(),
-            Self::Counter(_) | Self::Addr(_) => COLUMNS,
-            Self::Version
-            | Self::CurMold
-            | Self::CounterList
-            | Self::CurMode
-            | Self::BoardIoNum
-            | Self::AxisNum
-            | Self::CurAlarm
-            | Self::CurCycle
-            | Self::LastCycle
-            | Self::MachineName
-            | Self::CurAccount
-            | Self::Origin
-            | Self::MoldList
-            | Self::IsMoving
-            | Self::RemoteCmdLen
-            | Self::ToolCoord => 0,
-        }
-    }
-
-    /// The same for an index beyond the table: the name of index 0 without its digit, then the index.
-    #[inline(never)]
-    fn write_long_item(self, first: bool, out: &mut Vec<u8>) {
-        let [zeroth, ..] = ITEMS.get(self.row()).copied().unwrap_or([Short::EMPTY; COLUMNS]);
-        zeroth.behind_comma(first).without_last(b"0\"".len()).append_to(out);
-        write_closed_integer(out, self.index().map_or(0, i64::from));
-    }
+/// The same for an index beyond the row: the name of index 0 without its digit, then the index.
+#[inline(never)]
+fn write_long_item([zeroth, ..]: &[Short; COLUMNS], index: u32, first: bool, out: &mut Vec<u8>) {
+    zeroth.behind_comma(first).without_last(b"0\"".len()).append_to(out);
+    write_closed_integer(out, i64::from(index));
 }
 
 /// How many items of a row are ready made: axes and words are numbered from 0 to 7.
 const COLUMNS: usize = 8;
 
-/// The names in quotes behind a comma, by row and index. In a row without an index, of counters and of registers only the first
+/// The names in quotes behind a comma, by row and index. In a row without an index, and in that of the registers, only the first
 /// counts.
 static ITEMS: [[Short; COLUMNS]; ADDRESSES.len()] = {
     let mut items = [[Short::EMPTY; COLUMNS]; ADDRESSES.len()];
