@@ -32,10 +32,7 @@ enum PanelPlace {
 fn panel_place(text: &str) -> Result<PanelPlace, String> {
     match text {
         "off" => Ok(PanelPlace::Off),
-        _ => text
-            .parse()
-            .map(PanelPlace::At)
-            .map_err(|_| "write it as 127.0.0.1:9770, with port 0 for any free one, or `off`".to_owned()),
+        _ => units::panel_address(text).map(PanelPlace::At).map_err(|wanted| format!("{wanted}; or `off`")),
     }
 }
 

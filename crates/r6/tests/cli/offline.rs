@@ -61,6 +61,10 @@ fn a_wrong_argument_is_answered_with_a_right_one() {
         (["sim", "--listen=9760"], "127.0.0.1:9760 for this machine alone"),
         (["up", "--listen=localhost:9760"], "127.0.0.1:9760 for this machine alone"),
         (["sim", "--panel=9770"], "write IP:PORT, as 127.0.0.1:9770"),
+        (
+            ["up", "--panel=no"],
+            "write IP:PORT, as 127.0.0.1:9770, or 127.0.0.1:0 for any free port; or `off`",
+        ),
     ] {
         let outcome = r6(&args);
         assert_eq!(outcome.code, 2, "{args:?}");
