@@ -14,7 +14,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use r6_client::units::AxisPosition;
-use r6_client::{AxisIndex, FollowOptions, Followed, Robot, RobotSettings};
+use r6_client::{AxisIndex, FollowOptions, Followed, Robot, RobotSettings, TargetSender};
 use tokio::time::{Instant, interval};
 
 /// Targets per second.
@@ -54,7 +54,7 @@ pub async fn run(robot: &Robot, time: Duration, while_moving: bool) -> Result<Fo
     let first = AxisIndex::ALL[0];
     let status = robot.status().await?;
     let [Some(middle), ..] = status.axes else { return Err("J1 cannot be read".into()) };
-    let (target, targets) = tokio::sync::watch::channel(AxisPosition::degrees([middle]));
+    let (target, targets) = TargetSender::new();
 
     // Where the target is: in a cell a camera or a conveyor tells. It goes on sending when nothing changes, because what is
     // older than half a second is followed no more.
@@ -65,7 +65,7 @@ pub async fn run(robot: &Robot, time: Duration, while_moving: bool) -> Result<Fo
             tick.tick().await;
             let seconds = begun.elapsed().min(time).as_secs_f64();
             let sway = 15.0 * (seconds * std::f64::consts::TAU / 10.0).sin();
-            target.send_replace(AxisPosition::degrees([middle + sway]));
+            target.send(AxisPosition::degrees([middle + sway]));
         }
         // The sender is dropped here: the arm makes its last step, and following ends.
     };
@@ -84,6 +84,7 @@ pub async fn run(robot: &Robot, time: Duration, while_moving: bool) -> Result<Fo
         followed = following => followed?,
         () = watching => return Err("the handle was closed".into()),
     };
-    println!("{} steps, {:.2} from the last target", followed.steps, followed.behind);
+    let behind = followed.behind.map_or("not known how far".to_owned(), |behind| format!("{behind:.2}"));
+    println!("{} steps, {behind} from the last target", followed.steps);
     Ok(followed)
 }

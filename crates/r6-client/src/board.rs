@@ -22,6 +22,8 @@ pub(crate) struct Last {
     pub value: Result<Reading, NoReading>,
     /// When it was asked for: the value is no older.
     pub at: Instant,
+    /// The number of the connection that it was read over; `None` where the connection changed while it was read.
+    pub connection: Option<u64>,
 }
 
 /// Subscriptions, plan and values.
@@ -231,7 +233,8 @@ impl Board {
             if let Some(at) = asked_at.of(position)
                 && shared.plan.every(*address).is_some()
             {
-                shared.values.insert(*address, Last { value: value.clone(), at });
+                let connection = result.connection();
+                shared.values.insert(*address, Last { value: value.clone(), at, connection });
             }
         }
         shared.failure = None;
@@ -277,7 +280,9 @@ fn took_its_time(error: &RequestError) -> bool {
         },
         RequestError::OutcomeUnknown(unknown) => match unknown {
             OutcomeUnknown::TimedOut { .. } | OutcomeUnknown::ConnectionLost { .. } => true,
-            OutcomeUnknown::Unreadable { .. } | OutcomeUnknown::Unclear { .. } => false,
+            OutcomeUnknown::Unreadable { .. }
+            | OutcomeUnknown::Unclear { .. }
+            | OutcomeUnknown::AnotherRobot { .. } => false,
         },
         RequestError::Refused(_) => false,
     }

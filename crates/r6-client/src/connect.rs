@@ -4,10 +4,12 @@ use std::fmt;
 use std::future::Future;
 use std::io;
 use std::net::Ipv6Addr;
+use std::pin::Pin;
 use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
+use tokio::sync::Mutex;
 use tokio::time::timeout;
 
 use crate::error::NotSent;
@@ -27,16 +29,88 @@ pub trait Connect: fmt::Display + Send + 'static {
     fn connect(&mut self) -> impl Future<Output = io::Result<Self::Stream>> + Send;
 }
 
-/// One attempt to connect, within a time.
-pub(crate) async fn connect<C: Connect>(target: &mut C, within: Duration) -> Result<C::Stream, NotSent> {
-    let attempt = timeout(within, target.connect()).await;
-    let address = target.to_string();
-    match attempt {
-        Ok(Ok(stream)) => Ok(stream),
-        Ok(Err(error)) => {
-            Err(NotSent::Unreachable { address, kind: error.kind(), detail: error.to_string() })
+/// A connection whose kind does not matter.
+pub(crate) trait Carrier: AsyncRead + AsyncWrite + Unpin + Send {}
+
+impl<S: AsyncRead + AsyncWrite + Unpin + Send> Carrier for S {}
+
+/// Makes the connections of one handle, one attempt at a time.
+pub(crate) struct Dialer<C> {
+    target: Mutex<C>,
+    name: String,
+}
+
+impl<C> fmt::Debug for Dialer<C> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Dialer").field(&self.name).finish()
+    }
+}
+
+/// The same, whatever makes them: for a second connection beside the first.
+pub(crate) trait Dial: fmt::Debug + Send + Sync {
+    /// One attempt to connect, within a time.
+    fn dial(
+        &self,
+        within: Duration,
+    ) -> Pin<Box<dyn Future<Output = Result<Box<dyn Carrier>, NotSent>> + Send + '_>>;
+}
+
+impl<C: Connect> Dialer<C> {
+    pub fn new(target: C) -> Self {
+        let name = target.to_string();
+        Self { target: Mutex::new(target), name }
+    }
+
+    /// What messages call the controller.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// One attempt to connect, within a time.
+    pub async fn connect(&self, within: Duration) -> Result<C::Stream, NotSent> {
+        let attempt = timeout(within, async { self.target.lock().await.connect().await }).await;
+        let address = self.name.clone();
+        match attempt {
+            Ok(Ok(stream)) => Ok(stream),
+            Ok(Err(error)) => {
+                Err(NotSent::Unreachable { address, kind: error.kind(), detail: error.to_string() })
+            }
+            Err(_elapsed) => Err(NotSent::ConnectTimedOut { address, after: within }),
         }
-        Err(_elapsed) => Err(NotSent::ConnectTimedOut { address, after: within }),
+    }
+}
+
+impl<C: Connect> Dial for Dialer<C> {
+    fn dial(
+        &self,
+        within: Duration,
+    ) -> Pin<Box<dyn Future<Output = Result<Box<dyn Carrier>, NotSent>> + Send + '_>> {
+        Box::pin(async move { Ok(Box::new(self.connect(within).await?) as Box<dyn Carrier>) })
+    }
+}
+
+/// A connection that was made already, and no other after it.
+pub(crate) struct Once {
+    name: String,
+}
+
+impl Once {
+    pub fn new(name: &str) -> Self {
+        Self { name: name.to_owned() }
+    }
+}
+
+impl Connect for Once {
+    type Stream = Box<dyn Carrier>;
+
+    async fn connect(&mut self) -> io::Result<Self::Stream> {
+        Err(io::Error::new(io::ErrorKind::NotConnected, "this connection is not made anew"))
+    }
+}
+
+impl fmt::Display for Once {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name)
     }
 }
 

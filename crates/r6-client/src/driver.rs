@@ -13,7 +13,7 @@ use tokio::time::{Instant, sleep, timeout};
 
 use crate::backoff::Backoff;
 use crate::clock::Clock;
-use crate::connect::{Connect, connect};
+use crate::connect::{Connect, Dialer};
 use crate::driver::wake::{Waiter, Woken};
 use crate::error::{Effect, NotSent};
 use crate::job::Job;
@@ -45,7 +45,7 @@ enum Ended {
 /// The task behind a handle.
 #[derive(Debug)]
 pub(crate) struct Driver<C> {
-    pub target: C,
+    target: Arc<Dialer<C>>,
     pub settings: RobotSettings,
     pub urgent: mpsc::Receiver<Urgent>,
     pub ordinary: mpsc::Receiver<Job>,
@@ -61,7 +61,7 @@ pub(crate) struct Driver<C> {
 
 impl<C: Connect> Driver<C> {
     pub fn new(
-        target: C,
+        target: Arc<Dialer<C>>,
         settings: RobotSettings,
         urgent: mpsc::Receiver<Urgent>,
         ordinary: mpsc::Receiver<Job>,
@@ -82,10 +82,11 @@ impl<C: Connect> Driver<C> {
         }
     }
 
-    /// Serves the handles until the last is gone.
-    pub async fn run(mut self, first: C::Stream) {
-        let mut link = Link::new(&self.settings, true, self.next_pack_id, &self.hub, self.clock.now());
-        let mut stream = first;
+    /// Serves the handles until the last is gone. Where it is known already who is meant, this connection has to say first who is
+    /// there, like one that was made anew.
+    pub async fn run(mut self, mut stream: C::Stream) {
+        let first = self.hub.known().expected.is_none();
+        let mut link = Link::new(&self.settings, first, self.next_pack_id, &self.hub, self.clock.now());
         loop {
             let begun = Instant::now();
             let ended = self.serve(&mut stream, &mut link).await;
@@ -100,7 +101,7 @@ impl<C: Connect> Driver<C> {
                 close(&mut stream, &mut link).await;
             }
             drop(stream);
-            tracing::info!(controller = %self.target, %reason, "connection ended");
+            tracing::info!(controller = self.target.name(), %reason, "connection ended");
             let unidentified = !link.is_first() && link.is_introducing();
             let (again, next_pack_id) = link.abandon(reason, self.clock.now());
             let waiting: Vec<Job> = self.held.drain(..).chain(again).collect();
@@ -112,14 +113,17 @@ impl<C: Connect> Driver<C> {
             self.hub.connection_lost(reason);
             if unidentified {
                 // One attempt answers everybody who waited for it.
-                self.tell_unconnected(&NotSent::Unidentified { address: self.target.to_string(), reason });
+                self.tell_unconnected(&NotSent::Unidentified {
+                    address: self.target.name().to_owned(),
+                    reason,
+                });
             }
             stream = match self.reconnect().await {
                 Ok(stream) => stream,
                 Err(done) => return self.refuse_all(&NotSent::Closed, done),
             };
             link = Link::new(&self.settings, false, self.next_pack_id, &self.hub, self.clock.now());
-            tracing::info!(controller = %self.target, "connected anew");
+            tracing::info!(controller = self.target.name(), "connected anew");
             self.hub.meter().reconnected();
         }
     }
@@ -140,7 +144,7 @@ impl<C: Connect> Driver<C> {
             let woken = waiter.woken(stream, link, urgent, ordinary, self.clock).await;
             let mut alive = Ok(());
             match woken {
-                Woken::Urgent(Some(Urgent::Job(job))) => self.hand_over_unless_another(job, link),
+                Woken::Urgent(Some(Urgent::Job(job))) => self.hand_over_urgent(job, link),
                 Woken::Urgent(Some(Urgent::Close(done))) => return Ended::Closed(Some(done)),
                 Woken::Urgent(None) | Woken::Ordinary(None) => return Ended::Closed(None),
                 Woken::Ordinary(Some(job)) => self.hand_over_once_known(job, link),
@@ -161,6 +165,21 @@ impl<C: Connect> Driver<C> {
         }
     }
 
+    /// A stop leaves at once, unless the controller has yet to say whether it is the one that is meant; what confirms the stop leaves
+    /// behind it.
+    fn hand_over_urgent(&mut self, job: Job, link: &mut Link) {
+        if link.holds_stops() {
+            self.held.push_back(job);
+            return;
+        }
+        let stops = job.work.sent().effect == Effect::Stops;
+        self.hand_over_unless_another(job, link);
+        if stops && link.is_first() && self.hub.known().present.is_none() {
+            // Over another connection it has to be known whom the stop was meant for.
+            link.begin_introduction();
+        }
+    }
+
     /// What waited for this connection, or until the controller has said who it is. Stops come first and wait for neither.
     fn hand_over_held(&mut self, link: &mut Link) {
         while let Some(job) = self.held.front() {
@@ -168,7 +187,7 @@ impl<C: Connect> Driver<C> {
                 Effect::Stops => Lane::Urgent,
                 Effect::Reads | Effect::Changes | Effect::Moves => Lane::Ordinary,
             };
-            if !link.has_room(lane) {
+            if !link.has_room(lane) || (lane == Lane::Urgent && link.holds_stops()) {
                 return;
             }
             if let Some(job) = self.held.pop_front() {
@@ -206,7 +225,7 @@ impl<C: Connect> Driver<C> {
         if job.only_on.is_some_and(|only| only != self.hub.known().connection) {
             return job.not_sent(NotSent::Disconnected);
         }
-        if job.work.needs_known_state()
+        if job.work.is_for_one_robot()
             && let Some(another) = self.hub.stranger()
         {
             return job.not_sent(another);
@@ -234,7 +253,7 @@ impl<C: Connect> Driver<C> {
                     () = &mut backoff => break,
                 }
             }
-            match connect(&mut self.target, self.settings.connect_timeout).await {
+            match self.target.connect(self.settings.connect_timeout).await {
                 Ok(stream) => return Ok(stream),
                 // One attempt answers everybody who waited for it.
                 Err(error) => self.tell_unconnected(&error),
@@ -265,7 +284,7 @@ impl<C: Connect> Driver<C> {
     }
 
     fn tell_unconnected(&mut self, error: &NotSent) {
-        tracing::info!(controller = %self.target, %error, "no connection");
+        tracing::info!(controller = self.target.name(), %error, "no connection");
         self.refuse_waiting(error);
     }
 
@@ -328,7 +347,7 @@ mod tests {
         let (_urgent, urgent) = mpsc::channel(1);
         let (_ordinary, ordinary) = mpsc::channel(1);
         let backoff = Backoff::new(settings.reconnect, || 0);
-        let target = crate::connect::Tcp::parse("robot").unwrap();
+        let target = Arc::new(Dialer::new(crate::connect::Tcp::parse("robot").unwrap()));
         let hub = Arc::default();
         let mut link = Link::new(&settings, true, 1, &hub, Instant::ORIGIN);
         let driver = Driver::new(target, settings, urgent, ordinary, hub, backoff);

@@ -158,6 +158,16 @@ pub enum OutcomeUnknown {
         /// What it says, cut at 48 characters.
         answer: String,
     },
+    /// A query was answered by another controller than the one that this handle was used with before: its values are not
+    /// handed out. [`crate::Robot::accept_identity`] takes it for the one that is meant.
+    AnotherRobot {
+        /// What was sent.
+        request: Sent,
+        /// The one that this handle was used with so far.
+        expected: Box<Identity>,
+        /// The one that answered.
+        found: Box<Identity>,
+    },
 }
 
 impl OutcomeUnknown {
@@ -168,7 +178,8 @@ impl OutcomeUnknown {
             Self::TimedOut { request, .. }
             | Self::ConnectionLost { request, .. }
             | Self::Unreadable { request, .. }
-            | Self::Unclear { request, .. } => *request,
+            | Self::Unclear { request, .. }
+            | Self::AnotherRobot { request, .. } => *request,
         }
     }
 }
@@ -330,6 +341,14 @@ impl fmt::Display for OutcomeUnknown {
             }
             Self::Unclear { answer, .. } => {
                 write!(f, "{}: the reply is neither ok nor err: `{answer}`", request.word)?;
+            }
+            Self::AnotherRobot { expected, found, .. } => {
+                return write!(
+                    f,
+                    "{}: another robot answered at this address: {found}; before the connection was lost it was {expected}. \
+                     Check the cabling and the address; if the new one is meant, accept it (accept_identity) or connect anew",
+                    request.word
+                );
             }
         }
         f.write_str(match request.effect {

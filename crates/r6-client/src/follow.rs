@@ -1,25 +1,27 @@
 //! Following a target that moves: one small step after the other, always towards where the target is now.
 
 mod step;
+mod target;
 
 use std::time::Duration;
 
 use r6_proto::OperationMode;
 use r6_proto::address::Address;
 use r6_proto::axis::AXES;
-use tokio::sync::watch;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use crate::error::{NotSent, OutcomeUnknown, RequestError};
+use crate::evidence::{About, Sample};
 use crate::follow::step::Step;
+pub use crate::follow::target::{TargetSender, Targets};
 use crate::guard::{Start, Violation};
 use crate::handle::Progress;
 use crate::job::{Terms, Work};
 use crate::link::Lane;
-use crate::motion::Sample;
 use crate::moves::StepError;
 use crate::path::place::Place;
 use crate::robot::Robot;
+use crate::status::Status;
 use crate::stream::{Cause, MotionError, RunOptions};
 use crate::units::{AxisPosition, Degrees, Percent};
 
@@ -60,8 +62,8 @@ pub struct FollowOptions {
     /// are in its list at most. Default no. On a real arm try it at low speed, and look at the load of the servos (`curTorque-n`). On
     /// firmware that does not tell the length of its list (`RemoteCmdLen`) it has no effect.
     pub while_moving: bool,
-    /// How long a target counts, and a step towards it may still leave, when no other comes, not even the same again: a source that hangs must not keep the arm
-    /// going. Above 0. Default 500 ms.
+    /// How long after it was told ([`TargetSender::send`]) a target counts and a step towards it may still leave, when no other comes,
+    /// not even the same again: a source that hangs must not keep the arm going. Above 0. Default 500 ms.
     pub fresh_within: Duration,
     /// How long after a step was accepted the arm may stand elsewhere than at its end. Default 1 s.
     pub start_within: Duration,
@@ -119,8 +121,9 @@ pub struct Followed {
     pub steps: usize,
     /// Where the arm stands.
     pub axes: [Option<f64>; AXES],
-    /// How far the farthest axis is from the last target.
-    pub behind: Degrees,
+    /// How far the farthest axis is from the last target that was told, whether or not a step towards it was made. `None` if none was
+    /// told, or it is not known where one of its axes is.
+    pub behind: Option<Degrees>,
 }
 
 impl Robot {
@@ -140,30 +143,26 @@ impl Robot {
     /// # let address = controller.address().to_string();
     /// use std::time::Duration;
     /// use r6_client::units::AxisPosition;
-    /// use r6_client::{FollowOptions, Robot, RobotSettings};
+    /// use r6_client::{FollowOptions, Robot, RobotSettings, TargetSender};
     ///
     /// let robot = Robot::connect(&address, RobotSettings::default()).await?;
-    /// let (target, targets) = tokio::sync::watch::channel(AxisPosition::none());
+    /// let (target, targets) = TargetSender::new();
     /// let source = async move {
     ///     for n in 0..10 {
-    ///         target.send_replace(AxisPosition::degrees([f64::from(n)]));
+    ///         target.send(AxisPosition::degrees([f64::from(n)]));
     ///         tokio::time::sleep(Duration::from_millis(50)).await;
     ///     }
     /// };
     /// let (followed, ()) = tokio::join!(robot.follow(targets, FollowOptions::default()), source);
     /// let followed = followed?;
-    /// println!("{} steps, {:.1} from the last target", followed.steps, followed.behind);
+    /// println!("{} steps, {:?} from the last target", followed.steps, followed.behind);
     /// # Ok(()) }
     /// ```
     ///
     /// # Errors
     /// [`MotionError`]: as for [`Robot::run`]; its steps are those that were sent. [`Cause::Step`] names a field of the options that
     /// cannot be followed with, before anything is asked.
-    pub async fn follow(
-        &self,
-        targets: watch::Receiver<AxisPosition>,
-        options: FollowOptions,
-    ) -> Result<Followed, MotionError> {
+    pub async fn follow(&self, targets: Targets, options: FollowOptions) -> Result<Followed, MotionError> {
         let failed = |cause| MotionError {
             cause,
             progress: Progress { ended: true, ..Progress::default() },
@@ -172,8 +171,8 @@ impl Robot {
         options.check().map_err(|error| failed(Cause::Step(error)))?;
         let (turn, mut stops) = self.turn().await.map_err(failed)?;
         let ready = RunOptions { idle_mode: options.idle_mode, ..RunOptions::default() };
-        let (status, connection) = self.look_before(ready).await.map_err(failed)?;
-        let mut following = Following::new((self, connection), targets, options, status.axes);
+        let (status, about) = self.look_before(ready).await.map_err(failed)?;
+        let mut following = Following::new((self, about), targets, options, status);
         let (cause, stop) = tokio::select! {
             biased;
             // This handle keeps the sender alive.
@@ -200,13 +199,15 @@ impl Robot {
 /// A target that is being followed.
 struct Following<'r> {
     robot: &'r Robot,
-    /// The connection that it began on: no other gets a step of it.
-    connection: u64,
-    targets: watch::Receiver<AxisPosition>,
+    /// The robot and connection that it began on: no other gets a step of it.
+    about: About,
+    /// What was seen before it began.
+    status: Status,
+    targets: Targets,
     options: FollowOptions,
     target: AxisPosition,
-    /// When it last came.
-    came: Instant,
+    /// When it was told; `None` before the first one.
+    told_at: Option<Instant>,
     /// Where the arm stands once all that was sent is done.
     commanded: [Option<f64>; AXES],
     /// Where the last step ends, while it may be under way, and when it was accepted.
@@ -221,20 +222,21 @@ struct Following<'r> {
 
 impl<'r> Following<'r> {
     fn new(
-        (robot, connection): (&'r Robot, u64),
-        mut targets: watch::Receiver<AxisPosition>,
+        (robot, about): (&'r Robot, About),
+        targets: Targets,
         options: FollowOptions,
-        axes: [Option<f64>; AXES],
+        status: Status,
     ) -> Self {
         let now = Instant::now();
-        let target = *targets.borrow_and_update();
+        let axes = status.axes;
         Self {
             robot,
-            connection,
+            about,
+            status,
             targets,
             options,
-            target,
-            came: now,
+            target: AxisPosition::none(),
+            told_at: None,
             commanded: axes,
             under_way: None,
             went_on: (now, axes),
@@ -250,13 +252,14 @@ impl<'r> Following<'r> {
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tick.tick().await;
-            let sample = match self.robot.sample(Lane::Ordinary).await {
-                Ok(sample) => sample,
+            let seen = match self.robot.observe(Lane::Ordinary).await {
+                Ok(seen) => seen,
                 Err(error) => {
                     self.missed_a_read(error)?;
                     continue;
                 }
             };
+            let sample = seen.values;
             if let Some(address) = unreadable(&sample) {
                 let request = Work::Query(Vec::new()).sent();
                 let answer = format!("no value for {address}");
@@ -264,18 +267,19 @@ impl<'r> Following<'r> {
                 continue;
             }
             self.failed = 0;
-            if self.under_way.is_some() && self.robot.connection() != self.connection {
-                // What another connection shows says nothing of a step that left on this one.
+            if !seen.is_about(&self.about) {
+                // What another connection shows says nothing of a step that left on this one, and no other gets a step.
                 sample.check(self.options.idle_mode)?;
                 return Err(Cause::Unreadable(NotSent::Disconnected.into()));
             }
             self.judge(&sample, Instant::now())?;
             let ended = self.look_at_target();
             if ended && self.under_way.is_none() {
-                let behind = Degrees(step::farthest(&sample.axes, &self.target).unwrap_or(0.0));
+                let told = self.told_at.and_then(|_| step::farthest(&sample.axes, &self.target));
+                let behind = told.map(Degrees);
                 return Ok(Followed { steps: self.done, axes: sample.axes, behind });
             }
-            if !ended && self.came.elapsed() <= self.options.fresh_within && self.has_room(&sample) {
+            if !ended && self.target_is_fresh() && self.has_room(&sample) {
                 self.step(&sample).await?;
             }
         }
@@ -283,12 +287,13 @@ impl<'r> Following<'r> {
 
     /// Takes in the newest target; `true` once there is nobody to send another.
     fn look_at_target(&mut self) -> bool {
-        let news = self.targets.has_changed();
-        if matches!(news, Ok(true)) {
-            self.came = Instant::now();
-            self.target = *self.targets.borrow_and_update();
-        }
-        news.is_err()
+        let (told, ended) = self.targets.newest();
+        (self.target, self.told_at) = (told.target, told.at);
+        ended
+    }
+
+    fn target_is_fresh(&self) -> bool {
+        self.told_at.is_some_and(|at| at.elapsed() <= self.options.fresh_within)
     }
 
     fn missed_a_read(&mut self, error: RequestError) -> Result<(), Cause> {
@@ -299,6 +304,11 @@ impl<'r> Following<'r> {
     /// What the read tells of the machine and of the step that is under way.
     fn judge(&mut self, sample: &Sample, now: Instant) -> Result<(), Cause> {
         sample.check(self.options.idle_mode)?;
+        // A step on top of somebody else's list would begin nobody knows where.
+        let own = if self.under_way.is_none() { 0 } else { MOST_IN_LIST };
+        if let Some(length) = sample.list_length.filter(|length| *length > own) {
+            return Err(Cause::AnotherList { length });
+        }
         let (since, before) = self.went_on;
         if sample.went_on_from(&before) {
             self.went_on = (now, sample.axes);
@@ -345,6 +355,9 @@ impl<'r> Following<'r> {
             return Ok(());
         };
         let instruction = step::instruction(to, &self.options).map_err(Cause::Step)?;
+        if let Some(error) = self.status.step_beyond_axes(&[instruction]) {
+            return Err(Cause::Step(error));
+        }
         if let Some(guard) = self.robot.guard() {
             let from = Start { axes: self.commanded, pose: sample.pose };
             // Steps are counted from the first that was sent, as in the progress.
@@ -354,8 +367,8 @@ impl<'r> Following<'r> {
         let place = Place::of(&instruction.action);
         self.sent += 1;
         // A step that waits behind other requests must not leave for a target that is old by then.
-        let leave_by = self.came.checked_add(self.options.fresh_within);
-        let terms = Terms { leave_by, only_on: Some(self.connection) };
+        let leave_by = self.told_at.and_then(|at| at.checked_add(self.options.fresh_within));
+        let terms = Terms { leave_by, only_on: Some(self.about.connection) };
         let step = Work::AddRcc { replace: false, instructions: vec![instruction] };
         match self.robot.accepted_on(terms, step, Lane::Ordinary).await {
             Ok(_) => {

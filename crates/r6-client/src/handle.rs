@@ -86,12 +86,13 @@ impl fmt::Display for Progress {
 
 /// A motion that runs ([`Robot::run`]).
 ///
-/// Dropping it ends the streaming: nothing more is sent, and the arm finishes what is in its list, unless
-/// [`crate::RunOptions::stop_on_drop`] says that it is to be stopped. That takes a runtime that lives on; use
-/// [`Self::stop`] where it might not.
-#[must_use = "dropping the handle ends the streaming"]
+/// Dropping it does not end the motion: it is streamed on to its end, and [`Robot::wait_until_done`] waits for that. With
+/// [`crate::RunOptions::stop_on_drop`] the arm is stopped instead. Both take a runtime that lives on; use [`Self::stop`] or
+/// [`Self::finished`] where it might not.
+#[must_use = "nobody hears of a motion that fails after its handle was dropped, unless it is waited for (wait_until_done)"]
 pub struct MotionHandle {
     pub(crate) robot: Robot,
+    pub(crate) number: u64,
     pub(crate) progress: watch::Receiver<Progress>,
     /// Sends when the arm is to stop; dropped with the handle.
     pub(crate) end: Option<oneshot::Sender<()>>,
@@ -109,6 +110,12 @@ impl fmt::Debug for MotionHandle {
 }
 
 impl MotionHandle {
+    /// The number of the motion among those of its robot's handle, counted from 1: [`Done::motion`] names it.
+    #[must_use]
+    pub fn number(&self) -> u64 {
+        self.number
+    }
+
     /// How far it is now.
     #[must_use]
     pub fn progress(&self) -> Progress {
@@ -136,7 +143,7 @@ impl MotionHandle {
 
     /// Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state, not by "ok".
     ///
-    /// Dropping the future drops the handle, and so ends the streaming; [`Self::wait`] leaves it.
+    /// Dropping the future drops the handle; [`Self::wait`] leaves it.
     ///
     /// # Errors
     /// [`MotionError`]: why it ended before, what became of the steps, and what became of the arm.
@@ -167,6 +174,7 @@ impl MotionHandle {
                 Ended { result, stopped_as_asked: false }
             }
         };
+        self.robot.motions().told(self.number);
         self.outcome = Some(ended.clone());
         ended
     }

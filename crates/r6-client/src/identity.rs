@@ -157,7 +157,7 @@ impl Introduction {
                     }
                 }
             }
-            Ok(Answer::Mismatch { .. } | Answer::Accepted(_) | Answer::Left) | Err(_) => missing = asked,
+            Ok(Answer::Mismatch { .. } | Answer::Accepted { .. } | Answer::Left) | Err(_) => missing = asked,
         }
         match missing.as_slice() {
             [] => self.odd = 0,
@@ -259,6 +259,9 @@ mod tests {
     use r6_proto::time::Instant;
 
     use super::*;
+    use crate::job::Answered;
+
+    const ON: Answered = Answered { connection: 0, asked_at: Instant::ORIGIN, after: Duration::ZERO };
 
     fn text(text: &str) -> Reading {
         Reading::Text(text.to_owned())
@@ -267,11 +270,11 @@ mod tests {
     fn answer(values: Vec<Reading>) -> Result<Answer, RequestError> {
         // Which address each is the value of, the introduction knows.
         let rows = values.into_iter().map(|value| (Address::Version, Ok(value))).collect();
-        Ok(Answer::Values { rows, asked_at: Instant::ORIGIN, after: Duration::ZERO })
+        Ok(Answer::Values { rows, on: ON })
     }
 
     fn short(answered: usize) -> Result<Answer, RequestError> {
-        Ok(Answer::Mismatch { answered, after: Duration::ZERO })
+        Ok(Answer::Mismatch { answered, on: ON })
     }
 
     #[test]

@@ -12,6 +12,7 @@ use r6_proto::request::{CameraPoints, Request};
 use r6_proto::time::Instant;
 use tokio::sync::oneshot;
 
+use crate::doubt::Doubt;
 use crate::error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 use crate::pushed::LostReason;
 use crate::query::NoReading;
@@ -39,14 +40,22 @@ pub(crate) enum Work {
 /// What came back.
 #[derive(Debug)]
 pub(crate) enum Answer {
-    /// Each address with its value; when they were asked for, and how long that took.
-    Values { rows: Vec<(Address, Result<Reading, NoReading>)>, asked_at: Instant, after: Duration },
+    /// Each address with its value.
+    Values { rows: Vec<(Address, Result<Reading, NoReading>)>, on: Answered },
     /// Another number of values than addresses: nobody knows which is which.
-    Mismatch { answered: usize, after: Duration },
+    Mismatch { answered: usize, on: Answered },
     /// The controller took it.
-    Accepted(Accepted),
+    Accepted { accepted: Accepted, on: Answered },
     /// It left; the controller does not answer such a request.
     Left,
+}
+
+/// Over which connection a reply came, when it was asked for, and how long it took.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Answered {
+    pub connection: u64,
+    pub asked_at: Instant,
+    pub after: Duration,
 }
 
 /// On what terms a request may leave. The default: at any time, on any connection.
@@ -75,6 +84,8 @@ pub(crate) struct Job {
     pub retried: bool,
     /// Whether no caller looks at what it reads before the next command.
     pub background: bool,
+    /// Open from when a frame that can move the arm was handed over until its outcome is known.
+    pub doubt: Option<Doubt>,
     reply: oneshot::Sender<Result<Answer, RequestError>>,
 }
 
@@ -103,6 +114,14 @@ impl Work {
         }
     }
 
+    /// Whether it must not reach another robot than the one that is meant: everything but a question.
+    pub fn is_for_one_robot(&self) -> bool {
+        match self {
+            Self::Query(_) => false,
+            Self::Command(_) | Self::AddRcc { .. } | Self::AddPoints(_) | Self::PhotoAnswer(_) => true,
+        }
+    }
+
     /// Puts it into the session's output. `None` if no reply will come.
     pub fn send(&self, session: &mut ClientSession, now: Instant) -> Result<Option<Ticket>, SendError> {
         let cameras: Vec<CameraPoints<'_>>;
@@ -121,18 +140,11 @@ impl Work {
     }
 
     /// What the reply says.
-    pub fn answer(
-        &self,
-        message: &Message<'_>,
-        asked_at: Instant,
-        after: Duration,
-    ) -> Result<Answer, RequestError> {
+    pub fn answer(&self, message: &Message<'_>, on: Answered) -> Result<Answer, RequestError> {
         let request = self.sent();
         match (self, &message.body) {
-            (Self::Query(addresses), Body::QueryReply(reply)) => {
-                Ok(values(addresses, reply, asked_at, after))
-            }
-            (_, Body::CommandReply(reply)) => self.verdict(reply, after),
+            (Self::Query(addresses), Body::QueryReply(reply)) => Ok(values(addresses, reply, on)),
+            (_, Body::CommandReply(reply)) => self.verdict(reply, on),
             (_, Body::Rejected(rejection)) => {
                 Err(OutcomeUnknown::Unreadable { request, error: rejection.error.clone() }.into())
             }
@@ -143,10 +155,11 @@ impl Work {
         }
     }
 
-    fn verdict(&self, reply: &CommandReply<'_>, after: Duration) -> Result<Answer, RequestError> {
+    fn verdict(&self, reply: &CommandReply<'_>, on: Answered) -> Result<Answer, RequestError> {
+        let accepted = |points| Answer::Accepted { accepted: Accepted { after: on.after, points }, on };
         match reply.outcome() {
-            Outcome::Ok => Ok(Answer::Accepted(Accepted { after, points: None })),
-            Outcome::Points(points) => Ok(Answer::Accepted(Accepted { after, points: Some(points) })),
+            Outcome::Ok => Ok(accepted(None)),
+            Outcome::Points(points) => Ok(accepted(Some(points))),
             Outcome::Unclear(answer) => Err(OutcomeUnknown::Unclear { request: self.sent(), answer }.into()),
             Outcome::Refused(reason) => Err(match self {
                 Self::Command(command) => Refused::Command { command: command.name(), reason }.into(),
@@ -161,7 +174,7 @@ impl Work {
     }
 }
 
-fn values(addresses: &[Address], reply: &QueryReply<'_>, asked_at: Instant, after: Duration) -> Answer {
+fn values(addresses: &[Address], reply: &QueryReply<'_>, on: Answered) -> Answer {
     match reply.aligned(addresses.len()) {
         Ok(values) => Answer::Values {
             rows: addresses
@@ -171,10 +184,9 @@ fn values(addresses: &[Address], reply: &QueryReply<'_>, asked_at: Instant, afte
                     (*address, Reading::of(*address, value).map_err(NoReading::Unreadable))
                 })
                 .collect(),
-            asked_at,
-            after,
+            on,
         },
-        Err(mismatch) => Answer::Mismatch { answered: mismatch.answered, after },
+        Err(mismatch) => Answer::Mismatch { answered: mismatch.answered, on },
     }
 }
 
@@ -212,6 +224,7 @@ impl Job {
             lost: None,
             retried: false,
             background: false,
+            doubt: None,
             reply,
         }
     }
@@ -227,7 +240,10 @@ impl Job {
     }
 
     /// Gives the answer. A caller that is gone does not need it.
-    pub fn finish(self, answer: Result<Answer, RequestError>) {
+    pub fn finish(mut self, answer: Result<Answer, RequestError>) {
+        if let Some(doubt) = self.doubt.take() {
+            doubt.settle(&answer);
+        }
         self.reply.send(answer).ok();
     }
 

@@ -9,9 +9,9 @@ use r6_proto::client::{ClientSession, ClientSettings, Event, Ticket};
 use r6_proto::request::Request;
 use r6_proto::time::Instant;
 
-use crate::error::{NotSent, OutcomeUnknown, RequestError};
+use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError};
 use crate::identity::Introduction;
-use crate::job::{Answer, Job, Work};
+use crate::job::{Answer, Answered, Job, Work};
 use crate::pushed::{LostReason, Pushed};
 use crate::robot::Hub;
 use crate::settings::{Heartbeat, RobotSettings};
@@ -29,6 +29,11 @@ const RESERVED_FOR_INTRODUCTION: usize = 1;
 /// Time-outs in a row, without a reply in between, after which the connection counts as dead. One list that is
 /// too long for a controller gets no reply either, so one is not enough.
 const SILENT_TIMEOUTS: u32 = 3;
+
+/// How long a stop waits on a connection that was made anew for the controller to say who it is, so that no other robot is stopped
+/// unasked. Real controllers answer within 26 ms. One that does not answer in this time is most likely the one that is meant, behind
+/// a bad link: the stop leaves, and is not confirmed before it has said who it is.
+const STOPS_WAIT: Duration = Duration::from_millis(500);
 
 /// What has to be read on a connection that was made anew before a command may leave: behind our back the machine may
 /// have been stopped, put into another mode, or have raised an alarm.
@@ -54,6 +59,8 @@ pub(crate) struct Link {
     unusable: Option<(Instant, String)>,
     /// Whether the controller ever answered on this connection.
     answered: bool,
+    /// The number of this connection.
+    connection: u64,
     /// What has to be read before commands may leave; nothing on a handle's first connection.
     unread: Vec<Address>,
     /// Whether this is the handle's first connection.
@@ -62,6 +69,8 @@ pub(crate) struct Link {
     introduction: Option<Introduction>,
     /// The introduction's query that is under way.
     introducing: Option<Ticket>,
+    /// Until when stops wait for the controller to say who it is; `None` where they do not.
+    stops_wait_until: Option<Instant>,
     hub: Arc<Hub>,
 }
 
@@ -125,6 +134,10 @@ impl Link {
             ds_id: settings.ds_id,
             first_pack_id,
         });
+        let (connection, meant) = {
+            let known = hub.known();
+            (known.connection, known.expected.is_some())
+        };
         Self {
             session,
             in_flight: InFlight::default(),
@@ -137,10 +150,12 @@ impl Link {
             heard: None,
             unusable: None,
             answered: false,
+            connection,
             unread: if first { Vec::new() } else { STATE.to_vec() },
             first,
             introduction: (!first).then(Introduction::again),
             introducing: None,
+            stops_wait_until: meant.then_some(now + STOPS_WAIT),
             hub: Arc::clone(hub),
         }
     }
@@ -167,6 +182,11 @@ impl Link {
             Some(false) => 1,
             Some(true) | None => MAX_IN_FLIGHT,
         }
+    }
+
+    /// Whether a stop has to wait: the controller is about to say whether it is the one that the stop is meant for.
+    pub fn holds_stops(&self) -> bool {
+        self.is_introducing() && self.stops_wait_until.is_some()
     }
 
     /// Whether this is the handle's first connection.
@@ -222,6 +242,9 @@ impl Link {
         let unidentified = || !self.first && (self.is_introducing() || self.hub.is_unidentified());
         if job.work.needs_known_state() && (!self.unread.is_empty() || unidentified()) {
             return job.not_sent(NotSent::StateNotRead);
+        }
+        if job.work.sent().effect == Effect::Moves {
+            job.doubt = Some(self.hub.doubts.begin());
         }
         match job.work.send(&mut self.session, now) {
             Err(error) => return job.not_sent(NotSent::Wire(error)),
@@ -296,11 +319,13 @@ impl Link {
         let stalled = self.output_since.map(|since| since + self.reply_timeout);
         // Behind bytes that do not leave, another heartbeat is of no use.
         let beat = self.heartbeat.filter(|_| self.output().is_empty()).map(|(_, due)| due);
-        [self.session.poll_timeout(), stalled, beat].into_iter().flatten().min()
+        let stops = self.stops_wait_until.filter(|_| self.is_introducing());
+        [self.session.poll_timeout(), stalled, beat, stops].into_iter().flatten().min()
     }
 
     /// Time passed: heartbeats, overdue replies, bytes that do not leave.
     pub fn tick(&mut self, now: Instant) -> Result<(), LostReason> {
+        self.stops_wait_until = self.stops_wait_until.filter(|until| *until > now);
         if self.output_since.is_some_and(|since| since + self.reply_timeout <= now) {
             return Err(LostReason::Stalled);
         }
@@ -325,6 +350,7 @@ impl Link {
         while let Some(event) = self.session.poll_event(now) {
             match event {
                 Event::Reply { ticket, message, after } => {
+                    let on = Answered { connection: self.connection, asked_at: now - after, after };
                     replied = true;
                     self.silent = 0;
                     self.heard = None;
@@ -332,10 +358,10 @@ impl Link {
                         self.introducing = None;
                         if let Some(introduction) = &mut self.introduction {
                             let asked = introduction.next().unwrap_or_default().to_vec();
-                            introduction.answered(Work::Query(asked).answer(&message, now - after, after));
+                            introduction.answered(Work::Query(asked).answer(&message, on));
                         }
                     } else if let Some(job) = self.in_flight.take(ticket) {
-                        let answer = job.work.answer(&message, now - after, after);
+                        let answer = job.work.answer(&message, on);
                         if !job.background {
                             self.unread.retain(|address| !reads(*address, &answer));
                         }
@@ -460,7 +486,7 @@ mod tests {
 
     use super::*;
 
-    type Answered = Receiver<Result<Answer, RequestError>>;
+    type Reply = Receiver<Result<Answer, RequestError>>;
 
     fn at(ms: u64) -> Instant {
         Instant::ORIGIN + Duration::from_millis(ms)
@@ -472,13 +498,13 @@ mod tests {
         Link::new(&settings, true, 1, &Arc::default(), at(0))
     }
 
-    fn hand_over(link: &mut Link, work: Work) -> Answered {
+    fn hand_over(link: &mut Link, work: Work) -> Reply {
         let (reply, answer) = oneshot::channel();
         link.hand_over(Job::new(work, reply), at(0));
         answer
     }
 
-    fn error(mut answer: Answered) -> RequestError {
+    fn error(mut answer: Reply) -> RequestError {
         answer.try_recv().expect("an answer").expect_err("an error")
     }
 

@@ -1,5 +1,6 @@
 //! Queries: split to what a controller takes, and asked again in smaller parts where values are missing.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::time::Duration;
 
@@ -10,7 +11,7 @@ use r6_proto::error::FieldError;
 use r6_proto::request::Request;
 use tokio::time::Instant;
 
-use crate::error::{OutcomeUnknown, RequestError};
+use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::identity::Identity;
 use crate::job::{Answer, Work};
 use crate::link::Lane;
@@ -50,6 +51,8 @@ type Part = Vec<(usize, Address)>;
 pub struct QueryResult {
     rows: Vec<(Address, Result<Reading, NoReading>)>,
     took: Duration,
+    /// The connection that all replies came over; `None` where they came over several.
+    connection: Option<u64>,
 }
 
 /// When the values of a query were asked for: they are no older.
@@ -67,6 +70,14 @@ impl AskedAt {
         match self {
             Self::Once(at) => Some(*at),
             Self::Each(times) => times.get(position).copied(),
+        }
+    }
+
+    /// When the first of them was asked for.
+    pub fn oldest(&self) -> Instant {
+        match self {
+            Self::Once(at) => *at,
+            Self::Each(times) => times.iter().copied().min().unwrap_or_else(Instant::now),
         }
     }
 }
@@ -94,7 +105,12 @@ impl std::error::Error for NoReading {}
 impl QueryResult {
     #[cfg(test)]
     pub(crate) fn for_tests(rows: Vec<(Address, Result<Reading, NoReading>)>) -> Self {
-        Self { rows, took: Duration::ZERO }
+        Self { rows, took: Duration::ZERO, connection: Some(0) }
+    }
+
+    /// The number of the connection that all of it was answered over; `None` where the connection changed on the way.
+    pub(crate) fn connection(&self) -> Option<u64> {
+        self.connection
     }
 
     /// Each address with its value, in the order asked.
@@ -194,29 +210,44 @@ impl Robot {
         Ok(self.query_timed(lane, addresses).await?.0)
     }
 
+    /// A query whose values were all answered over one connection; where the connection changes on the way, all is asked for once more.
+    pub(crate) async fn query_on_one_connection(
+        &self,
+        lane: Lane,
+        addresses: &[Address],
+    ) -> Result<(QueryResult, u64, Instant), RequestError> {
+        for _ in 0..2 {
+            let (read, asked_at) = self.query_timed(lane, addresses).await?;
+            if let Some(connection) = read.connection() {
+                return Ok((read, connection, asked_at.oldest()));
+            }
+        }
+        Err(NotSent::Disconnected.into())
+    }
+
     /// A query, and when each of its values was asked for; for a value that is known to be missing, when that was told.
     pub(crate) async fn query_timed(
         &self,
         lane: Lane,
         addresses: &[Address],
     ) -> Result<(QueryResult, AskedAt), RequestError> {
-        let (connection, all) = {
+        let all = {
             let known = self.hub().known();
             let missing = |address: &Address| known.unsupported.contains(address);
-            (known.connection, known.unsupported.is_empty() || !addresses.iter().any(missing))
+            known.unsupported.is_empty() || !addresses.iter().any(missing)
         };
         if !all || addresses.is_empty() || !self.fits(addresses) {
-            return self.query_in_parts(lane, addresses, connection, None).await;
+            return self.query_in_parts(lane, addresses, None).await;
         }
         // Nearly every query is this one: all in one frame, and all of it answered.
         match self.ask(Work::Query(addresses.to_vec()), lane).await? {
-            Answer::Values { rows, asked_at, after } => {
-                self.remember_supported(connection, addresses.iter().copied());
-                let result = QueryResult { rows, took: after };
-                self.remember(connection, &result);
-                Ok((result, AskedAt::Once(self.hub().clock.at(Some(asked_at)))))
+            Answer::Values { rows, on } => {
+                self.remember_supported(on.connection, addresses.iter().copied());
+                let result = QueryResult { rows, took: on.after, connection: Some(on.connection) };
+                self.remember(&result)?;
+                Ok((result, AskedAt::Once(self.hub().clock.at(Some(on.asked_at)))))
             }
-            other => self.query_in_parts(lane, addresses, connection, Some(other)).await,
+            other => self.query_in_parts(lane, addresses, Some(other)).await,
         }
     }
 
@@ -225,7 +256,6 @@ impl Robot {
         &self,
         lane: Lane,
         addresses: &[Address],
-        connection: u64,
         mut answer: Option<Answer>,
     ) -> Result<(QueryResult, AskedAt), RequestError> {
         let mut times = vec![Instant::now(); addresses.len()];
@@ -239,6 +269,7 @@ impl Robot {
             all.filter(|(_, address)| wanted(address)).collect()
         };
         let mut took = Duration::ZERO;
+        let mut connections: BTreeSet<u64> = BTreeSet::new();
         let mut parts: Vec<Part> = self.split(wanted);
         parts.reverse();
         while let Some(part) = parts.pop() {
@@ -250,21 +281,23 @@ impl Robot {
                 }
             };
             match answered {
-                Answer::Values { rows: read, asked_at, after } => {
-                    took = took.max(after);
-                    let asked_at = self.hub().clock.at(Some(asked_at));
+                Answer::Values { rows: read, on } => {
+                    took = took.max(on.after);
+                    connections.insert(on.connection);
+                    let asked_at = self.hub().clock.at(Some(on.asked_at));
                     for ((at, _), read) in part.iter().zip(read) {
                         if let (Some(time), Some(row)) = (times.get_mut(*at), rows.get_mut(*at)) {
                             (*time, *row) = (asked_at, read);
                         }
                     }
-                    self.remember_supported(connection, part.iter().map(|(_, address)| *address));
+                    self.remember_supported(on.connection, part.iter().map(|(_, address)| *address));
                 }
-                Answer::Mismatch { answered, after } => {
-                    took = took.max(after);
+                Answer::Mismatch { answered, on } => {
+                    took = took.max(on.after);
+                    connections.insert(on.connection);
                     match part.as_slice() {
                         // Only an empty reply to one address alone says which address it is about.
-                        [(_, address)] if answered == 0 => self.remember_unsupported(connection, *address),
+                        [(_, address)] if answered == 0 => self.remember_unsupported(on.connection, *address),
                         [(at, address)] => {
                             if let Some((_, row)) = rows.get_mut(*at) {
                                 *row = Err(NoReading::Unreadable(too_many(*address, answered)));
@@ -277,7 +310,7 @@ impl Robot {
                         }
                     }
                 }
-                Answer::Accepted(_) | Answer::Left => {
+                Answer::Accepted { .. } | Answer::Left => {
                     let request = Work::Query(Vec::new()).sent();
                     return Err(OutcomeUnknown::Unclear {
                         request,
@@ -287,8 +320,14 @@ impl Robot {
                 }
             }
         }
-        let result = QueryResult { rows, took };
-        self.remember(connection, &result);
+        let connection = match connections.len() {
+            // All of it is known to be missing here.
+            0 => Some(self.connection()),
+            1 => connections.first().copied(),
+            _several => None,
+        };
+        let result = QueryResult { rows, took, connection };
+        self.remember(&result)?;
         Ok((result, AskedAt::Each(times)))
     }
 
@@ -353,10 +392,19 @@ impl Robot {
         }
     }
 
-    /// Keeps what a query tells of the controller besides its values.
-    fn remember(&self, connection: u64, result: &QueryResult) {
+    /// Keeps what a query tells of the controller besides its values, and refuses the values of another robot.
+    fn remember(&self, result: &QueryResult) -> Result<(), RequestError> {
+        let Some(connection) = result.connection else { return Ok(()) };
         self.remember_firmware(connection, result);
         self.remember_identity(connection, result);
+        match self.hub().stranger_on(connection) {
+            Some((expected, found)) => {
+                let request = Work::Query(Vec::new()).sent();
+                let (expected, found) = (Box::new(expected), Box::new(found));
+                Err(OutcomeUnknown::AnotherRobot { request, expected, found }.into())
+            }
+            None => Ok(()),
+        }
     }
 
     /// On a first connection a query may tell who is there; on others that is known before any query is sent. Who was taken for

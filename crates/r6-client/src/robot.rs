@@ -10,22 +10,27 @@ use r6_proto::message::{Command, PhotoAnswer};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc::{self, error::TrySendError};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, oneshot, watch};
+use tokio::time::timeout;
 
 use crate::backoff::Backoff;
 use crate::board::Board;
 use crate::clock::Clock;
-use crate::connect::{Connect, Tcp, connect};
+use crate::connect::{Connect, Dial, Dialer, Once, Tcp};
+use crate::doubt::Doubts;
 use crate::driver::{Driver, Urgent};
-use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError};
+use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError, Sent};
+use crate::evidence::About;
 use crate::guard::Envelope;
 use crate::identity::{Found, Identity};
 use crate::job::{Answer, CameraSet, Job, Terms, Work};
 use crate::link::Lane;
 use crate::link_quality::Meter;
+use crate::motions::Motions;
 use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
 use crate::query::around_query;
-use crate::settings::RobotSettings;
-use crate::stop::Stopping;
+use crate::settings::{Heartbeat, RobotSettings};
+use crate::stop::{STOP_WITHIN, Stopping};
+use crate::stream::MotionError;
 
 /// Requests that may wait in each lane; a caller beyond that waits for room.
 const LANE_LENGTH: usize = 64;
@@ -58,6 +63,12 @@ struct Lanes {
     stopping: watch::Sender<Stopping>,
     /// Whoever streams a path has it: two paths would mix in one list.
     streaming: Arc<Semaphore>,
+    /// The motions of this handle and its clones.
+    motions: Motions,
+    /// Makes connections: a stop may need a second one.
+    dial: Arc<dyn Dial>,
+    /// Set when the handle is being closed: a motion that is streamed ends then.
+    closing: watch::Sender<bool>,
 }
 
 /// A controller's yes. It says that the request was taken, not that anything moves.
@@ -86,17 +97,37 @@ impl Robot {
     ///
     /// # Errors
     /// As [`Self::connect`].
-    pub async fn connect_with<C: Connect>(
-        mut target: C,
+    pub async fn connect_with<C: Connect>(target: C, settings: RobotSettings) -> Result<Self, RequestError> {
+        let dialer = Dialer::new(target);
+        let stream = dialer.connect(settings.connect_timeout).await?;
+        tracing::info!(controller = dialer.name(), "connected");
+        Ok(Self::over(dialer, stream, settings, None))
+    }
+
+    /// A second handle with a connection of its own to the same robot, for a stop when the first connection does not answer. No
+    /// command leaves on it before the controller has said that it is the robot that is meant.
+    pub(crate) async fn second_connection(&self) -> Result<Self, NotSent> {
+        let settings = RobotSettings { heartbeat: Heartbeat::Off, ..self.settings().clone() };
+        let stream = self.lanes.dial.dial(settings.connect_timeout).await?;
+        tracing::info!(controller = self.address(), "second connection");
+        let expected = self.hub().known().expected.clone();
+        Ok(Self::over(Dialer::new(Once::new(self.address())), stream, settings, expected))
+    }
+
+    /// A handle on a connection that is there; `expected`: who has to be at its other end, where that is known.
+    fn over<C: Connect>(
+        dialer: Dialer<C>,
+        stream: C::Stream,
         settings: RobotSettings,
-    ) -> Result<Self, RequestError> {
-        let stream = connect(&mut target, settings.connect_timeout).await?;
-        tracing::info!(controller = %target, "connected");
+        expected: Option<Identity>,
+    ) -> Self {
         let (urgent, urgent_jobs) = mpsc::channel(LANE_LENGTH);
         let (ordinary, ordinary_jobs) = mpsc::channel(LANE_LENGTH);
         let hub = Arc::<Hub>::default();
+        hub.known().expected = expected;
+        let dialer = Arc::new(dialer);
         let lanes = Lanes {
-            address: target.to_string(),
+            address: dialer.name().to_owned(),
             settings: settings.clone(),
             around_query: around_query(&settings),
             urgent,
@@ -106,22 +137,47 @@ impl Robot {
             stops: watch::Sender::new(0),
             stopping: watch::Sender::default(),
             streaming: Arc::new(Semaphore::new(1)),
+            motions: Motions::default(),
+            dial: Arc::clone(&dialer) as Arc<dyn Dial>,
+            closing: watch::Sender::new(false),
         };
         let backoff = Backoff::new(settings.reconnect, seed_from_clock);
-        let driver = Driver::new(target, settings, urgent_jobs, ordinary_jobs, hub, backoff);
+        let driver = Driver::new(dialer, settings, urgent_jobs, ordinary_jobs, hub, backoff);
         tokio::spawn(driver.run(stream));
-        Ok(Self { lanes: Arc::new(lanes), guard: None })
+        Self { lanes: Arc::new(lanes), guard: None }
     }
 
-    /// Ends the connection for all clones and waits until it is closed, half a second at most.
+    /// Ends the connection for all clones and waits until it is closed.
+    ///
+    /// A stop that is under way is waited for, 15 s at most. A motion that is being streamed ends here: the arm finishes what is
+    /// in its list ([`crate::RunOptions::stop_on_drop`]: it is stopped), and [`Closed::cut_short`] tells what was not sent. The
+    /// orderly end of the connection itself takes half a second at most.
     ///
     /// Dropping the last clone does the same in the background; use this where the runtime ends right after.
     /// Other clones' later requests are not sent ([`NotSent::Closed`]).
-    pub async fn close(self) {
+    pub async fn close(self) -> Closed {
+        self.lanes.closing.send_replace(true);
+        self.no_stop_under_way().await;
+        let cut_short = match timeout(STOP_WITHIN, self.nothing_streams()).await {
+            Ok(()) => self.motions().cut_by_close(),
+            Err(_elapsed) => None,
+        };
         let (done, closed) = oneshot::channel();
         if self.lanes.urgent.send(Urgent::Close(done)).await.is_ok() {
             closed.await.ok();
         }
+        Closed { cut_short }
+    }
+
+    /// Ends when the handle is being closed.
+    pub(crate) async fn is_closing(&self) {
+        let mut closing = self.lanes.closing.subscribe();
+        // This handle keeps the sender alive.
+        closing.wait_for(|closing| *closing).await.ok();
+    }
+
+    pub(crate) fn motions(&self) -> &Motions {
+        &self.lanes.motions
     }
 
     /// Host and port of the controller.
@@ -249,21 +305,6 @@ impl Robot {
         self.lanes.hub.known().connection
     }
 
-    /// What a look at the machine found, and the connection that it was found on. If another one began meanwhile, it looks
-    /// once more, for either may have answered; one that begins then is told as the one before it, on which nothing leaves any more.
-    pub(crate) async fn on_one_connection<T, E, F: Future<Output = Result<T, E>>>(
-        &self,
-        look: impl Fn() -> F,
-    ) -> Result<(T, u64), E> {
-        let mut connection = self.connection();
-        let mut found = look().await?;
-        if connection != self.connection() {
-            connection = self.connection();
-            found = look().await?;
-        }
-        Ok((found, connection))
-    }
-
     pub(crate) fn hub(&self) -> &Hub {
         &self.lanes.hub
     }
@@ -295,7 +336,13 @@ impl Robot {
     ) -> Result<Accepted, RequestError> {
         let request = work.sent();
         match self.ask_on(terms, work, lane).await? {
-            Answer::Accepted(accepted) => Ok(accepted),
+            Answer::Accepted { accepted, on } => {
+                if request.effect == Effect::Moves {
+                    let robot = self.hub().identity_on(on.connection);
+                    self.motions().accepted(About { connection: on.connection, robot });
+                }
+                Ok(accepted)
+            }
             Answer::Values { .. } | Answer::Mismatch { .. } | Answer::Left => {
                 Err(OutcomeUnknown::Unclear { request, answer: "a reply to a query".to_owned() }.into())
             }
@@ -308,6 +355,11 @@ impl Robot {
     }
 
     async fn ask_on(&self, terms: Terms, work: Work, lane: Lane) -> Result<Answer, RequestError> {
+        self.give(terms, work, lane).await?.answer().await
+    }
+
+    /// Gives a request to the driver: what is given later over the same lane leaves later.
+    pub(crate) async fn give(&self, terms: Terms, work: Work, lane: Lane) -> Result<Given, RequestError> {
         let request = work.sent();
         let (reply, answer) = oneshot::channel();
         let mut job = Job::new(work, reply);
@@ -322,13 +374,32 @@ impl Robot {
                 Err(TrySendError::Closed(_)) => false,
             },
         };
-        if !given {
-            return Err(NotSent::Closed.into());
-        }
-        // The driver answers every job; only a runtime that was shut down leaves one without an answer.
-        let ended = OutcomeUnknown::ConnectionLost { request, reason: LostReason::ClosedHere };
-        answer.await.unwrap_or(Err(ended.into()))
+        if given { Ok(Given { request, answer }) } else { Err(NotSent::Closed.into()) }
     }
+}
+
+/// A request that the driver has.
+#[derive(Debug)]
+pub(crate) struct Given {
+    request: Sent,
+    answer: oneshot::Receiver<Result<Answer, RequestError>>,
+}
+
+impl Given {
+    /// Waits for its answer.
+    pub async fn answer(self) -> Result<Answer, RequestError> {
+        // The driver answers every job; only a runtime that was shut down leaves one without an answer.
+        let reason = LostReason::ClosedHere;
+        let ended = OutcomeUnknown::ConnectionLost { request: self.request, reason };
+        self.answer.await.unwrap_or(Err(ended.into()))
+    }
+}
+
+/// How a handle was closed ([`Robot::close`]).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Closed {
+    /// The motion that was being streamed and did not come to its end by that.
+    pub cut_short: Option<Box<MotionError>>,
 }
 
 fn seed_from_clock() -> u64 {
@@ -345,6 +416,8 @@ pub(crate) struct Hub {
     known: Mutex<Known>,
     meter: Mutex<Meter>,
     pub board: Board,
+    /// Frames that can move the arm and whose outcome is open.
+    pub doubts: Doubts,
 }
 
 /// What is known of the controller behind the present connection.
@@ -374,6 +447,7 @@ impl Default for Hub {
             known: Mutex::default(),
             meter: Mutex::default(),
             board: Board::new(clock),
+            doubts: Doubts::default(),
         }
     }
 }
@@ -420,14 +494,24 @@ impl Hub {
         known.expected.is_some() && known.present.is_none()
     }
 
-    /// Why no command may leave: whoever is there is not who is meant.
-    pub fn stranger(&self) -> Option<NotSent> {
+    /// Who answers on this connection; `None` if it is not the present one, or nobody has read that.
+    pub fn identity_on(&self, connection: u64) -> Option<Identity> {
+        let known = self.known();
+        if known.connection == connection { known.present.clone() } else { None }
+    }
+
+    /// Who is meant, and who is there instead on this connection.
+    pub fn stranger_on(&self, connection: u64) -> Option<(Identity, Identity)> {
         let known = self.known();
         let (expected, found) = (known.expected.as_ref()?, known.present.as_ref()?);
-        (expected != found).then(|| NotSent::AnotherRobot {
-            expected: Box::new(expected.clone()),
-            found: Box::new(found.clone()),
-        })
+        (known.connection == connection && expected != found).then(|| (expected.clone(), found.clone()))
+    }
+
+    /// Why no command may leave: another robot is there than the one that is meant.
+    pub fn stranger(&self) -> Option<NotSent> {
+        let connection = self.known().connection;
+        let (expected, found) = self.stranger_on(connection)?;
+        Some(NotSent::AnotherRobot { expected: Box::new(expected), found: Box::new(found) })
     }
 
     /// Tells the subscribers; there may be none.

@@ -8,8 +8,8 @@ use r6_proto::axis::{AXES, AxisIndex};
 use r6_proto::message::instruction::{Action, Instruction};
 
 use crate::error::RequestError;
+use crate::evidence::{About, Sample};
 use crate::link::Lane;
-use crate::motion::Sample;
 use crate::moves::StepError;
 use crate::query::QueryResult;
 use crate::robot::Robot;
@@ -205,8 +205,15 @@ impl Robot {
     /// # Errors
     /// [`RequestError`] of the query.
     pub async fn status(&self) -> Result<Status, RequestError> {
+        Ok(self.status_seen().await?.0)
+    }
+
+    /// The same, and the robot and connection that all of it was read of.
+    pub(crate) async fn status_seen(&self) -> Result<(Status, About), RequestError> {
         let asked: Vec<Address> = ASKED.into_iter().chain(position_addresses()).collect();
-        Ok(Status::of(&self.query_in(Lane::Ordinary, &asked).await?))
+        let (read, connection, _asked_at) = self.query_on_one_connection(Lane::Ordinary, &asked).await?;
+        let robot = self.hub().identity_on(connection);
+        Ok((Status::of(&read), About { connection, robot }))
     }
 }
 

@@ -1,36 +1,52 @@
-//! Stopping: sent until the arm is seen to stand, and nothing left that could start it again.
+//! Stopping: one means after the other until it is proved that the arm stands, and nothing left that could start it again.
+//!
+//! A stop runs in a task of its own: once begun, it goes on to its end, whatever becomes of the caller.
+//!
+//! ```text
+//!  actionStop leaves ──▶ watched over this connection (stop/halt.rs) ──proved──▶ list cleared ──▶ doubts waited out ──▶ report
+//!        └─ no answer for 300 ms ─▶ the same over a second connection ─proved─▲        (frames that are still unanswered)
+//! ```
+//!
+//! What proves a standstill is told in `evidence/standstill.rs`.
 
-use std::fmt;
+mod halt;
+mod report;
+
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use r6_proto::message::Command;
-use tokio::sync::{OwnedSemaphorePermit, watch};
-use tokio::time::{Instant, sleep, timeout, timeout_at};
-
-use crate::error::{NotSent, OutcomeUnknown, Refused, RequestError};
-use crate::job::Work;
-use crate::link::Lane;
-use crate::motion::Sample;
-use crate::robot::Robot;
-use crate::stream::Cause;
 use r6_proto::OperationMode;
+use tokio::sync::{OwnedSemaphorePermit, watch};
+use tokio::time::{Instant, timeout, timeout_at};
+
+use crate::error::{NotSent, Refused, RequestError};
+use crate::job::{Terms, Work};
+use crate::link::Lane;
+use crate::robot::Robot;
+use crate::stop::halt::{Halt, Halted};
+pub use crate::stop::report::{
+    DoubtAfterStop, ListAfterStop, NotTried, SecondConnection, StopMeans, StopReport,
+};
+use crate::stream::Cause;
 
 /// How long an arm may take to stand. One was seen to stop within 0.1 s, a paused one within 0.5 s; the rest is room for
-/// a stop that gets lost.
+/// every means in turn, and for a stop that gets lost.
 const CONFIRM_WITHIN: Duration = Duration::from_secs(5);
 
-/// An arm that still moves this long after a stop was answered gets another one.
-const SEND_AGAIN_AFTER: Duration = Duration::from_millis(500);
+/// A first answer that takes longer than this is late: ten times the slowest that was measured (26 ms). Then a second
+/// connection is tried beside the first.
+const LATE: Duration = Duration::from_millis(300);
 
 /// The pause between two reads of the state.
 const READ_EVERY: Duration = Duration::from_millis(50);
 
-/// The pause after a stop that did not reach the controller: a connection that is refused at once must not become
-/// a flood of attempts.
-const PAUSE_AFTER_FAILURE: Duration = Duration::from_millis(250);
+/// How long frames in doubt are waited for: the 2 s that a reply may take by default, and the time in which it may still be
+/// taken after that.
+const DOUBT_WITHIN: Duration = Duration::from_secs(4);
 
-/// How long a stop may take in all: [`CONFIRM_WITHIN`], and then the time of some replies to clear the list and to look.
-const STOP_WITHIN: Duration = Duration::from_secs(15);
+/// How long a stop may take in all: [`CONFIRM_WITHIN`] twice, where a late list is run after the first, [`DOUBT_WITHIN`], and
+/// the time of some replies to clear the list and to look.
+pub(crate) const STOP_WITHIN: Duration = Duration::from_secs(15);
 
 /// The stops over one connection.
 #[derive(Debug, Default)]
@@ -48,12 +64,12 @@ impl Stopping {
 }
 
 /// A stop that is under way, until this is dropped.
-struct UnderWay<'r> {
-    robot: &'r Robot,
+struct UnderWay {
+    robot: Robot,
 }
 
-impl<'r> UnderWay<'r> {
-    fn begin(robot: &'r Robot) -> Self {
+impl UnderWay {
+    fn begin(robot: Robot) -> Self {
         robot.stopping().send_modify(|stopping| {
             if stopping.under_way == 0 {
                 stopping.forget();
@@ -68,7 +84,7 @@ impl<'r> UnderWay<'r> {
     }
 }
 
-impl Drop for UnderWay<'_> {
+impl Drop for UnderWay {
     fn drop(&mut self) {
         self.robot.stopping().send_modify(|stopping| {
             stopping.under_way = stopping.under_way.saturating_sub(1);
@@ -76,72 +92,37 @@ impl Drop for UnderWay<'_> {
     }
 }
 
-/// What became of a stop.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StopReport {
-    /// Whether the arm was seen to stand in two reads after a stop that was answered.
-    pub confirmed: bool,
-    /// How many stops were sent.
-    pub attempts: u32,
-    /// How long it took until the arm was seen to stand, or until it was given up.
-    pub took: Duration,
-    /// `isMoving` at the end.
-    pub moving: Option<bool>,
-    /// `curMode` at the end.
-    pub mode: Option<OperationMode>,
-    /// `curAlarm` at the end; 42 after a stop is usual on some firmware (reported, unit B).
-    pub alarm: Option<i64>,
-    /// `RemoteCmdLen` at the end.
-    pub list_length: Option<i64>,
-    /// What became of the instructions that were left.
-    pub list: ListAfterStop,
-}
-
-/// What became of the instruction list after a stop.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ListAfterStop {
-    /// The controller said that it was empty.
-    WasEmpty,
-    /// It was cleared, and the controller said ok.
-    Cleared,
-    /// The controller refused to clear it, with its reason where it gives one.
-    Refused(Option<String>),
-    /// Clearing it was sent, and nobody knows what became of it.
-    Unknown(OutcomeUnknown),
-    /// Clearing it was not tried.
-    NotTried(NotTried),
-}
-
-/// Why clearing the list was not tried.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum NotTried {
-    /// The arm was not seen to stand: replacing the list of an arm that moves raises an alarm.
-    NotStanding,
-    /// The controller takes no instructions in this mode.
-    Mode(OperationMode),
-    /// It could not be sent.
-    NotSent(NotSent),
-}
-
 impl Robot {
-    /// Stops the motion (`actionStop`), ahead of all that waits, again and again until the arm is seen to stand, for 5 s at
-    /// most; then clears the instruction list, so that the rest of it does not run at the next start.
+    /// Stops the motion, ahead of all that waits, until it is proved that the arm stands, for 5 s at most; then clears the
+    /// instruction list, so that the rest of it does not run at the next start.
     ///
-    /// A lost connection is made anew for it. This is an ordinary command on a network and no emergency stop.
+    /// It tries `actionStop`, `stopButton`, `actionPause` and a cleared list in turn; [`StopReport::means`] says which one
+    /// worked, [`StopReport::proof`] what proves it. If the first answer takes longer than 300 ms, it opens a second connection
+    /// beside the first and uses the one that answers. A lost connection is made anew. A robot that turns out to be another
+    /// one than this handle was used with before is not stopped.
+    ///
+    /// A frame that can move the arm and is still unanswered may be carried out later: then the stop watches on until it is
+    /// answered or too old, and clears the list again ([`StopReport::doubt`]).
+    ///
+    /// Dropping the future does not end the stop. This is an ordinary command on a network and no emergency stop.
     ///
     /// # Errors
-    /// [`RequestError`] if no stop was answered at all: [`NotSent::NotStopped`] if none could be sent. If one was answered, but
-    /// the arm was not seen to stand, the report says so ([`StopReport::confirmed`]).
+    /// [`RequestError`] if no stop was answered and the state could not be read either: [`NotSent::NotStopped`] if none could be
+    /// sent. Otherwise the report says whether it is proved that the arm stands ([`StopReport::confirmed`]).
     pub async fn stop(&self) -> Result<StopReport, RequestError> {
         // Before anybody hears of it, so that whoever does finds it under way.
-        let under_way = UnderWay::begin(self);
+        let under_way = UnderWay::begin(self.clone());
         self.announce_stop();
-        let result = self.stop_and_clear().await.map_err(|error| match error {
-            RequestError::NotSent(why) => NotSent::NotStopped(Box::new(why)).into(),
-            RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
+        let task = self.runtime().spawn(async move {
+            let result = under_way.robot.stop_and_clear().await.map_err(|error| match error {
+                RequestError::NotSent(why) => NotSent::NotStopped(Box::new(why)).into(),
+                RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
+            });
+            under_way.end(result.clone());
+            result
         });
-        under_way.end(result.clone());
-        result
+        // The task does not panic; a runtime that is shut down ends it.
+        task.await.unwrap_or_else(|_ended| Err(NotSent::NotStopped(Box::new(NotSent::Closed)).into()))
     }
 
     /// The right to stream a path over this connection, and news of every stop from now on. One that is under way is waited for: it
@@ -150,13 +131,18 @@ impl Robot {
         let turn = self.streaming().ok_or(Cause::AnotherRuns)?;
         // Before the look at what is under way: a stop that is not seen there is heard of.
         let stops = self.stops();
-        let mut stopping = self.stopping().subscribe();
-        let over = stopping.wait_for(|stopping| stopping.under_way == 0);
-        if !matches!(timeout(STOP_WITHIN, over).await, Ok(Ok(_))) {
+        if !self.no_stop_under_way().await {
             return Err(Cause::StoppedHere);
         }
         self.stopping().send_modify(Stopping::forget);
         Ok((turn, stops))
+    }
+
+    /// Waits until no stop is under way over this connection; `false` if one still is after the time that it may take.
+    pub(crate) async fn no_stop_under_way(&self) -> bool {
+        let mut stopping = self.stopping().subscribe();
+        let over = stopping.wait_for(|stopping| stopping.under_way == 0);
+        matches!(timeout(STOP_WITHIN, over).await, Ok(Ok(_)))
     }
 
     /// Waits until no stop is under way over this connection, and tells what became of the last one; `None` if there was none
@@ -171,93 +157,92 @@ impl Robot {
 
     async fn stop_and_clear(&self) -> Result<StopReport, RequestError> {
         let begun = Instant::now();
-        let deadline = begun + CONFIRM_WITHIN;
-        let mut attempts = 0;
-        let mut failed: Option<RequestError> = None;
-        let mut answered = false;
-        let mut seen = None;
-        let mut confirmed = false;
-        while !confirmed && Instant::now() < deadline {
-            let stop = self.accepted(Work::Command(Command::ActionStop), Lane::Urgent);
-            match timeout_at(deadline, stop).await {
-                // Whoever says no may stand already: the state decides.
-                Ok(Ok(_) | Err(RequestError::Refused(_))) => {
-                    attempts += 1;
-                    answered = true;
-                }
-                // Nothing will ever be sent on this handle again.
-                Ok(Err(error @ RequestError::NotSent(NotSent::Closed))) if !answered => {
-                    return Err(rather(failed, error));
-                }
-                Ok(Err(error)) => {
-                    attempts += u32::from(!matches!(error, RequestError::NotSent(_)));
-                    failed = Some(rather(failed, error));
-                    sleep(PAUSE_AFTER_FAILURE).await;
-                    continue;
-                }
-                Err(_elapsed) => break,
-            }
-            let until = deadline.min(Instant::now() + SEND_AGAIN_AFTER);
-            let looking = timeout_at(deadline, self.sees_standing(until, &mut seen));
-            confirmed = looking.await.unwrap_or(false);
-        }
+        let (halted, second) = self.halt_over_either(begun + CONFIRM_WITHIN).await;
         let took = begun.elapsed();
-        if !answered {
-            let request = Work::Command(Command::ActionStop).sent();
-            let timed_out = OutcomeUnknown::TimedOut { request, after: CONFIRM_WITHIN, heard: None };
-            return Err(failed.unwrap_or(timed_out.into()));
+        let way = halted.robot.clone();
+        let mut report = halted.report(took, second)?;
+        if report.confirmed {
+            report.list = way.clear_after_stop(&report).await;
+            self.wait_out_doubts(&way, &mut report).await;
         }
-        let list = self.clear_after_stop(confirmed, seen).await;
-        if let Ok(sample) = self.sample(Lane::Urgent).await {
-            seen = Some(sample);
+        if let Ok(seen) = way.observe(Lane::Urgent).await
+            && seen.connection == report.connection
+        {
+            report.see(&seen);
         }
-        Ok(StopReport {
-            confirmed,
-            attempts,
-            took,
-            moving: seen.and_then(|seen| seen.moving),
-            mode: seen.and_then(|seen| seen.mode),
-            alarm: seen.and_then(|seen| seen.alarm),
-            list_length: seen.and_then(|seen| seen.list_length),
-            list,
-        })
+        if report.second == Some(SecondConnection::Used) {
+            way.close().await;
+        }
+        Ok(report)
     }
 
-    /// Whether the arm is seen to stand in two reads in a row before the time is up.
-    async fn sees_standing(&self, until: Instant, seen: &mut Option<Sample>) -> bool {
-        let mut before: Option<Sample> = None;
-        // The first two reads are made even if the answer to the stop took all the time.
-        for read in 0.. {
-            match self.sample(Lane::Urgent).await {
-                Ok(sample) => {
-                    *seen = Some(sample);
-                    if before.is_some_and(|before| sample.stands_since(&before)) {
-                        return true;
-                    }
-                    before = Some(sample);
-                }
-                Err(_unreadable) => before = None,
+    /// Halts over this connection, and over a second one beside it once the first answer is late. What proves the standstill first
+    /// counts; otherwise what saw the machine at all.
+    async fn halt_over_either(&self, deadline: Instant) -> (Halted, Option<SecondConnection>) {
+        let (heard, begun) = (watch::Sender::new(false), AtomicBool::new(false));
+        let first = Halt::new(self.clone(), deadline).run(Some(&heard));
+        let second = async {
+            let mut heard = heard.subscribe();
+            if timeout(LATE, heard.wait_for(|heard| *heard)).await.is_ok() {
+                return None;
             }
-            if read > 0 && Instant::now() >= until {
-                break;
+            begun.store(true, Ordering::Relaxed);
+            let made = timeout_at(deadline, self.second_connection()).await;
+            match made.unwrap_or(Err(NotSent::Busy { waited: CONFIRM_WITHIN })) {
+                Ok(robot) => Some(Ok(Halt::new(robot, deadline).run(None).await)),
+                Err(error) => Some(Err(error)),
             }
-            sleep(READ_EVERY).await;
-        }
-        false
-    }
-
-    async fn clear_after_stop(&self, confirmed: bool, seen: Option<Sample>) -> ListAfterStop {
-        let Some(seen) = seen.filter(|_| confirmed) else {
-            return ListAfterStop::NotTried(NotTried::NotStanding);
         };
-        if seen.list_length == Some(0) {
+        tokio::pin!(first, second);
+        let (mut one, mut other) = (None, None);
+        while one.is_none() || other.is_none() {
+            tokio::select! {
+                biased;
+                halted = &mut first, if one.is_none() => {
+                    let over = halted.confirmed() || halted.is_closed();
+                    one = Some(halted);
+                    if over {
+                        break;
+                    }
+                }
+                halted = &mut second, if other.is_none() => {
+                    let over = matches!(&halted, Some(Ok(halted)) if halted.confirmed());
+                    other = Some(halted);
+                    if over {
+                        break;
+                    }
+                }
+            }
+        }
+        let opening = begun.load(Ordering::Relaxed) && other.is_none();
+        match (one, other.flatten()) {
+            (one, Some(Ok(halted))) if halted.confirmed() || !one.as_ref().is_some_and(Halted::heard) => {
+                (halted, Some(SecondConnection::Used))
+            }
+            (Some(one), None) => (one, opening.then_some(SecondConnection::Opening)),
+            (Some(one), Some(Ok(halted))) if halted.heard() => (one, Some(SecondConnection::Answered)),
+            (Some(one), Some(Ok(_))) => (one, Some(SecondConnection::Silent)),
+            (Some(one), Some(Err(error))) => (one, Some(SecondConnection::NotMade(error))),
+            // The loop ends with one of them.
+            (None, _) => (Halted::nothing(self.clone()), None),
+        }
+    }
+
+    /// Clears the list over the connection that the standstill was proved on, and on no other.
+    async fn clear_after_stop(&self, report: &StopReport) -> ListAfterStop {
+        if report.list_length == Some(0) {
             return ListAfterStop::WasEmpty;
         }
-        if let Some(mode @ (OperationMode::None | OperationMode::Manual)) = seen.mode {
+        if let Some(mode @ (OperationMode::None | OperationMode::Manual)) = report.mode {
             return ListAfterStop::NotTried(NotTried::Mode(mode));
         }
+        self.clear_over(report.connection).await
+    }
+
+    async fn clear_over(&self, connection: u64) -> ListAfterStop {
         let clear = Work::AddRcc { replace: true, instructions: Vec::new() };
-        match self.accepted(clear, Lane::Urgent).await {
+        let terms = Terms { only_on: Some(connection), ..Terms::default() };
+        match self.accepted_on(terms, clear, Lane::Urgent).await {
             Ok(_) => ListAfterStop::Cleared,
             Err(RequestError::Refused(
                 Refused::InstructionList { reason }
@@ -268,96 +253,32 @@ impl Robot {
             Err(RequestError::NotSent(error)) => ListAfterStop::NotTried(NotTried::NotSent(error)),
         }
     }
-}
 
-/// What to tell of stops that failed: one that left may be carried out, whatever became of those after it.
-fn rather(before: Option<RequestError>, error: RequestError) -> RequestError {
-    match (before, error) {
-        (Some(left @ RequestError::OutcomeUnknown(_)), RequestError::NotSent(_)) => left,
-        (_, error) => error,
-    }
-}
-
-impl fmt::Display for StopReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let seconds = self.took.as_secs_f64();
-        let sent = match self.attempts {
-            1 => "sent once".to_owned(),
-            times => format!("sent {times} times"),
-        };
-        if self.confirmed {
-            write!(f, "the arm stands ({seconds:.2} s, {sent})")?;
-        } else {
-            write!(
-                f,
-                "the arm was not seen to stand within {seconds:.2} s ({sent}): use the emergency stop"
-            )?;
-        }
-        match self.mode {
-            Some(mode) => write!(f, "; mode {mode}")?,
-            None => f.write_str("; mode not known")?,
-        }
-        match self.alarm {
-            Some(0) => {}
-            Some(alarm) => write!(f, "; alarm {alarm}")?,
-            None => f.write_str("; alarm not known")?,
-        }
-        write!(f, "; {}", self.list)?;
-        match self.list_length {
-            None | Some(0) => Ok(()),
-            Some(length) => write!(
-                f,
-                "; {length} {} still in the list and may run at the next start: clear it before that",
-                if length == 1 { "instruction is" } else { "instructions are" }
-            ),
-        }
-    }
-}
-
-impl fmt::Display for ListAfterStop {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::WasEmpty => f.write_str("the instruction list was empty"),
-            Self::Cleared => f.write_str("the instruction list was cleared"),
-            Self::Refused(Some(reason)) => {
-                write!(f, "the instruction list was not cleared, refused: {reason}")
-            }
-            Self::Refused(None) => {
-                f.write_str("the instruction list was not cleared, refused without a reason")
-            }
-            Self::Unknown(unknown) => {
-                write!(f, "whether the instruction list was cleared is not known: {unknown}")
-            }
-            Self::NotTried(NotTried::NotStanding) => f.write_str("the instruction list was left as it is"),
-            Self::NotTried(NotTried::Mode(mode)) => {
-                write!(f, "the instruction list was left as it is, because nothing is taken in mode {mode}")
-            }
-            Self::NotTried(NotTried::NotSent(error)) => {
-                write!(f, "the instruction list was not cleared: {error}")
+    /// While a frame of this handle that can move the arm may still be taken, watches on. Then stops again, for the frame may have
+    /// been carried out by now, and clears the list again.
+    async fn wait_out_doubts(&self, way: &Self, report: &mut StopReport) {
+        let doubts = &self.hub().doubts;
+        let give_up = Instant::now() + DOUBT_WITHIN;
+        let mut waited = false;
+        while let Some(until) = doubts.until(Instant::now())
+            && Instant::now() < give_up
+        {
+            waited = true;
+            let look_at = until.unwrap_or(give_up).min(give_up).min(Instant::now() + READ_EVERY);
+            doubts.change_until(look_at).await;
+            let seen = way.observe(Lane::Urgent).await;
+            // What runs is stopped at once; whether more comes is looked at after that.
+            if seen.is_ok_and(|seen| seen.connection == report.connection && report.is_contradicted_by(&seen))
+            {
+                report.runs_again(Halt::new(way.clone(), Instant::now() + CONFIRM_WITHIN).run(None).await);
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_left_in_the_list_is_counted() {
-        let report = |length| StopReport {
-            confirmed: true,
-            attempts: 1,
-            took: Duration::from_millis(120),
-            moving: Some(false),
-            mode: Some(OperationMode::Stop),
-            alarm: Some(0),
-            list_length: Some(length),
-            list: ListAfterStop::Refused(None),
-        };
-        let text = |length| report(length).to_string();
-        assert!(!text(0).contains("still in the list"), "{}", text(0));
-        assert!(text(1).contains("; 1 instruction is still in the list and"), "{}", text(1));
-        assert!(text(2).contains("; 2 instructions are still in the list and"), "{}", text(2));
+        if !waited {
+            return;
+        }
+        let open = doubts.until(Instant::now()).is_some();
+        report.prove_again(Halt::new(way.clone(), Instant::now() + CONFIRM_WITHIN).run(None).await);
+        let cleared = way.clear_over(report.connection).await;
+        report.doubt = Some(DoubtAfterStop { still_open: open, cleared });
     }
 }

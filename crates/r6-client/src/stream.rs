@@ -9,6 +9,7 @@ use std::time::Duration;
 use r6_proto::OperationMode;
 use tokio::sync::{oneshot, watch};
 
+use crate::evidence::About;
 use crate::guard::Start;
 use crate::handle::{MotionHandle, Progress};
 use crate::job::{Terms, Work};
@@ -51,7 +52,8 @@ pub struct RunOptions {
     /// Whether the arm is stopped and its list cleared ([`Robot::stop`]) when the motion fails after something has left:
     /// outcome unknown, alarm, another mode, no progress. Default: yes.
     pub stop_on_failure: bool,
-    /// Whether the arm is stopped when the handle is dropped. Default: no, it finishes what is in its list.
+    /// Whether the arm is stopped when the handle is dropped, or the robot's handle is closed ([`Robot::close`]). Default: no. A motion
+    /// whose handle was dropped is then streamed on to its end; one whose robot was closed ends with what is in its list.
     pub stop_on_drop: bool,
 }
 
@@ -129,7 +131,7 @@ impl Robot {
         let frames = cut(steps, self.settings(), options.frame_length())
             .map_err(|error| failed(Cause::Step(error)))?;
         let (turn, stops) = self.turn().await.map_err(failed)?;
-        let (status, connection) = self.look_before(options).await.map_err(failed)?;
+        let (status, about) = self.look_before(options).await.map_err(failed)?;
         let sample = status.sample();
         if let Some(error) = status.step_beyond_axes(steps) {
             return Err(failed(Cause::Step(error)));
@@ -149,10 +151,12 @@ impl Robot {
         let (progress, watched) = watch::channel(Progress { total: steps.len(), ..Progress::default() });
         let (end, ended) = oneshot::channel();
         let path = PathProgress::new(steps.to_vec(), sample);
-        let task = Task::new((self.clone(), connection), options, path, frames, progress);
+        let number = self.motions().begin();
+        let task = Task::new((self.clone(), about, number), options, path, frames, progress);
         let task = tokio::spawn(task.run(ended, stops, turn));
         Ok(MotionHandle {
             robot: self.clone(),
+            number,
             progress: watched,
             end: Some(end),
             task,
@@ -176,10 +180,10 @@ impl Robot {
         motion.frames(self.settings(), options).map_err(Cause::Step)
     }
 
-    /// Looks at the machine, and clears a list that is left over if that is wished and possible. Tells on which connection, too.
-    pub(crate) async fn look_before(&self, options: RunOptions) -> Result<(Status, u64), Cause> {
-        let (mut status, connection) =
-            self.on_one_connection(|| self.status()).await.map_err(Cause::Unreadable)?;
+    /// Looks at the machine, and clears a list that is left over if that is wished and possible. Tells whom it looked at, over which
+    /// connection.
+    pub(crate) async fn look_before(&self, options: RunOptions) -> Result<(Status, About), Cause> {
+        let (mut status, mut about) = self.status_seen().await.map_err(Cause::Unreadable)?;
         let unmet = |status: &Status| -> Vec<Unmet> {
             let idle = |unmet: &Unmet| matches!(unmet, Unmet::Mode { found } if *found == options.idle_mode);
             status.unmet().into_iter().filter(|unmet| !idle(unmet)).collect()
@@ -187,13 +191,13 @@ impl Robot {
         let mut found = unmet(&status);
         if options.clear_leftover && matches!(found.as_slice(), [Unmet::LeftoverList { .. }]) {
             // What is left over on another connection was not looked at.
-            let terms = Terms { only_on: Some(connection), ..Terms::default() };
+            let terms = Terms { only_on: Some(about.connection), ..Terms::default() };
             let clear = Work::AddRcc { replace: true, instructions: Vec::new() };
             self.accepted_on(terms, clear, Lane::Ordinary).await.map_err(Cause::NotCleared)?;
-            status = self.status().await.map_err(Cause::Unreadable)?;
+            (status, about) = self.status_seen().await.map_err(Cause::Unreadable)?;
             found = unmet(&status);
         }
-        if found.is_empty() { Ok((status, connection)) } else { Err(Cause::NotReady(found)) }
+        if found.is_empty() { Ok((status, about)) } else { Err(Cause::NotReady(found)) }
     }
 }
 

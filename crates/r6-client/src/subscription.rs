@@ -68,7 +68,8 @@ pub struct Value {
 pub enum Quality {
     /// It was read when it was due.
     Fresh,
-    /// It should have been read again, [`Liveness::suspect_after`] ago or longer, or the connection is lost or suspect.
+    /// It should have been read again, [`Liveness::suspect_after`] ago or longer, or the connection is lost or suspect, or it was
+    /// read over an earlier connection.
     Stale,
     /// The same since [`Liveness::dead_after`].
     Dead,
@@ -179,10 +180,11 @@ impl Subscription {
         let settings = self.robot.settings();
         let now = Instant::now();
         let link = hub.meter().state(hub.clock.of(now), settings.liveness);
+        let connection = hub.known().connection;
         let Seen { rows, failure } = hub.board.seen(&self.addresses);
-        let values = rows
-            .into_iter()
-            .map(|(address, last, every)| Value::of(address, last, every, now, link, settings.liveness));
+        let values = rows.into_iter().map(|(address, last, every)| {
+            Value::of(address, last, every, now, (link, connection), settings.liveness)
+        });
         Snapshot { values: values.collect(), failure }
     }
 
@@ -204,15 +206,16 @@ impl Drop for Subscription {
 }
 
 impl Value {
+    /// The statement "this value is fresh": it was read over the connection that is alive now, and when it was due.
     fn of(
         address: Address,
         last: Option<Last>,
         every: Duration,
         now: Instant,
-        link: LinkState,
+        (link, present): (LinkState, u64),
         liveness: Liveness,
     ) -> Self {
-        let Some(Last { value, at }) = last else {
+        let Some(Last { value, at, connection }) = last else {
             return Self { address, reading: None, age: None, quality: Quality::NotRead };
         };
         let age = now.saturating_duration_since(at);
@@ -223,7 +226,12 @@ impl Value {
             Ok(reading) if overdue > liveness.dead_after || link == LinkState::Dead => {
                 (Some(reading), Quality::Dead)
             }
-            Ok(reading) if overdue > liveness.suspect_after || link == LinkState::Suspect => {
+            // A value of an earlier connection may be another robot's, or from before it was switched off.
+            Ok(reading)
+                if overdue > liveness.suspect_after
+                    || link == LinkState::Suspect
+                    || connection != Some(present) =>
+            {
                 (Some(reading), Quality::Stale)
             }
             Ok(reading) => (Some(reading), Quality::Fresh),

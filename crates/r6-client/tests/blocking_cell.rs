@@ -85,7 +85,8 @@ fn a_stop_does_not_wait_for_a_picture() {
 #[test]
 fn a_target_is_followed_until_its_sender_is_gone() {
     let (controller, robot) = cell();
-    let (target, targets) = tokio::sync::watch::channel(AxisPosition::degrees([25.0]));
+    let (target, targets) = r6_client::TargetSender::new();
+    target.send(AxisPosition::degrees([25.0]));
     let (done, follows) = std::sync::mpsc::channel();
     let following = std::thread::spawn(move || {
         let followed = robot.follow(targets, FollowOptions::default());
@@ -94,13 +95,13 @@ fn a_target_is_followed_until_its_sender_is_gone() {
     });
     // Sends the same again and again, as a source does.
     while controller.handle().snapshot().axes[0] < 24.9 {
-        target.send_replace(AxisPosition::degrees([25.0]));
+        target.send(AxisPosition::degrees([25.0]));
         let ended = follows.recv_timeout(Duration::from_millis(20));
         assert!(ended.is_err(), "it ended before its source");
     }
     drop(target);
     let followed = following.join().unwrap().unwrap();
-    assert_eq!((followed.steps, followed.behind), (3, Degrees(0.0)));
+    assert_eq!((followed.steps, followed.behind), (3, Some(Degrees(0.0))));
 }
 
 #[test]

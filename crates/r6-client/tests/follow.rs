@@ -5,10 +5,11 @@ use std::time::Duration;
 use r6_client::units::{AxisPosition, Degrees, Percent};
 use r6_client::{
     Cause, Envelope, FollowOptions, Followed, MotionError, OutcomeUnknown, Robot, RobotSettings, RunOptions,
+    TargetSender,
 };
 use r6_controller::{Profile, Scenario, StartState};
 use r6_sim::{Builder, VirtualController};
-use tokio::sync::watch;
+
 use tokio::time::{sleep, timeout};
 
 /// Whatever has not happened after this long never will. The clock of these tests jumps to what is next.
@@ -31,17 +32,17 @@ fn j1(degrees: f64) -> AxisPosition {
 async fn follow(
     robot: &Robot,
     options: FollowOptions,
-    source: impl AsyncFnOnce(watch::Sender<AxisPosition>),
+    source: impl AsyncFnOnce(TargetSender),
 ) -> Result<Followed, MotionError> {
-    let (target, targets) = watch::channel(AxisPosition::none());
+    let (target, targets) = TargetSender::new();
     let following = robot.follow(targets, options);
     timeout(PATIENCE, async { tokio::join!(following, source(target)).0 }).await.expect("it never ends")
 }
 
 /// The same target, 20 times a second, for so long.
-async fn hold(target: &watch::Sender<AxisPosition>, at: AxisPosition, time: Duration) {
+async fn hold(target: &TargetSender, at: AxisPosition, time: Duration) {
     for _ in 0..time.as_millis() / TICK.as_millis() {
-        target.send_replace(at);
+        target.send(at);
         sleep(TICK).await;
     }
 }
@@ -61,7 +62,7 @@ async fn the_newest_target_wins_and_those_in_between_are_skipped() {
     let followed = follow(&robot, FollowOptions::default(), async |target| {
         for n in 0..40 {
             // There and back: where it was in between is nowhere to go any more.
-            target.send_replace(j1(if n % 2 == 0 { 60.0 } else { -60.0 }));
+            target.send(j1(if n % 2 == 0 { 60.0 } else { -60.0 }));
         }
         hold(&target, j1(5.0), Duration::from_secs(3)).await;
     })
@@ -75,7 +76,7 @@ async fn the_newest_target_wins_and_those_in_between_are_skipped() {
 async fn a_target_that_is_no_longer_sent_is_not_gone_to() {
     let (controller, robot) = cell(VirtualController::builder()).await;
     let followed = follow(&robot, FollowOptions::default(), async |target| {
-        target.send_replace(j1(100.0));
+        target.send(j1(100.0));
         // The source hangs, and has not ended.
         sleep(Duration::from_secs(60)).await;
         drop(target);
@@ -84,7 +85,7 @@ async fn a_target_that_is_no_longer_sent_is_not_gone_to() {
     .unwrap();
     let at = controller.handle().snapshot().axes[0];
     assert!(at > 5.0 && at < 31.0, "half a second, and the step that was begun: {at}");
-    assert_eq!(followed.behind, Degrees(100.0 - at));
+    assert_eq!(followed.behind, Some(Degrees(100.0 - at)));
 }
 
 #[tokio::test(start_paused = true)]
@@ -160,13 +161,13 @@ async fn the_guard_holds_every_step() {
 async fn a_machine_that_is_not_ready_gets_no_step_and_two_do_not_follow() {
     let (controller, robot) = cell(VirtualController::builder().stands(StartState::Stopped)).await;
     let mut log = controller.handle().log();
-    let never = async |_: watch::Sender<AxisPosition>| {};
+    let never = async |_: r6_client::TargetSender| {};
     let error = follow(&robot, FollowOptions::default(), never).await.unwrap_err();
     assert!(matches!(error.cause, Cause::NotReady(_)) && error.nothing_left(), "{error}");
     assert_eq!(lists(&mut log), 0);
 
     let (_controller, robot) = cell(VirtualController::builder()).await;
-    let (target, targets) = watch::channel(AxisPosition::none());
+    let (target, targets) = TargetSender::new();
     let first = tokio::spawn({
         let robot = robot.clone();
         async move { robot.follow(targets, FollowOptions::default()).await }
@@ -189,7 +190,7 @@ async fn firmware_without_the_length_of_its_list_is_fed_only_at_rest() {
     let mut longest = 0;
     let followed = follow(&robot, options, async |target| {
         for _ in 0..200 {
-            target.send_replace(j1(60.0));
+            target.send(j1(60.0));
             sleep(TICK).await;
             longest = longest.max(handle.snapshot().list_length);
         }

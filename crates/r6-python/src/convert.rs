@@ -8,8 +8,9 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyString, PyTuple};
 use r6_client::{
-    Accepted, Done, Followed, Found, Identity, LinkQuality, LinkState, ListAfterStop, NoReading,
-    OperationMode, Pushed, Quality, QueryResult, Snapshot, Status, StopReport, Unmet,
+    Accepted, Done, EndProof, Followed, Found, Identity, LinkQuality, LinkState, ListAfterStop, NoReading,
+    OperationMode, Pushed, Quality, QueryResult, SecondConnection, Snapshot, StandProof, Status, StopMeans,
+    StopReport, Unmet,
 };
 use r6_proto::Reading;
 use r6_proto::axis::AXES;
@@ -126,8 +127,29 @@ pub fn done<'py>(py: Python<'py>, done: &Done) -> PyResult<Bound<'py, PyAny>> {
         .with("pose", position(py, &done.pose)?)?
         .with("mode", mode_number(done.mode))?
         .with("moved", done.moved)?
+        .with("motion", done.motion)?
+        .with("proof", end_proof(&done.proof))?
+        .with("cut_short", cut_short(&done.proof))?
         .with("took", done.took.as_secs_f64())?
         .build()
+}
+
+/// What proves the end of a motion, in one word.
+fn end_proof(proof: &EndProof) -> &'static str {
+    match proof {
+        EndProof::Reached => "reached",
+        EndProof::Consumed => "consumed",
+        EndProof::CutShort(_) => "cut_short",
+        EndProof::AtRest => "at_rest",
+    }
+}
+
+/// What the arm missed where an input cut its last move short.
+fn cut_short(proof: &EndProof) -> Option<String> {
+    match proof {
+        EndProof::CutShort(missed) => Some(missed.to_string()),
+        EndProof::Reached | EndProof::Consumed | EndProof::AtRest => None,
+    }
 }
 
 /// The end of following.
@@ -135,7 +157,7 @@ pub fn followed<'py>(py: Python<'py>, followed: &Followed) -> PyResult<Bound<'py
     Record::new(py, "Followed")?
         .with("steps", followed.steps)?
         .with("axes", position(py, &followed.axes)?)?
-        .with("behind", followed.behind.value())?
+        .with("behind", followed.behind.map(r6_client::units::Degrees::value))?
         .build()
 }
 
@@ -156,8 +178,23 @@ pub fn stop_report<'py>(py: Python<'py>, report: &StopReport) -> PyResult<Bound<
         ListAfterStop::Unknown(_) => "unknown",
         ListAfterStop::NotTried(_) => "not_tried",
     };
+    let proof = report.proof.map(|proof| match proof {
+        StandProof::NotRunning(_) => "not_running",
+        StandProof::EmptyList(_) => "empty_list",
+    });
+    let second = report.second.as_ref().map(|second| match second {
+        SecondConnection::Used => "used",
+        SecondConnection::Answered => "answered",
+        SecondConnection::Silent => "silent",
+        SecondConnection::Opening => "opening",
+        SecondConnection::NotMade(_) => "not_made",
+    });
     Record::new(py, "StopReport")?
         .with("confirmed", report.confirmed)?
+        .with("proof", proof)?
+        .with("means", report.means.map(StopMeans::word))?
+        .with("second_connection", second)?
+        .with("in_doubt", report.doubt.as_ref().map(|doubt| doubt.still_open))?
         .with("attempts", report.attempts)?
         .with("took", report.took.as_secs_f64())?
         .with("moving", report.moving)?

@@ -149,6 +149,7 @@ fn unknown_word(error: &OutcomeUnknown) -> &'static str {
         OutcomeUnknown::ConnectionLost { .. } => "connection_lost",
         OutcomeUnknown::Unreadable { .. } => "unreadable",
         OutcomeUnknown::Unclear { .. } => "unclear",
+        OutcomeUnknown::AnotherRobot { .. } => "another_robot",
     }
 }
 
@@ -216,6 +217,9 @@ impl Raise for Cause {
             | Self::Stopped { .. }
             | Self::StoppedHere
             | Self::Dropped
+            | Self::Closed
+            | Self::NotSeen
+            | Self::AnotherList { .. }
             | Self::Elsewhere(_)
             | Self::Stalled { .. }
             | Self::Unreadable(_)
@@ -246,9 +250,12 @@ impl Raise for MotionError {
             Cause::OutcomeUnknown(request) => error.from(RequestError::from(request.clone()).exception(py)),
             Cause::AlarmRaised { code } => error.with("alarm", *code),
             Cause::Stopped { mode } => error.with("mode", mode.number()),
+            Cause::AnotherList { length } => error.with("list_length", *length),
             Cause::AnotherRuns
             | Cause::StoppedHere
             | Cause::Dropped
+            | Cause::Closed
+            | Cause::NotSeen
             | Cause::Elsewhere(_)
             | Cause::Stalled { .. }
             | Cause::Abandoned => error,
@@ -271,6 +278,9 @@ fn cause_word(cause: &Cause) -> &'static str {
         Cause::Stopped { .. } => "stopped",
         Cause::StoppedHere => "stopped_here",
         Cause::Dropped => "dropped",
+        Cause::Closed => "closed",
+        Cause::NotSeen => "not_seen",
+        Cause::AnotherList { .. } => "another_list",
         Cause::Elsewhere(_) => "elsewhere",
         Cause::Stalled { .. } => "stalled",
         Cause::Unreadable(_) => "unreadable",
@@ -288,6 +298,8 @@ impl Raise for WaitError {
                 error.with("cause", "timed_out").with("list_length", *list_length)
             }
             Self::Request(request) => error.with("cause", "request").from(request.exception(py)),
+            Self::AnotherConnection => error.with("cause", "another_connection"),
+            Self::Motion(motion) => error.with("cause", "motion").from(motion.exception(py)),
         }
         .build()
     }

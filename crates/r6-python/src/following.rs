@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use r6_client::{Cause, FollowOptions, Followed, MotionError, Progress, Robot};
+use r6_client::{Cause, FollowOptions, Followed, MotionError, Progress, Robot, TargetSender};
 use tokio::sync::watch;
 
 use crate::convert;
@@ -19,7 +19,7 @@ type Outcome = Result<Followed, MotionError>;
 struct Parts {
     robot: Robot,
     /// `None` once no other target comes.
-    target: Mutex<Option<watch::Sender<r6_client::units::AxisPosition>>>,
+    target: Mutex<Option<TargetSender>>,
     outcome: watch::Receiver<Option<Outcome>>,
     streaming: Streaming,
 }
@@ -33,7 +33,7 @@ pub struct FollowCore {
 impl FollowCore {
     /// Begins; nothing moves before the first target.
     pub fn new(py: Python<'_>, robot: Robot, options: FollowOptions) -> PyResult<Self> {
-        let (target, targets) = watch::channel(r6_client::units::AxisPosition::none());
+        let (target, targets) = TargetSender::new();
         let (tell, outcome) = watch::channel(None);
         let following = robot.clone();
         let task = Process::current(py)?.engine().handle().spawn(async move {
@@ -59,7 +59,7 @@ impl FollowCore {
             }
             None => {
                 let target = parts.target.lock().unwrap_or_else(PoisonError::into_inner);
-                target.as_ref().ok_or_else(ended)?.send_replace(to.0);
+                target.as_ref().ok_or_else(ended)?.send(to.0);
                 Ok(())
             }
         }

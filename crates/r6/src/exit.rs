@@ -3,7 +3,7 @@
 use std::fmt;
 use std::process::ExitCode;
 
-use r6_client::{Effect, NotSent, RequestError, WaitError};
+use r6_client::{Effect, NotSent, OutcomeUnknown, RequestError, WaitError};
 
 use crate::hint;
 use crate::output::{self, alarm};
@@ -188,7 +188,13 @@ impl From<RequestError> for Failure {
             RequestError::NotSent(NotSent::AnotherRobot { .. } | NotSent::OutsideEnvelope(_))
             | RequestError::Refused(_) => Exit::Refused,
             RequestError::OutcomeUnknown(unknown) => match unknown.request().effect {
-                Effect::Reads => Exit::NoReply,
+                Effect::Reads => match unknown {
+                    OutcomeUnknown::AnotherRobot { .. } => Exit::Refused,
+                    OutcomeUnknown::TimedOut { .. }
+                    | OutcomeUnknown::ConnectionLost { .. }
+                    | OutcomeUnknown::Unreadable { .. }
+                    | OutcomeUnknown::Unclear { .. } => Exit::NoReply,
+                },
                 Effect::Changes | Effect::Moves | Effect::Stops => Exit::Unknown,
             },
         };
@@ -234,6 +240,10 @@ impl From<WaitError> for Failure {
                     ),
                 )
             }
+            WaitError::AnotherConnection => {
+                Self::unknown(&error).advise(format!("look with `{}`, then decide", hint::r6("status")))
+            }
+            WaitError::Motion(error) => Self::unknown(error),
             WaitError::Request(error) => Self::from(error)
                 .while_doing("the list was sent, then the state could not be read")
                 .with_exit(Exit::Unknown),

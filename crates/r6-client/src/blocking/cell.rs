@@ -1,11 +1,12 @@
 //! What a robot shares with the rest of its cell: registers, cameras, targets that move.
 
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
 use crate::blocking::Robot;
-use crate::units::AxisPosition;
-use crate::{FollowOptions, Followed, Keep, MotionError, PhotosEnded, RegisterError, RegisterIndex, Shot};
+use crate::{
+    FollowOptions, Followed, Keep, MotionError, PhotosEnded, RegisterError, RegisterIndex, Shot, Targets,
+};
 
 impl Robot {
     /// As [`crate::Robot::read_registers`].
@@ -68,11 +69,7 @@ impl Robot {
     /// # Errors
     /// As there.
     #[expect(clippy::result_large_err, reason = "made once a motion")]
-    pub fn follow(
-        &self,
-        targets: watch::Receiver<AxisPosition>,
-        options: FollowOptions,
-    ) -> Result<Followed, MotionError> {
+    pub fn follow(&self, targets: Targets, options: FollowOptions) -> Result<Followed, MotionError> {
         self.engine().block_on(self.as_async().follow(targets, options))
     }
 }

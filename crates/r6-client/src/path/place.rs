@@ -6,7 +6,7 @@ use r6_proto::axis::{AXES, AxisIndex, AxisMask};
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{Coordinates, Manner};
 
-use crate::motion::Sample;
+use crate::evidence::Sample;
 use crate::status::ASKED_AXES;
 
 /// How far an axis may end from its target, degrees. Real arms end within 0.001 (reported, unit A).
@@ -24,7 +24,7 @@ pub(crate) enum Place {
     Position(Coordinates, AxisMask),
     /// The step does not move the arm.
     Same,
-    /// It moves, or changes what positions refer to: nobody can tell from here where it ends.
+    /// It moves, and nobody can tell from here where it ends: the position refers to another tool or work frame.
     Unknown,
 }
 
@@ -64,8 +64,13 @@ impl Place {
             Action::AxisMove(step) => Self::Axes(step.target, moved(&step.manner, &step.target)),
             Action::LinearMove(step) => Self::position(&step.manner, step.target),
             Action::CurveMove(curve) => Self::position(&curve.manner, curve.end),
-            Action::PathSpeed(_) | Action::Wait(_) | Action::Output(_) | Action::BoardOutput(_) => Self::Same,
-            Action::StopOnSignal(_) | Action::Workbench(_) | Action::Unknown(_) => Self::Unknown,
+            Action::PathSpeed(_)
+            | Action::Wait(_)
+            | Action::Output(_)
+            | Action::BoardOutput(_)
+            | Action::StopOnSignal(_)
+            | Action::Workbench(_) => Self::Same,
+            Action::Unknown(_) => Self::Unknown,
         }
     }
 

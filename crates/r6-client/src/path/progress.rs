@@ -1,12 +1,14 @@
 //! How far along a path the arm is: by the length of the controller's list, or else by where the arm is.
 
+use std::ops::Range;
 use std::time::Duration;
 
 use r6_proto::message::Action;
 use r6_proto::message::Instruction;
 
-use crate::motion::Sample;
-use crate::path::place::Place;
+use crate::evidence::Sample;
+use crate::motion::EndProof;
+use crate::path::place::{Missed, Place};
 
 /// Two segments that the arm is as near to as this, degrees or mm, are equally near: corners are rounded. The earlier
 /// one counts, so that the list is rather thought too full than too empty.
@@ -20,6 +22,8 @@ const NO_DIRECTION: f64 = 1e-3;
 pub(crate) struct PathProgress {
     steps: Vec<Instruction>,
     places: Vec<Place>,
+    /// Whether an input may cut the move of a step short.
+    watched: Vec<bool>,
     /// Where the arm was before the first step.
     begun_at: Sample,
     before: Sample,
@@ -27,16 +31,40 @@ pub(crate) struct PathProgress {
     pub accepted: usize,
     /// Steps that are over.
     pub done: usize,
+    since_fed: SinceFed,
+    /// Steps with a move that went out of the list between two looks, at most.
+    pace: usize,
+}
+
+/// What was seen since a list was last accepted.
+#[derive(Clone, Copy, Debug)]
+struct SinceFed {
+    /// The first step of that list.
+    first: usize,
+    /// The last look before it.
+    from: Sample,
+    /// Whether the arm was seen to move.
+    moved: bool,
+    /// How many steps the list had when it was last seen not to be empty; at first all that should be in it.
+    length: usize,
 }
 
 impl PathProgress {
     pub fn new(steps: Vec<Instruction>, begun_at: Sample) -> Self {
-        let places = places(&steps);
-        Self { steps, places, begun_at, before: begun_at, accepted: 0, done: 0 }
+        let (places, watched) = places(&steps);
+        let since_fed = SinceFed { first: 0, from: begun_at, moved: false, length: 0 };
+        Self { steps, places, watched, begun_at, before: begun_at, accepted: 0, done: 0, since_fed, pace: 0 }
     }
 
     pub fn steps(&self) -> &[Instruction] {
         &self.steps
+    }
+
+    /// The controller took a list; so many steps are accepted now.
+    pub fn fed(&mut self, accepted: usize) {
+        self.since_fed =
+            SinceFed { first: self.accepted, from: self.before, moved: false, length: accepted - self.done };
+        self.accepted = accepted;
     }
 
     /// Steps in the controller's list, as far as is known. The arm leaves a step's way at the corner, some time before the
@@ -46,26 +74,89 @@ impl PathProgress {
         self.accepted - self.done.saturating_sub(usize::from(at_corner))
     }
 
-    /// Where the arm stands when all that was accepted is over; [`Place::Unknown`] where nobody can tell.
-    pub fn end_of_accepted(&self) -> Place {
-        let places = self.places.get(..self.accepted).unwrap_or_default();
-        places.iter().rev().copied().find(|place| *place != Place::Same).unwrap_or(Place::Same)
+    /// Where the arm stands when all that was accepted is over, and whether an input may have cut that move short.
+    fn end_of_accepted(&self) -> (Place, bool) {
+        let places = self.places.iter().zip(&self.watched).take(self.accepted);
+        places
+            .rev()
+            .find(|(place, _)| **place != Place::Same)
+            .map_or((Place::Same, false), |(place, watched)| (*place, *watched))
+    }
+
+    /// The first axis that is not where the arm has to stand when all that was accepted is over.
+    pub fn missed(&self, sample: &Sample) -> Option<Missed> {
+        self.end_of_accepted().0.missed(sample)
+    }
+
+    /// The statement "all that was accepted was carried out": what proves it, in a look at an arm whose list is empty as far as is
+    /// known. `rests`: it was seen to stand.
+    ///
+    /// A list that was accepted proves nothing, and neither does an empty one: somebody else may have cleared it.
+    pub fn end(&self, sample: &Sample, rests: bool) -> Option<EndProof> {
+        if sample.list_length.is_some_and(|length| length > 0) {
+            return None;
+        }
+        let (place, watched) = self.end_of_accepted();
+        match place {
+            Place::Same => Some(EndProof::AtRest),
+            Place::Axes(..) | Place::Position(..) => match place.missed(sample) {
+                None => self.was_gone().then_some(EndProof::Reached),
+                Some(missed) => {
+                    (watched && rests && self.was_consumed(sample)).then_some(EndProof::CutShort(missed))
+                }
+            },
+            Place::Unknown => (rests && self.was_consumed(sample)).then_some(EndProof::Consumed),
+        }
+    }
+
+    /// Whether an arm at the end of the last list must have gone there: it was seen to move, or was elsewhere before, or no step
+    /// leads away from where it was.
+    fn was_gone(&self) -> bool {
+        let SinceFed { first, from, moved, .. } = &self.since_fed;
+        let is_elsewhere = |place: &Place| *place == Place::Unknown || place.missed(from).is_some();
+        let mut listed = self.places.iter().take(self.accepted).skip(*first);
+        *moved || self.missed(from).is_some() || !listed.any(is_elsewhere)
+    }
+
+    /// Whether the list was seen to be worked through step by step, down to one move, or at the pace at which it was before; and the arm to
+    /// move. Firmware that does not tell the length of its list can prove that of one move only.
+    fn was_consumed(&self, sample: &Sample) -> bool {
+        let first = match sample.list_length {
+            Some(_) => self.accepted.saturating_sub(self.since_fed.length),
+            None => self.since_fed.first,
+        };
+        let at_once = if sample.list_length.is_some() { self.pace.saturating_mul(2).max(1) } else { 1 };
+        self.since_fed.moved && self.moves(first..self.accepted) <= at_once
+    }
+
+    /// How many of these steps move the arm.
+    fn moves(&self, steps: Range<usize>) -> usize {
+        self.places.get(steps).unwrap_or_default().iter().filter(|place| **place != Place::Same).count()
     }
 
     /// Takes in one read. `rests`: it was seen to stand, with an empty list as far as is known.
     pub fn see(&mut self, sample: &Sample, rests: bool) {
-        let there = self.end_of_accepted().missed(sample).is_none();
+        self.since_fed.moved |= sample.moving == Some(true) || sample.went_on_from(&self.since_fed.from.axes);
         let done = match sample.list_length {
-            // An empty list elsewhere than at the end of what was accepted: it was taken and not carried out, or counts
-            // only what has not begun.
-            Some(0) if there => self.accepted,
+            // An empty list elsewhere than at the end of what was accepted: it was taken and not carried out, was cleared by somebody
+            // else, or counts only what has not begun.
+            Some(0) if self.end(sample, rests).is_some() => self.accepted,
             Some(0) => self.done,
-            Some(length) => self.accepted.saturating_sub(usize::try_from(length).unwrap_or(0)),
-            None if rests && there => self.accepted,
+            Some(length) => self.count(usize::try_from(length).unwrap_or(0)),
+            None if rests && self.end(sample, rests).is_some() => self.accepted,
             None => self.passed(sample),
         };
         self.done = self.done.max(done).min(self.accepted);
         self.before = *sample;
+    }
+
+    /// Takes in the length of a list that is not empty; the steps that are over.
+    fn count(&mut self, length: usize) -> usize {
+        let over = |length: usize| self.accepted.saturating_sub(length);
+        let gone = self.moves(over(self.since_fed.length)..over(length));
+        self.pace = self.pace.max(gone);
+        self.since_fed.length = length.min(self.since_fed.length);
+        over(length)
     }
 
     /// The step that the arm is on: the earliest of those that lead where it goes and that it is nearest to.
@@ -126,8 +217,8 @@ impl PathProgress {
     }
 }
 
-/// Where each step ends. Nobody can tell once an input may stop the motion, nor, of poses, once the work frame changes.
-fn places(steps: &[Instruction]) -> Vec<Place> {
+/// Where each step ends, and whether an input may cut it short. Nobody can tell of poses once the work frame changes.
+fn places(steps: &[Instruction]) -> (Vec<Place>, Vec<bool>) {
     let (mut may_stop, mut other_frame) = (false, false);
     let place = |step: &Instruction| {
         match &step.action {
@@ -141,13 +232,13 @@ fn places(steps: &[Instruction]) -> Vec<Place> {
             | Action::Output(_)
             | Action::BoardOutput(_) => {}
         }
-        match Place::of(&step.action) {
-            Place::Axes(..) | Place::Position(..) if may_stop => Place::Unknown,
+        let place = match Place::of(&step.action) {
             Place::Position(..) if other_frame => Place::Unknown,
             place @ (Place::Axes(..) | Place::Position(..) | Place::Same | Place::Unknown) => place,
-        }
+        };
+        (place, may_stop)
     };
-    steps.iter().map(place).collect()
+    steps.iter().map(place).unzip()
 }
 
 /// How long a step lets the arm stand; `None`: for ever.

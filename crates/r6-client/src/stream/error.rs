@@ -55,8 +55,18 @@ pub enum Cause {
     },
     /// A handle of this connection sent a stop or a pause.
     StoppedHere,
-    /// The handle of the motion was dropped.
+    /// The handle of the motion was dropped, and the motion was to be stopped then ([`crate::RunOptions::stop_on_drop`]).
     Dropped,
+    /// The robot's handle was closed ([`crate::Robot::close`]) before all of the motion had left.
+    Closed,
+    /// The lists were accepted, the arm stands and the controller's list is empty, but nothing proves that they were carried out:
+    /// somebody else may have cleared the list.
+    NotSeen,
+    /// There are more instructions in the controller's list than this handle has sent: somebody else sends some, too.
+    AnotherList {
+        /// `RemoteCmdLen`.
+        length: i64,
+    },
     /// The lists were accepted and the arm stands, but not where it should.
     Elsewhere(Missed),
     /// The arm stands and nothing goes on.
@@ -110,6 +120,8 @@ impl From<WaitError> for Cause {
             WaitError::Stopped { mode } => Self::Stopped { mode },
             WaitError::TimedOut { after, .. } => Self::Stalled { after },
             WaitError::Request(error) => Self::Unreadable(error),
+            WaitError::AnotherConnection => Self::Unreadable(NotSent::Disconnected.into()),
+            WaitError::Motion(error) => error.cause,
         }
     }
 }
@@ -182,6 +194,18 @@ impl fmt::Display for Cause {
             }
             Self::StoppedHere => f.write_str("a stop or a pause was sent over this connection"),
             Self::Dropped => f.write_str("the handle of the motion was dropped"),
+            Self::Closed => f.write_str(
+                "the robot's handle was closed before the motion was at its end; the arm finishes what is in its list",
+            ),
+            Self::NotSeen => f.write_str(
+                "the lists were accepted and the arm stands with an empty list, but nothing proves that they were carried \
+                 out: somebody else may have cleared the list; look where the arm is",
+            ),
+            Self::AnotherList { length } => write!(
+                f,
+                "there are {length} instructions in the list, more than were sent from here: another program sends some, too; \
+                 end it, or stop the arm"
+            ),
             Self::Elsewhere(missed) => write!(f, "the lists were accepted and the arm stands, but {missed}"),
             Self::Stalled { after } => {
                 write!(f, "nothing has gone on for {after:?}: look at the global speed and at the pendant")

@@ -10,10 +10,12 @@ use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 use tokio::time::{Instant, sleep};
 
 use crate::error::{NotSent, RequestError};
+use crate::evidence::rest::Rest;
+use crate::evidence::{About, Observation, Sample};
 use crate::handle::Progress;
 use crate::job::{Terms, Work};
 use crate::link::Lane;
-use crate::motion::{Done, Sample, WaitOptions, Watch};
+use crate::motion::{Done, EndProof, WaitOptions};
 use crate::path::progress::PathProgress;
 use crate::robot::Robot;
 use crate::stream::RunOptions;
@@ -31,9 +33,11 @@ pub(crate) struct Ended {
 #[derive(Debug)]
 pub(super) struct Task {
     robot: Robot,
-    /// The connection that it was looked on before the motion began: no other gets any of it. Whoever answers on another may have lost
-    /// its list, or stand elsewhere.
-    connection: u64,
+    /// The robot and connection that it was looked at over before the motion began: no other gets any of it. Whoever answers on another
+    /// may have lost its list, or stand elsewhere.
+    about: About,
+    /// The number of the motion.
+    number: u64,
     options: RunOptions,
     path: PathProgress,
     /// What was not sent yet.
@@ -42,7 +46,7 @@ pub(super) struct Task {
     in_doubt: usize,
     progress: watch::Sender<Progress>,
     begun: Instant,
-    watch: Watch,
+    rest: Rest,
     /// When a list was last accepted.
     fed: Instant,
     failed: u32,
@@ -52,13 +56,14 @@ pub(super) struct Task {
 
 impl Task {
     pub fn new(
-        (robot, connection): (Robot, u64),
+        (robot, about, number): (Robot, About, u64),
         options: RunOptions,
         path: PathProgress,
         frames: Vec<Range<usize>>,
         progress: watch::Sender<Progress>,
     ) -> Self {
         let begun = Instant::now();
+        let rest_about = about.clone();
         let wait = WaitOptions {
             settle: options.settle,
             start_within: options.start_within,
@@ -67,38 +72,52 @@ impl Task {
         };
         Self {
             robot,
-            connection,
+            about,
+            number,
             options,
             path,
             frames: frames.into(),
             in_doubt: 0,
             progress,
             begun,
-            watch: Watch::new(wait, begun),
+            rest: Rest::new(wait, rest_about, begun),
             fed: begun,
             failed: 0,
             went_on: (begun, 0, [None; AXES]),
         }
     }
 
-    /// Runs the motion until it has ended, in whatever way. `ended` is told when the arm is to stop, or is dropped.
+    /// Runs the motion until it has ended, in whatever way. `ended` is told when the arm is to stop, or is dropped: then the motion
+    /// goes on to its end, unless it is to be stopped.
     pub async fn run(
+        self,
+        ended: oneshot::Receiver<()>,
+        stops: watch::Receiver<u64>,
+        turn: OwnedSemaphorePermit,
+    ) -> Ended {
+        let (robot, number) = (self.robot.clone(), self.number);
+        let ended = self.run_and_stop(ended, stops).await;
+        // Before the right to stream is given back: whoever gets it next finds how this one ended.
+        robot.motions().end(number, &ended.result);
+        drop(turn);
+        ended
+    }
+
+    async fn run_and_stop(
         mut self,
         mut ended: oneshot::Receiver<()>,
         mut stops: watch::Receiver<u64>,
-        turn: OwnedSemaphorePermit,
     ) -> Ended {
         let mut asked_to_stop = false;
+        let (robot, stop_on_drop) = (self.robot.clone(), self.options.stop_on_drop);
         let result = tokio::select! {
             biased;
-            asked = &mut ended => {
-                asked_to_stop = asked.is_ok();
-                Err(match asked {
-                    Ok(()) => (Cause::StoppedHere, true),
-                    Err(_dropped) => (Cause::Dropped, self.options.stop_on_drop),
-                })
+            cause = asked(&mut ended, stop_on_drop) => {
+                asked_to_stop = cause == Cause::StoppedHere;
+                Err((cause, true))
             }
             cause = stopped(&mut stops) => Err((cause, false)),
+            () = robot.is_closing() => Err((Cause::Closed, stop_on_drop)),
             result = self.stream() => result.map_err(|cause| (cause, self.options.stop_on_failure)),
         };
         let (cause, stop) = match result {
@@ -110,7 +129,7 @@ impl Task {
         };
         self.publish(true);
         let progress = *self.progress.borrow();
-        tracing::info!(%cause, ?progress, "the motion did not come to its end");
+        tracing::warn!(%cause, ?progress, "the motion did not come to its end");
         let stop = match cause {
             _ if stop && progress.left > 0 => Some(self.robot.stop().await),
             // Somebody else stops the arm: until that is done, its list may not be cleared.
@@ -118,29 +137,24 @@ impl Task {
             _ => None,
         };
         let stop = stop.map(Box::new);
-        drop(turn);
         Ended { stopped_as_asked: asked_to_stop, result: Err(MotionError { cause, progress, stop }) }
     }
 
     async fn stream(&mut self) -> Result<Done, Cause> {
         loop {
             self.feed().await?;
-            match self.robot.sample(Lane::Ordinary).await {
-                Ok(sample) => {
+            match self.robot.observe(Lane::Ordinary).await {
+                Ok(seen) => {
                     self.failed = 0;
-                    self.check_connection(&sample)?;
-                    if self.judge(&sample, Instant::now())? {
-                        return Ok(Done {
-                            axes: sample.axes,
-                            pose: sample.pose,
-                            mode: sample.mode,
-                            moved: self.watch.moved,
-                            took: self.begun.elapsed(),
-                        });
+                    self.check_connection(&seen)?;
+                    if let Some(proof) = self.judge(&seen, Instant::now())? {
+                        let Sample { axes, pose, mode, .. } = seen.values;
+                        let (moved, took) = (self.rest.moved, self.begun.elapsed());
+                        return Ok(Done { motion: Some(self.number), proof, axes, pose, mode, moved, took });
                     }
                 }
                 Err(error) => {
-                    self.watch.missed();
+                    self.rest.missed();
                     self.failed += 1;
                     Cause::of_failed_read(error, self.failed)?;
                     // What cannot be seen is not fed.
@@ -154,16 +168,14 @@ impl Task {
         }
     }
 
-    /// Fails once the connection is another, unless it was seen to move before, and all steps to be over. A controller that was switched off and on has
-    /// an empty list, too, and may stand where the path ends; what is in its list may be somebody else's.
-    fn check_connection(&self, sample: &Sample) -> Result<(), Cause> {
-        // It only counts upwards: if it is the first one still, the read was answered on it. A list that has not begun seems to be over, too.
-        let over = self.watch.moved && self.path.done == self.path.steps().len();
-        if over || self.robot.connection() == self.connection {
+    /// Fails once another connection answers. A controller that was switched off and on has an empty list, too, and may stand where the
+    /// path ends; what is in its list may be somebody else's.
+    fn check_connection(&self, seen: &Observation) -> Result<(), Cause> {
+        if seen.is_about(&self.about) {
             return Ok(());
         }
         // An alarm, or a mode in which nothing runs, says more.
-        sample.check(self.options.idle_mode)?;
+        seen.values.check(self.options.idle_mode)?;
         let lost = NotSent::Disconnected;
         Err(if self.frames.is_empty() { Cause::Unreadable(lost.into()) } else { lost.into() })
     }
@@ -185,12 +197,12 @@ impl Task {
             self.in_doubt = frame.len();
             self.publish(false);
             let list = Work::AddRcc { replace, instructions: steps };
-            let terms = Terms { only_on: Some(self.connection), ..Terms::default() };
+            let terms = Terms { only_on: Some(self.about.connection), ..Terms::default() };
             let answer = self.robot.accepted_on(terms, list, Lane::Ordinary).await;
             match answer {
                 Ok(_) => {
                     self.in_doubt = 0;
-                    self.path.accepted = frame.end;
+                    self.path.fed(frame.end);
                     self.fed = Instant::now();
                     self.publish(false);
                 }
@@ -215,30 +227,29 @@ impl Task {
         Ok(())
     }
 
-    /// Takes in one read; `true` once the motion has come to its end.
-    fn judge(&mut self, sample: &Sample, now: Instant) -> Result<bool, Cause> {
+    /// Takes in one look; what proves the end once the motion has come to it.
+    fn judge(&mut self, seen: &Observation, now: Instant) -> Result<Option<EndProof>, Cause> {
+        let sample = &seen.values;
         // Without the length of the list, a wait in it looks like its end.
-        self.watch.options.settle = match (sample.list_length, self.path.all_may_stand()) {
+        self.rest.options.settle = match (sample.list_length, self.path.all_may_stand()) {
             (Some(_), _) => self.options.settle,
             (None, Some(time)) => self.options.settle + time,
             (None, None) => Duration::MAX,
         };
-        let judged = self.watch.judge(*sample, now);
+        let judged = self.rest.judge(seen, now);
         // What ended the motion is told with the step that it ended in.
         self.path.see(sample, judged == Ok(true));
         self.publish(false);
         let rests = judged?;
-        if rests && self.frames.is_empty() && self.path.done == self.path.steps().len() {
-            return Ok(true);
+        let proof = self.path.end(sample, true).filter(|_| rests);
+        if proof.is_some() && self.frames.is_empty() && self.path.done == self.path.steps().len() {
+            return Ok(proof);
         }
-        if rests
-            && now - self.fed >= self.options.start_within
-            && let Some(missed) = self.path.end_of_accepted().missed(sample)
-        {
-            return Err(Cause::Elsewhere(missed));
+        if rests && proof.is_none() && now - self.fed >= self.options.start_within {
+            return Err(self.path.missed(sample).map_or(Cause::NotSeen, Cause::Elsewhere));
         }
         self.notice_progress(sample, now)?;
-        Ok(false)
+        Ok(None)
     }
 
     /// Fails when nothing goes on, although no step says that the arm shall stand.
@@ -272,6 +283,15 @@ impl Task {
             *known = progress;
             news
         });
+    }
+}
+
+/// Ends when the motion's own handle wants the arm to stop. One that is dropped wants that only if it was said before.
+async fn asked(ended: &mut oneshot::Receiver<()>, stop_on_drop: bool) -> Cause {
+    match ended.await {
+        Ok(()) => Cause::StoppedHere,
+        Err(_dropped) if stop_on_drop => Cause::Dropped,
+        Err(_dropped) => future::pending().await,
     }
 }
 

@@ -3,10 +3,9 @@
 use std::time::Duration;
 
 use r6_client::units::AxisPosition;
-use r6_client::{FollowOptions, Robot};
+use r6_client::{FollowOptions, Robot, TargetSender};
 use r6_proto::address::Address;
 use serde_json::Value;
-use tokio::sync::watch;
 use tokio::time::{sleep, timeout};
 
 use crate::controller::{Peer, Wires, asked, settings, values};
@@ -52,7 +51,8 @@ async fn a_step_does_not_leave_once_its_target_is_old() {
     let (_wires, robot, mut peer) = Wires::with_robot(settings()).await;
     let fresh = Duration::from_millis(200);
     let options = FollowOptions { fresh_within: fresh, ..FollowOptions::default() };
-    let (target, targets) = watch::channel(AxisPosition::degrees([5.0]));
+    let (target, targets) = TargetSender::new();
+    target.send(AxisPosition::degrees([5.0]));
     let playing = async {
         // Before it begins, and then the look that the step comes from.
         let look = until_looked(&mut peer, 2).await;

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use r6_client::{ListAfterStop, NotTried, OperationMode, RequestError, RobotSettings};
+use r6_client::{ListAfterStop, NotTried, OperationMode, RequestError, RobotSettings, StopMeans};
 use r6_proto::address::Address;
 use r6_proto::message::Command;
 use serde_json::Value;
@@ -27,12 +27,13 @@ impl Arm {
     }
 
     fn answer(&mut self, request: &Value) -> Option<String> {
-        if command_word(request) == "actionStop" {
+        let word = command_word(request);
+        if !word.is_empty() {
             self.stops += 1;
             if self.stops > self.deaf_to {
                 (self.mode, self.alarm) = ("3", "42");
             }
-            return Some(verdict(request, &["actionStop", "ok"]));
+            return Some(verdict(request, &[word, "ok"]));
         }
         if request["reqType"] == "AddRCC" {
             assert_eq!(
@@ -109,18 +110,19 @@ async fn an_empty_list_is_not_cleared() {
 }
 
 #[tokio::test]
-async fn a_stop_that_is_answered_but_not_obeyed_is_sent_again() {
+async fn a_means_that_is_answered_but_not_obeyed_is_followed_by_the_next() {
     let (_controller, robot, peer) = Controller::with_robot(settings()).await;
     let arm = Arm::moving(1);
     let answering = Arc::clone(&arm);
     tokio::spawn(peer.answer_all(move |request| answering.lock().unwrap().answer(request)));
     let report = soon(robot.stop()).await.unwrap();
     assert!(report.confirmed);
-    assert_eq!(report.attempts, 2);
+    assert_eq!((report.attempts, report.means), (2, Some(StopMeans::StopButton)));
+    assert!(report.to_string().contains("by stopButton"), "{report}");
 }
 
 #[tokio::test]
-async fn an_arm_that_does_not_stop_is_reported_and_its_list_left() {
+async fn an_arm_that_does_not_stop_is_reported_after_every_means() {
     let (_controller, robot, peer) = Controller::with_robot(settings()).await;
     let arm = Arm::moving(u32::MAX);
     let answering = Arc::clone(&arm);
@@ -130,7 +132,8 @@ async fn an_arm_that_does_not_stop_is_reported_and_its_list_left() {
     assert!(report.attempts >= 5, "{} attempts", report.attempts);
     assert_eq!(report.moving, Some(true));
     assert_eq!(report.list, ListAfterStop::NotTried(NotTried::NotStanding));
-    assert_eq!(arm.lock().unwrap().clears, 0);
+    assert!(arm.lock().unwrap().clears > 0, "the fourth means");
+    assert!(report.to_string().starts_with("NOT CONFIRMED"), "{report}");
     assert!(report.to_string().contains("use the emergency stop"), "{report}");
 }
 

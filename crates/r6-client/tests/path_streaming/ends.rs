@@ -5,7 +5,7 @@ use std::time::Duration;
 use r6_client::units::AxisPosition;
 use r6_client::{
     Cause, Motion, MotionError, MotionHandle, OperationMode, Robot, RobotSettings, RunOptions, StepState,
-    Unmet, WaitCondition, WaitSource,
+    Unmet, WaitCondition, WaitError, WaitSource,
 };
 use r6_controller::{Key, PanelAction, Profile};
 use r6_proto::Command;
@@ -151,22 +151,49 @@ async fn a_key_that_is_turned_ends_the_path() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn without_a_handle_the_arm_finishes_what_it_has_or_is_stopped() {
-    for stop_on_drop in [false, true] {
+async fn without_a_handle_the_motion_goes_on_to_its_end_and_is_named() {
+    let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let handle = under_way(&cell, RunOptions::default()).await;
+    let number = handle.number();
+    drop(handle);
+    let done = cell.robot.wait_until_done(r6_client::WaitOptions::default()).await.unwrap();
+    assert_eq!((done.motion, done.proof), (Some(number), r6_client::EndProof::Reached));
+    assert_eq!(cell.taken(), 100);
+    assert_at_rest(&cell);
+    assert!(cell.error(&wave(100)[99]) < 0.01);
+    // It was told once; what is waited for next is no motion of this handle.
+    let done = cell.robot.wait_until_done(r6_client::WaitOptions::default()).await.unwrap();
+    assert_eq!((done.motion, done.moved), (None, false));
+}
+
+#[tokio::test(start_paused = true)]
+async fn without_a_handle_a_motion_that_is_cut_short_is_never_told_as_done() {
+    for stop_on_drop in [true, false] {
         let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
         let handle = under_way(&cell, RunOptions { stop_on_drop, ..RunOptions::default() }).await;
-        let mut watch = handle.watch();
+        let left = handle.progress().left;
         drop(handle);
-        // The task is gone once nobody tells anything any more.
-        soon(async { while watch.changed().await.is_ok() {} }).await;
-        let left = watch.borrow().left;
-        let done = cell.robot.wait_until_done(r6_client::WaitOptions::default()).await;
-        assert_eq!(cell.taken(), left);
-        assert!(left < 70);
+        if !stop_on_drop {
+            assert!(cell.robot.stop().await.unwrap().confirmed);
+        }
+        let error = cell.robot.wait_until_done(r6_client::WaitOptions::default()).await.unwrap_err();
+        let WaitError::Motion(error) = error else { panic!("{error:?}") };
+        assert_eq!(error.cause, if stop_on_drop { Cause::Dropped } else { Cause::StoppedHere });
+        assert!(error.stop.unwrap().unwrap().confirmed);
+        assert!(cell.taken() <= left + 16, "{}", cell.taken());
         assert_at_rest(&cell);
-        let there = cell.error(&wave(100)[left - 1]) < 0.01;
-        assert_eq!((done.is_ok(), there), (!stop_on_drop, !stop_on_drop), "{done:?}");
     }
+}
+
+#[tokio::test(start_paused = true)]
+async fn closing_the_robot_tells_which_motion_it_cut_short() {
+    let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let handle = under_way(&cell, RunOptions::default()).await;
+    drop(handle);
+    let cut = cell.robot.clone().close().await.cut_short.expect("a motion was under way");
+    assert_eq!(cut.cause, Cause::Closed);
+    assert!(cut.to_string().contains("never sent"), "{cut}");
+    assert_eq!(cell.taken(), cut.progress.left, "nothing more has left");
 }
 
 async fn refused(robot: &Robot, options: RunOptions) -> MotionError {

@@ -178,10 +178,10 @@ async fn a_target_that_is_followed_ends_with_its_connection() {
             let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
             let (relay, address) = Relay::to(cell.controller.address(), breaks, Duration::ZERO).await;
             let robot = Robot::connect(&address.to_string(), RobotSettings::default()).await.unwrap();
-            let (target, targets) = tokio::sync::watch::channel(AxisPosition::none());
+            let (target, targets) = r6_client::TargetSender::new();
             let source = async move {
                 while !target.is_closed() {
-                    target.send_replace(AxisPosition::degrees([150.0]));
+                    target.send(AxisPosition::degrees([150.0]));
                     tokio::time::sleep(Duration::from_millis(50)).await;
                 }
             };

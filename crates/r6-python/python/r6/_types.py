@@ -194,6 +194,13 @@ class Done:
     mode: int | None
     moved: bool
     """Whether a motion was seen at all."""
+    motion: int | None
+    """The number of the motion (``MotionHandle.number``); ``None`` where none of this robot's motions was waited for."""
+    proof: Literal["reached", "consumed", "cut_short", "at_rest"]
+    """What proves the end: the arm stands where the last move ends; the controller was seen to work through its list; an input
+    cut the last move short; or the arm stands with an empty list, and where it should stand is not known."""
+    cut_short: str | None
+    """Where the arm should have been, where an input cut its last move short."""
     took: float
     """Seconds from the first read on."""
 
@@ -206,8 +213,9 @@ class Followed:
     """Steps that were made."""
     axes: Floats
     """J1 to J6: shape (6,), degrees, NaN where not known."""
-    behind: float
-    """How far the farthest axis is from the last target, degrees; mm where it slides."""
+    behind: float | None
+    """How far the farthest axis is from the last target that was told, degrees; mm where it slides. ``None`` where no target was
+    told, or it is not known where an axis is."""
 
 
 @dataclass(frozen=True)
@@ -225,11 +233,19 @@ class StopReport:
     """What became of a stop. As text it says so."""
 
     confirmed: bool
-    """Whether the arm was seen to stand. If not, use the emergency stop."""
+    """Whether it is proved that the arm stands. If not, use the emergency stop."""
+    proof: Literal["not_running", "empty_list"] | None
+    """What proves it: a mode in which no program runs, or a long rest with an empty list (a taught program may still run)."""
+    means: str | None
+    """The last means that left before that: ``actionStop``, ``stopButton``, ``actionPause``, or ``AddRCC`` (an empty list)."""
+    second_connection: Literal["used", "answered", "silent", "opening", "not_made"] | None
+    """What became of a second connection; ``None`` if the first answer was not late."""
+    in_doubt: bool | None
+    """Whether a frame that can move the arm is still unanswered; ``None`` if there was none when the stop began."""
     attempts: int
     """How many stops were sent."""
     took: float
-    """Seconds until the arm was seen to stand, or was given up."""
+    """Seconds until the standstill was proved, or was given up."""
     moving: bool | None
     mode: int | None
     alarm: int | None

@@ -197,13 +197,13 @@ impl Work {
 
     /// Follows a target that moves about.
     async fn follow(&mut self) {
-        let (target, targets) = tokio::sync::watch::channel(AxisPosition::none());
+        let (target, targets) = r6_client::TargetSender::new();
         let wanted = self.random.below(40);
         let source = async move {
             for n in 0..20 {
                 #[expect(clippy::cast_precision_loss, reason = "a small number")]
                 let place = wanted as f64 + f64::from(n);
-                target.send_replace(AxisPosition::degrees([place]));
+                target.send(AxisPosition::degrees([place]));
                 sleep(ms(50)).await;
             }
         };

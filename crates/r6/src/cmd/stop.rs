@@ -1,7 +1,7 @@
 //! `r6 stop`: ends the motion and clears the list.
 
 use clap::Args;
-use r6_client::{ListAfterStop, NotSent, RequestError, StopReport};
+use r6_client::{ListAfterStop, NotSent, RequestError, SecondConnection, StandProof, StopMeans, StopReport};
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
@@ -67,6 +67,19 @@ pub fn seen(report: &StopReport) -> Value {
     };
     json!({
         "confirmed": report.confirmed,
+        "proof": report.proof.map(|proof| match proof {
+            StandProof::NotRunning(_) => "not running",
+            StandProof::EmptyList(_) => "empty list",
+        }),
+        "means": report.means.map(StopMeans::word),
+        "second_connection": report.second.as_ref().map(|second| match second {
+            SecondConnection::Used => "used",
+            SecondConnection::Answered => "answered",
+            SecondConnection::Silent => "silent",
+            SecondConnection::Opening => "opening",
+            SecondConnection::NotMade(_) => "not made",
+        }),
+        "in_doubt": report.doubt.as_ref().map(|doubt| doubt.still_open),
         "attempts": report.attempts,
         "took_ms": output::readings::milliseconds(report.took),
         "moving": report.moving,

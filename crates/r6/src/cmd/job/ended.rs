@@ -143,7 +143,13 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
             .while_doing("the list was sent, then the state could not be read")
             .with_exit(Exit::Unknown),
         Cause::Unreadable(error) => Failure::from(error.clone()),
-        Cause::StoppedHere | Cause::Dropped | Cause::Abandoned => Failure::unknown(cause),
+        Cause::NotSeen => Failure::unknown(cause).advise(format!(
+            "look at the arm and at `{}`; `{}` stops it",
+            hint::r6("status"),
+            hint::r6("stop")
+        )),
+        Cause::AnotherList { .. } => Failure::unknown(cause),
+        Cause::StoppedHere | Cause::Dropped | Cause::Closed | Cause::Abandoned => Failure::unknown(cause),
     }
 }
 
@@ -160,6 +166,12 @@ mod tests {
     fn report(confirmed: bool) -> StopReport {
         StopReport {
             confirmed,
+            proof: confirmed.then_some(r6_client::StandProof::NotRunning(OperationMode::Stop)),
+            means: Some(r6_client::StopMeans::ActionStop),
+            robot: None,
+            connection: 0,
+            second: None,
+            doubt: None,
             attempts: 1,
             took: Duration::from_millis(120),
             moving: Some(!confirmed),

@@ -126,7 +126,15 @@ mod tests {
         for (slot, value) in values.iter_mut().zip(axes) {
             *slot = Some(value);
         }
-        Done { axes: values, pose: values, mode: None, moved: true, took: Duration::ZERO }
+        Done {
+            motion: None,
+            proof: r6_client::EndProof::AtRest,
+            axes: values,
+            pose: values,
+            mode: None,
+            moved: true,
+            took: Duration::ZERO,
+        }
     }
 
     fn axis_move(target: &[f64], mask: AxisMask) -> Instruction {

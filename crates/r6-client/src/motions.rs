@@ -1,0 +1,125 @@
+//! What a handle remembers of its motions: the last one, how it ended, and where the last list was accepted.
+
+use std::sync::{Mutex, PoisonError};
+
+use tokio::sync::watch;
+
+use crate::evidence::About;
+use crate::motion::Done;
+use crate::stream::{Cause, MotionError};
+
+/// How a motion ended.
+pub(crate) type End = Result<Done, MotionError>;
+
+/// The motions over one handle and its clones.
+#[derive(Debug, Default)]
+pub(crate) struct Motions {
+    last: watch::Sender<Last>,
+    /// The robot and connection that last accepted something that can move the arm.
+    sent_on: Mutex<Option<About>>,
+}
+
+/// The last motion.
+#[derive(Debug, Default)]
+struct Last {
+    /// Counted from 1; 0 before the first.
+    number: u64,
+    state: State,
+}
+
+#[derive(Debug, Default)]
+enum State {
+    /// There is nothing to tell: there was none, or its end was told.
+    #[default]
+    Told,
+    Streamed,
+    Ended(Box<End>),
+}
+
+impl Motions {
+    /// A motion begins; its number.
+    pub fn begin(&self) -> u64 {
+        let mut number = 0;
+        self.last.send_modify(|last| {
+            last.number += 1;
+            last.state = State::Streamed;
+            number = last.number;
+        });
+        number
+    }
+
+    /// The motion has ended.
+    pub fn end(&self, number: u64, end: &End) {
+        self.last.send_if_modified(|last| {
+            let this = last.number == number;
+            if this {
+                last.state = State::Ended(Box::new(end.clone()));
+            }
+            this
+        });
+    }
+
+    /// Its owner was told how it ended.
+    pub fn told(&self, number: u64) {
+        self.last.send_if_modified(|last| {
+            if last.number == number && matches!(last.state, State::Ended(_)) {
+                last.state = State::Told;
+            }
+            false
+        });
+    }
+
+    /// The end of a motion that ended because its handle was closed, if that was not told before.
+    pub fn cut_by_close(&self) -> Option<Box<MotionError>> {
+        let mut cut = None;
+        self.last.send_if_modified(|last| {
+            if let State::Ended(ended) = &last.state
+                && let Err(error) = &**ended
+                && error.cause == Cause::Closed
+            {
+                cut = Some(Box::new(error.clone()));
+                last.state = State::Told;
+            }
+            false
+        });
+        cut
+    }
+
+    /// Waits for the end of the motion that is under way. Tells how the last one ended, unless that was told before.
+    pub async fn end_of_last(&self) -> Option<End> {
+        let mut last = self.last.subscribe();
+        // The sender lives as long as the handle that asks.
+        last.wait_for(|last| !matches!(last.state, State::Streamed)).await.ok()?;
+        let mut end = None;
+        self.last.send_if_modified(|last| {
+            if let State::Ended(ended) = &last.state {
+                end = Some((**ended).clone());
+                last.state = State::Told;
+            }
+            false
+        });
+        end
+    }
+
+    /// Something that can move the arm was accepted, and not by the motion that is under way: the end of an earlier motion is
+    /// not the end of this.
+    pub fn accepted(&self, about: About) {
+        *self.sent_on.lock().unwrap_or_else(PoisonError::into_inner) = Some(about);
+        self.last.send_if_modified(|last| {
+            if matches!(last.state, State::Ended(_)) {
+                last.state = State::Told;
+            }
+            false
+        });
+    }
+
+    /// Where something that can move the arm was last accepted.
+    pub fn sent_on(&self) -> Option<About> {
+        self.sent_on.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// That its end cannot be seen any more was told.
+    pub fn forget_sent_on(&self) {
+        *self.sent_on.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}

@@ -1,0 +1,246 @@
+//! Halting over one connection: one means after the other, and reads of the state all the while.
+
+use std::future::Future;
+use std::pin::Pin;
+use std::time::Duration;
+
+use r6_proto::message::Command;
+use tokio::sync::watch;
+use tokio::task::JoinSet;
+use tokio::time::{Instant, sleep, sleep_until};
+
+use crate::error::{NotSent, OutcomeUnknown, RequestError};
+use crate::evidence::standstill::{StandProof, Standstill, Tried};
+use crate::evidence::{About, Observation};
+use crate::job::{Answer, Terms, Work};
+use crate::link::Lane;
+use crate::robot::Robot;
+use crate::stop::report::StopMeans;
+use crate::stop::{CONFIRM_WITHIN, READ_EVERY};
+
+/// An arm that is not seen to stand this long after a means left gets the next one: a paused arm was seen to take half a second.
+const NEXT_AFTER: Duration = Duration::from_millis(500);
+
+/// The pause after a stop that did not reach the controller: a connection that is refused at once must not become
+/// a flood of attempts.
+const PAUSE_AFTER_FAILURE: Duration = Duration::from_millis(250);
+
+/// Stops that may wait for their answers at once: behind a link that has stalled, each of them arrives later, and may then end
+/// a motion that nobody wants to end.
+const MOST_UNANSWERED: usize = 2;
+
+/// A read of the state that is under way, or a pause before it.
+type Reading = Pin<Box<dyn Future<Output = Result<Observation, RequestError>> + Send>>;
+
+/// A stop over one connection, until it is proved that the arm stands or the time is up.
+#[derive(Debug)]
+pub(super) struct Halt {
+    deadline: Instant,
+    /// The place in the order of means of the next one.
+    next: usize,
+    next_at: Instant,
+    watch: Option<(About, Standstill)>,
+    tried: Vec<StopMeans>,
+    halted: Halted,
+}
+
+/// What became of it.
+#[derive(Debug)]
+pub(super) struct Halted {
+    /// The handle whose connection it was.
+    pub robot: Robot,
+    pub proof: Option<StandProof>,
+    /// The last means that left before the standstill was proved.
+    pub means: Option<StopMeans>,
+    pub attempts: u32,
+    /// Whether a stop was answered, with yes or no.
+    pub answered: bool,
+    /// Whether one was answered with yes, over the present connection.
+    accepted: bool,
+    pub seen: Option<Observation>,
+    pub failed: Option<RequestError>,
+}
+
+impl Halted {
+    /// Before anything was tried.
+    pub fn nothing(robot: Robot) -> Self {
+        Self {
+            robot,
+            proof: None,
+            means: None,
+            attempts: 0,
+            answered: false,
+            accepted: false,
+            seen: None,
+            failed: None,
+        }
+    }
+
+    pub fn confirmed(&self) -> bool {
+        self.proof.is_some()
+    }
+
+    /// Whether anything came back over this connection.
+    pub fn heard(&self) -> bool {
+        self.answered || self.seen.is_some()
+    }
+
+    /// Whether the handle is closed: nothing will ever be sent on it again.
+    pub fn is_closed(&self) -> bool {
+        self.failed == Some(NotSent::Closed.into())
+    }
+
+    /// What to tell where nothing came back at all.
+    pub fn into_error(self) -> RequestError {
+        let request = Work::Command(Command::ActionStop).sent();
+        let timed_out = OutcomeUnknown::TimedOut { request, after: CONFIRM_WITHIN, heard: None };
+        self.failed.unwrap_or(timed_out.into())
+    }
+}
+
+impl Halt {
+    pub fn new(robot: Robot, deadline: Instant) -> Self {
+        Self {
+            deadline,
+            next: 0,
+            next_at: Instant::now(),
+            watch: None,
+            tried: Vec::new(),
+            halted: Halted::nothing(robot),
+        }
+    }
+
+    /// Sends and looks until the end; `heard` is told when anything came back.
+    pub async fn run(mut self, heard: Option<&watch::Sender<bool>>) -> Halted {
+        let mut answers: JoinSet<(StopMeans, Result<Answer, RequestError>)> = JoinSet::new();
+        let mut reading: Option<Reading> = None;
+        while self.halted.proof.is_none() && !self.halted.is_closed() && Instant::now() < self.deadline {
+            if Instant::now() >= self.next_at && answers.len() < MOST_UNANSWERED {
+                self.send(&mut answers).await;
+                continue;
+            }
+            let robot = &self.halted.robot;
+            let read = reading.get_or_insert_with(|| read(robot.clone(), Duration::ZERO));
+            let may_send = answers.len() < MOST_UNANSWERED;
+            tokio::select! {
+                biased;
+                Some(answered) = answers.join_next() => {
+                    // Only a runtime that is shut down ends a task without its answer.
+                    if let Ok((means, answer)) = answered {
+                        self.answered(means, answer);
+                    }
+                }
+                seen = read => {
+                    reading = Some(self::read(self.halted.robot.clone(), READ_EVERY));
+                    self.see(seen);
+                }
+                () = sleep_until(self.next_at), if may_send => {}
+                () = sleep_until(self.deadline) => {}
+            }
+            if let Some(heard) = heard.filter(|_| self.halted.heard()) {
+                heard.send_if_modified(|heard| !std::mem::replace(heard, true));
+            }
+        }
+        self.halted
+    }
+
+    /// Hands the next means to the connection. What is read from then on is read after it.
+    async fn send(&mut self, answers: &mut JoinSet<(StopMeans, Result<Answer, RequestError>)>) {
+        let means = StopMeans::IN_ORDER[self.next % StopMeans::IN_ORDER.len()];
+        self.next += 1;
+        self.next_at = Instant::now() + NEXT_AFTER;
+        let about = self.about();
+        if self.watch.as_ref().is_none_or(|(watched, _)| *watched != about) {
+            // A stop over another connection says nothing of the robot on this one.
+            self.tried.clear();
+            self.halted.accepted = false;
+            self.watch = Some((about.clone(), Standstill::new(about, Instant::now())));
+        }
+        match self.halted.robot.give(Terms::default(), means.work(), Lane::Urgent).await {
+            Ok(given) => {
+                self.halted.attempts += 1;
+                self.halted.means = Some(means);
+                self.tried.push(means);
+                answers.spawn(async move { (means, given.answer().await) });
+            }
+            Err(error) => self.failed(error),
+        }
+    }
+
+    /// Who is to be stopped: the robot that is meant, over the present connection.
+    fn about(&self) -> About {
+        let known = self.halted.robot.hub().known();
+        About { connection: known.connection, robot: known.expected.clone() }
+    }
+
+    fn answered(&mut self, means: StopMeans, answer: Result<Answer, RequestError>) {
+        match answer {
+            Ok(Answer::Accepted { on, .. }) => {
+                self.halted.answered = true;
+                let here = self.watch.as_ref().is_some_and(|(about, _)| about.connection == on.connection);
+                self.halted.accepted |= here;
+            }
+            // Whoever says no may stand already: the state decides.
+            Ok(_) | Err(RequestError::Refused(_)) => self.halted.answered = true,
+            Err(error) => {
+                if matches!(error, RequestError::NotSent(_)) {
+                    self.halted.attempts = self.halted.attempts.saturating_sub(1);
+                    self.take_back(means);
+                }
+                self.failed(error);
+            }
+        }
+    }
+
+    /// A means that did not leave was not tried. The list cannot be cleared before the state is read; that does not hold the others up.
+    fn take_back(&mut self, means: StopMeans) {
+        if let Some(at) = self.tried.iter().rposition(|tried| *tried == means) {
+            self.tried.remove(at);
+        }
+        if means != StopMeans::ClearList {
+            self.next = 0;
+        }
+        self.halted.means = self.tried.last().copied();
+        self.next_at = Instant::now() + PAUSE_AFTER_FAILURE;
+    }
+
+    fn failed(&mut self, error: RequestError) {
+        self.halted.failed = Some(match self.halted.failed.take() {
+            // One that left may be carried out, whatever became of those after it.
+            Some(left @ RequestError::OutcomeUnknown(_)) if matches!(error, RequestError::NotSent(_)) => left,
+            _ => error,
+        });
+    }
+
+    fn see(&mut self, seen: Result<Observation, RequestError>) {
+        let seen = match seen {
+            Ok(seen) => seen,
+            Err(_unreadable) => {
+                if let Some((_, watch)) = &mut self.watch {
+                    watch.missed();
+                }
+                return;
+            }
+        };
+        let tried = Tried {
+            all: StopMeans::IN_ORDER.iter().all(|means| self.tried.contains(means)),
+            accepted: self.halted.accepted,
+        };
+        if let Some((about, watch)) = &mut self.watch {
+            self.halted.proof = watch.see(&seen, tried);
+            if seen.connection != about.connection {
+                // No stop has left over this connection yet.
+                (self.next, self.next_at) = (0, Instant::now());
+            }
+        }
+        self.halted.seen = Some(seen);
+    }
+}
+
+/// Reads the state after a pause.
+fn read(robot: Robot, pause: Duration) -> Reading {
+    Box::pin(async move {
+        sleep(pause).await;
+        robot.observe(Lane::Urgent).await
+    })
+}

@@ -1,0 +1,358 @@
+//! What became of a stop.
+
+use std::fmt;
+use std::time::Duration;
+
+use r6_proto::OperationMode;
+use r6_proto::message::Command;
+
+use crate::error::{NotSent, OutcomeUnknown, RequestError};
+use crate::evidence::Observation;
+use crate::evidence::standstill::StandProof;
+use crate::identity::Identity;
+use crate::job::Work;
+use crate::stop::halt::Halted;
+
+/// What became of a stop.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StopReport {
+    /// Whether it is proved that the arm stands ([`Self::proof`]).
+    pub confirmed: bool,
+    /// What proves it.
+    pub proof: Option<StandProof>,
+    /// The last means that left before the standstill was proved, or before the time was up.
+    pub means: Option<StopMeans>,
+    /// How many stops were sent, of all means together.
+    pub attempts: u32,
+    /// How long it took until the standstill was proved, or until it was given up.
+    pub took: Duration,
+    /// The robot that this is about; `None` where nobody has read who it is.
+    pub robot: Option<Identity>,
+    /// The number of the connection that it is about: all that is told here was read over it.
+    pub connection: u64,
+    /// What became of a second connection, where the first answer was late.
+    pub second: Option<SecondConnection>,
+    /// `isMoving` at the end.
+    pub moving: Option<bool>,
+    /// `curMode` at the end.
+    pub mode: Option<OperationMode>,
+    /// `curAlarm` at the end; 42 after a stop is usual on some firmware (reported, unit B).
+    pub alarm: Option<i64>,
+    /// `RemoteCmdLen` at the end.
+    pub list_length: Option<i64>,
+    /// What became of the instructions that were left.
+    pub list: ListAfterStop,
+    /// Frames that can move the arm were unanswered when the stop began: what became of them. `None` without one.
+    pub doubt: Option<DoubtAfterStop>,
+}
+
+/// A means of stopping, in the order in which they are tried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopMeans {
+    /// The command `actionStop`.
+    ActionStop,
+    /// The command `stopButton`.
+    StopButton,
+    /// The command `actionPause`.
+    ActionPause,
+    /// An empty instruction list in the place of the present one.
+    ClearList,
+}
+
+impl StopMeans {
+    /// The order in which they are tried: real arms stop at once by the first; `stopButton` was seen not to stop a linear
+    /// move, `actionPause` once had no effect (reported, unit B); an empty list raises an alarm while the arm moves (reported,
+    /// unit A).
+    pub const IN_ORDER: [Self; 4] = [Self::ActionStop, Self::StopButton, Self::ActionPause, Self::ClearList];
+
+    /// Its word on the wire.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::ActionStop => "actionStop",
+            Self::StopButton => "stopButton",
+            Self::ActionPause => "actionPause",
+            Self::ClearList => "AddRCC",
+        }
+    }
+
+    pub(super) fn work(self) -> Work {
+        match self {
+            Self::ActionStop => Work::Command(Command::ActionStop),
+            Self::StopButton => Work::Command(Command::StopButton),
+            Self::ActionPause => Work::Command(Command::ActionPause),
+            Self::ClearList => Work::AddRcc { replace: true, instructions: Vec::new() },
+        }
+    }
+}
+
+/// What became of a second connection, which a stop opens when the first answer takes longer than 300 ms.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SecondConnection {
+    /// It answered, and what the report tells was read over it.
+    Used,
+    /// It answered, too, but the report is about the first.
+    Answered,
+    /// It was made, and nothing came back over it.
+    Silent,
+    /// It was not there yet when the first one answered.
+    Opening,
+    /// It could not be made.
+    NotMade(NotSent),
+}
+
+/// Frames that can move the arm and had no answer when a stop began: a controller may take them late.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DoubtAfterStop {
+    /// Whether one is still unanswered: it may be carried out yet.
+    pub still_open: bool,
+    /// What became of clearing the list once more after that.
+    pub cleared: ListAfterStop,
+}
+
+/// What became of the instruction list after a stop.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ListAfterStop {
+    /// The controller said that it was empty.
+    WasEmpty,
+    /// It was cleared, and the controller said ok.
+    Cleared,
+    /// The controller refused to clear it, with its reason where it gives one.
+    Refused(Option<String>),
+    /// Clearing it was sent, and nobody knows what became of it.
+    Unknown(OutcomeUnknown),
+    /// Clearing it was not tried.
+    NotTried(NotTried),
+}
+
+/// Why clearing the list was not tried.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NotTried {
+    /// It is not proved that the arm stands: replacing the list of an arm that moves raises an alarm.
+    NotStanding,
+    /// The controller takes no instructions in this mode.
+    Mode(OperationMode),
+    /// It could not be sent.
+    NotSent(NotSent),
+}
+
+impl Halted {
+    /// What is told of it.
+    pub(super) fn report(
+        self,
+        took: Duration,
+        second: Option<SecondConnection>,
+    ) -> Result<StopReport, RequestError> {
+        if !self.heard() {
+            return Err(self.into_error());
+        }
+        let connection = self.seen.as_ref().map_or_else(|| self.robot.connection(), |seen| seen.connection);
+        let mut report = StopReport {
+            confirmed: self.confirmed(),
+            proof: self.proof,
+            means: self.means,
+            attempts: self.attempts,
+            took,
+            robot: self.robot.hub().identity_on(connection),
+            connection,
+            second,
+            moving: None,
+            mode: None,
+            alarm: None,
+            list_length: None,
+            list: ListAfterStop::NotTried(NotTried::NotStanding),
+            doubt: None,
+        };
+        if let Some(seen) = &self.seen {
+            report.see(seen);
+        }
+        Ok(report)
+    }
+}
+
+impl StopReport {
+    /// Takes in what was seen last.
+    pub(super) fn see(&mut self, seen: &Observation) {
+        self.moving = seen.values.moving;
+        self.mode = seen.values.mode;
+        self.alarm = seen.values.alarm;
+        self.list_length = seen.values.list_length;
+    }
+
+    /// Whether this shows a machine that runs although the report says that it stands.
+    pub(super) fn is_contradicted_by(&self, seen: &Observation) -> bool {
+        let runs = seen.values.mode.is_some_and(OperationMode::may_run);
+        match self.proof {
+            Some(StandProof::NotRunning(_)) => runs || seen.values.moving == Some(true),
+            Some(StandProof::EmptyList(_)) => {
+                seen.values.moving == Some(true) || seen.values.list_length.is_some_and(|length| length > 0)
+            }
+            None => false,
+        }
+    }
+
+    /// The arm was stopped again because it was seen to run after the first proof.
+    pub(super) fn runs_again(&mut self, again: Halted) {
+        self.prove_again(again);
+    }
+
+    /// The standstill had to be proved once more.
+    pub(super) fn prove_again(&mut self, again: Halted) {
+        self.attempts += again.attempts;
+        let same = again.seen.as_ref().is_some_and(|seen| seen.connection == self.connection);
+        self.proof = again.proof.filter(|_| same);
+        self.confirmed = self.proof.is_some();
+        self.means = again.means.or(self.means);
+        if let Some(seen) = again.seen.as_ref().filter(|_| same) {
+            self.see(seen);
+        }
+    }
+}
+
+impl fmt::Display for StopReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let seconds = self.took.as_secs_f64();
+        let sent = match self.attempts {
+            1 => "sent once".to_owned(),
+            times => format!("sent {times} times"),
+        };
+        let by = self.means.map_or("nothing", StopMeans::word);
+        match self.proof {
+            Some(StandProof::NotRunning(_)) => write!(f, "the arm stands ({seconds:.2} s, {sent}, by {by})")?,
+            Some(StandProof::EmptyList(stood)) => write!(
+                f,
+                "the arm stands ({seconds:.2} s, {sent}): it has been at rest with an empty list for {:.1} s, but the \
+                 controller is still in a mode in which a program of the pendant may move it",
+                stood.as_secs_f64()
+            )?,
+            None => write!(
+                f,
+                "NOT CONFIRMED: it is not proved that the arm stands after {seconds:.2} s ({sent}, last {by}): use the \
+                 emergency stop, then look at the pendant; last seen: {}",
+                match self.moving {
+                    Some(true) => "moving",
+                    Some(false) => "not moving, but it may go on",
+                    None => "whether it moves cannot be read",
+                }
+            )?,
+        }
+        match self.mode {
+            Some(mode) => write!(f, "; mode {mode}")?,
+            None => f.write_str("; mode not known")?,
+        }
+        match self.alarm {
+            Some(0) => {}
+            Some(alarm) => write!(f, "; alarm {alarm}")?,
+            None => f.write_str("; alarm not known")?,
+        }
+        write!(f, "; {}", self.list)?;
+        if let Some(length) = self.list_length.filter(|length| *length != 0) {
+            write!(
+                f,
+                "; {length} {} still in the list and may run at the next start: clear it before that",
+                if length == 1 { "instruction is" } else { "instructions are" }
+            )?;
+        }
+        if let Some(doubt) = &self.doubt {
+            write!(f, "; {doubt}")?;
+        }
+        match &self.second {
+            Some(second) => write!(f, "; {second}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for SecondConnection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the first answer was late, so a second connection was opened: ")?;
+        match self {
+            Self::Used => f.write_str("it answered, and all of this was read over it"),
+            Self::Answered => f.write_str("it answered, too"),
+            Self::Silent => f.write_str("nothing came back over it"),
+            Self::Opening => f.write_str("the first one answered before it was there"),
+            Self::NotMade(error) => write!(f, "it could not be made ({error})"),
+        }
+    }
+}
+
+impl fmt::Display for DoubtAfterStop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.still_open {
+            return write!(
+                f,
+                "a frame that can move the arm is still unanswered and may be carried out yet: stay away from the arm; then {}",
+                self.cleared
+            );
+        }
+        write!(
+            f,
+            "a frame that can move the arm had no answer; after it was answered or too old, {}",
+            self.cleared
+        )
+    }
+}
+
+impl fmt::Display for ListAfterStop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::WasEmpty => f.write_str("the instruction list was empty"),
+            Self::Cleared => f.write_str("the instruction list was cleared"),
+            Self::Refused(Some(reason)) => {
+                write!(f, "the instruction list was not cleared, refused: {reason}")
+            }
+            Self::Refused(None) => {
+                f.write_str("the instruction list was not cleared, refused without a reason")
+            }
+            Self::Unknown(unknown) => {
+                write!(f, "whether the instruction list was cleared is not known: {unknown}")
+            }
+            Self::NotTried(NotTried::NotStanding) => f.write_str("the instruction list was left as it is"),
+            Self::NotTried(NotTried::Mode(mode)) => {
+                write!(f, "the instruction list was left as it is, because nothing is taken in mode {mode}")
+            }
+            Self::NotTried(NotTried::NotSent(error)) => {
+                write!(f, "the instruction list was not cleared: {error}")
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(length: i64) -> StopReport {
+        StopReport {
+            confirmed: true,
+            proof: Some(StandProof::NotRunning(OperationMode::Stop)),
+            means: Some(StopMeans::ActionStop),
+            attempts: 1,
+            took: Duration::from_millis(120),
+            robot: None,
+            connection: 0,
+            second: None,
+            moving: Some(false),
+            mode: Some(OperationMode::Stop),
+            alarm: Some(0),
+            list_length: Some(length),
+            list: ListAfterStop::Refused(None),
+            doubt: None,
+        }
+    }
+
+    #[test]
+    fn what_is_left_in_the_list_is_counted() {
+        let text = |length| report(length).to_string();
+        assert!(!text(0).contains("still in the list"), "{}", text(0));
+        assert!(text(1).contains("; 1 instruction is still in the list and"), "{}", text(1));
+        assert!(text(2).contains("; 2 instructions are still in the list and"), "{}", text(2));
+    }
+
+    #[test]
+    fn what_is_not_proved_says_so_first_and_names_the_emergency_stop() {
+        let unproved = StopReport { confirmed: false, proof: None, ..report(3) }.to_string();
+        assert!(unproved.starts_with("NOT CONFIRMED: "), "{unproved}");
+        assert!(unproved.contains("use the emergency stop"), "{unproved}");
+    }
+}
