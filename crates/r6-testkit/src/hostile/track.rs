@@ -95,7 +95,7 @@ mod tests {
         let mut track = Track::new([0.0; AXES]);
         track.push(leg(1, 3, 0.0, 20.0));
         track.push(leg(5, 6, 20.0, 10.0));
-        let j1 = |tenths| track.position_at(Duration::from_millis(tenths * 100))[0];
+        let j1 = |tenths: u64| track.position_at(Duration::from_millis(tenths * 100))[0];
         assert_eq!([j1(0), j1(20), j1(40), j1(55), j1(90)], [0.0, 10.0, 20.0, 15.0, 10.0]);
         let way = |since, until| track.path(Duration::from_secs(since), Duration::from_secs(until))[0];
         assert_eq!([way(0, 9), way(2, 9), way(3, 5), way(6, 9), way(0, 2)], [30.0, 20.0, 0.0, 0.0, 10.0]);
