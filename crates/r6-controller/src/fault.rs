@@ -170,6 +170,40 @@ pub enum TaskFault {
     TaskDead,
     /// C9: values stay as they were, although replies come.
     FrozenValues,
+    /// E1: stops are answered, and the arm goes on.
+    StopIgnored(IgnoredStop),
+    /// E2: the arm stands so long at each point where it comes to rest and more instructions wait.
+    Dwell {
+        /// How long. Reported, unit A: 0.25 to 0.33 s.
+        rest: Duration,
+    },
+    /// E4: lists are not answered, and taken that much later. Clearing the list is not late.
+    LateList {
+        /// How much later.
+        delay: Duration,
+    },
+}
+
+/// Which stops have no effect, and how they are answered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IgnoredStop {
+    /// `actionStop` is answered with ok.
+    Ok,
+    /// `actionStop` is answered with `err`.
+    Err,
+    /// `actionStop`, `actionPause` and `stopButton` are answered with ok.
+    Every,
+}
+
+impl IgnoredStop {
+    /// Whether a command of this word has no effect.
+    #[must_use]
+    pub fn concerns(self, word: &str) -> bool {
+        match self {
+            Self::Ok | Self::Err => word == "actionStop",
+            Self::Every => ["actionStop", "actionPause", "stopButton"].contains(&word),
+        }
+    }
 }
 
 /// How long the text of [`BadJson::Oversized`] is: more than any client has reason to keep.

@@ -120,6 +120,8 @@ pub struct Machine {
     pub(crate) list: InstructionList,
     /// The list begins no instruction, for a fault's sake.
     pub(crate) list_frozen: bool,
+    /// How long the arm stands at each point of the remote list while more instructions wait: a fault.
+    pub(crate) dwell: Option<Duration>,
     pub(crate) activity: Activity,
     /// A move by hand, while no program runs.
     hand: Option<hand::HandMove>,
@@ -218,6 +220,7 @@ impl Machine {
             io_boards: settings.io_boards,
             list: InstructionList::default(),
             list_frozen: false,
+            dwell: None,
             activity: Activity::Idle,
             hand: None,
             emergency_stop: false,

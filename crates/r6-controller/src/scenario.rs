@@ -16,7 +16,7 @@ use crate::io::OutputPoint;
 use crate::panel::PanelAction;
 
 pub use file::HAPPENINGS;
-pub(crate) use run::{ScenarioRun, Turn};
+pub(crate) use run::{LateList, ScenarioRun, Turn};
 
 /// No list of a scenario is longer.
 pub const MAX_ENTRIES: usize = 1000;

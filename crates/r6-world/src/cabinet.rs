@@ -10,7 +10,7 @@ use tokio::task::JoinHandle;
 use tokio::time::sleep;
 use turmoil::net::{TcpListener, TcpStream};
 
-use crate::fault::Promise;
+use crate::fault::{Class, Promise};
 use crate::felt::class_of_deed;
 use crate::floor::Door;
 use crate::kept::STATE;
@@ -55,8 +55,13 @@ async fn start(shared: &Shared, robot: usize) -> Result<Simulation, Box<dyn std:
     let from = if again { "its disk" } else { "nothing" };
     shared.tell(format_args!("robot-{robot}: is switched on with what is on {from}"));
     shared.state().floors[robot].boots(at, again, plan.keeps);
+    let mut profile = Profile::named(plan.profile).ok_or("no such profile")?;
+    if shared.plan.classes.contains(&Class::E6) {
+        // Whoever finds another one at the address can see it.
+        profile.version = format!("{}-{robot}", profile.version);
+    }
     let settings = SimSettings {
-        profile: Profile::named(plan.profile).ok_or("no such profile")?,
+        profile,
         mold: plan.program.to_owned(),
         scenario: Some(Arc::new(scenario)),
         seed: plan.seed.wrapping_add(u64::try_from(at.as_nanos()).unwrap_or(0)),
@@ -125,7 +130,11 @@ fn operate(shared: &Shared, robot: usize, handle: &ControllerHandle, action: &Pa
         _ => false,
     };
     shared.tell(format_args!("robot-{robot}: somebody does {action:?}"));
-    let before = starts.then(|| shared.state().floors[robot].starts(now()));
+    let before = starts.then(|| {
+        let mut state = shared.state();
+        state.floors[robot].is_moved_by_hand();
+        state.floors[robot].starts(now())
+    });
     match handle.operate(action) {
         Ok(()) => class_of_deed(action).into_iter().for_each(|class| shared.state().record.strikes(class)),
         Err(refused) => {

@@ -1,5 +1,6 @@
 //! The program of a client: it watches, asks, writes, moves and stops, until all is quiet; then it shows that all works again.
 
+mod mishaps;
 mod moving;
 mod reading;
 mod recovery;
@@ -109,7 +110,8 @@ impl Work {
     /// Whether nobody else commands the robot.
     fn is_alone(&self) -> bool {
         let clients = self.shared.plan.clients.iter().filter(|other| other.robot == self.plan.robot).count();
-        clients == 1 && self.robot_plan().scenario.timeline.is_empty()
+        let nobody_speaks = self.robot_plan().scenario.timeline.is_empty();
+        clients == 1 && (nobody_speaks || self.shared.plan.trap == Some(Class::E5))
     }
 
     /// Waits for a call, but no longer than any may take.

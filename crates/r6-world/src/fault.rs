@@ -9,11 +9,12 @@ pub enum Class {
     P1, P2, P3, P4, P5, P6, P7, P8, P9, P10, P11, P12, P13, P14,
     C1, C2, C3, C4, C5, C6, C7, C8, C9, C10,
     K1, K2, S1, V1, V6,
+    E1, E2, E3, E4, E5, E6, E7, E8,
 }
 
 /// What each class does here, and what is counted of it once it took effect. "Done": it happened at the machine or the host; whether
 /// anybody noticed is not known.
-pub const CLASSES: [(Class, &str, &str); 42] = {
+pub const CLASSES: [(Class, &str, &str); 50] = {
     use Class::*;
     [
         (T1, "connections are refused", "an attempt that was refused"),
@@ -58,6 +59,14 @@ pub const CLASSES: [(Class, &str, &str); 42] = {
         (S1, "the disk is full for a time", "a write that failed"),
         (V1, "a camera answers nothing, or rubbish", "rubbish that was sent"),
         (V6, "a camera answers late, or with no parts", "a photo that was asked for"),
+        (E1, "a stop without effect", "a stop that was answered and not carried out"),
+        (E2, "the arm dwells at each point", "a dwell"),
+        (E3, "the first connection is deaf when a stop is asked for", "a stop that was asked for then"),
+        (E4, "a list is taken after its answer timed out", "a list"),
+        (E5, "another client clears the list", "a list that was cleared while a motion was under way"),
+        (E6, "another robot answers at the address", "a connection to another robot"),
+        (E7, "the program's own output fails while a motion is under way", "a motion that lost its program"),
+        (E8, "whoever owns a motion is interrupted", "a motion that lost its owner"),
     ]
 };
 
@@ -67,10 +76,11 @@ pub const CLASSES: [(Class, &str, &str); 42] = {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Promise {
     I1, I2, I3, I4, I5, I6, I7, I9, I10, I11, Once, Recovery, NoPanic,
+    Stopped, Whole, Fresh, Meant, Owned, Soon,
 }
 
 /// What each promise says.
-pub const PROMISES: [(Promise, &str); 13] = {
+pub const PROMISES: [(Promise, &str); 19] = {
     use Promise::*;
     [
         (I1, "nothing is delivered that was not received whole"),
@@ -86,6 +96,12 @@ pub const PROMISES: [(Promise, &str); 13] = {
         (Once, "no list leaves twice, no instruction is carried out twice"),
         (Recovery, "when the faults are over all works again by itself"),
         (NoPanic, "nothing panics, nothing hangs"),
+        (Stopped, "after a stop that was told as confirmed the arm does not move until a new command"),
+        (Whole, "a motion told as done was carried out whole, by that robot, over that connection"),
+        (Fresh, "a value told as fresh is of the connection that is alive, and of that robot"),
+        (Meant, "no stop and no clear reaches a robot that it was not meant for"),
+        (Owned, "a motion without an owner is stopped or carried to its end, never cut silently"),
+        (Soon, "a stop takes effect within 1.5 s where the first connection is deaf"),
     ]
 };
 

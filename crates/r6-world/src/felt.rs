@@ -9,12 +9,14 @@ use crate::fault::{CLASSES, Class};
 use crate::record::Record;
 
 /// What the log says of what a fault struck; the fault's word follows.
-const STRUCK: [&str; 5] = [
+const STRUCK: [&str; 7] = [
     "the connection was struck by fault ",
     "a reply was struck by fault ",
     "not answered: fault ",
     "answered with old values: fault ",
     "answered ok and not carried out (fault ",
+    "answered err and not carried out (fault ",
+    "at its point (fault ",
 ];
 
 /// How lines of the log begin, or what they have, that tell of a fault without its word.
@@ -35,6 +37,8 @@ pub struct Felt {
     in_force: BTreeSet<String>,
     /// Instructions that wait have been seen since the list was frozen.
     waits: bool,
+    /// Another master speaks: what the next line tells is his.
+    master_speaks: bool,
 }
 
 impl Felt {
@@ -61,6 +65,10 @@ impl Felt {
             && let Some(class) = class_of(word)
         {
             record.strikes(class);
+        }
+        let is_masters = std::mem::replace(&mut self.master_speaks, text == "scenario: another master speaks");
+        if is_masters && text.starts_with("AddRCC: 0 instructions, list replaced") && moves {
+            record.strikes(Class::E5);
         }
         // What the machine refused is told once more, as a warning.
         let is_told_of = |says: &str| {

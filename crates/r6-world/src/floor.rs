@@ -66,6 +66,10 @@ pub struct Floor {
     halted: Option<(Duration, Option<[f64; AXES]>)>,
     last_stop: Duration,
     last_start: Duration,
+    /// From when on it stands, as its only client was told, and where it then stood.
+    told: Option<(Duration, Option<[f64; AXES]>)>,
+    /// When an alarm was raised last.
+    last_alarm: Option<Duration>,
     /// The last three instants at which it was fast enough to compare.
     pace: VecDeque<Sight>,
     points: usize,
@@ -118,6 +122,8 @@ impl Floor {
             halted: None,
             last_stop: Duration::ZERO,
             last_start: Duration::ZERO,
+            told: None,
+            last_alarm: None,
             pace,
             points: 0,
             numbers,
@@ -136,7 +142,7 @@ impl Floor {
             self.kept.values_mut().for_each(|kept| kept.acknowledged = 0);
         }
         // A stop before it says nothing about what runs now.
-        (self.booted, self.last_start) = (at, at);
+        (self.booted, self.last_start, self.told) = (at, at, None);
         (self.completed, self.points, self.is_seen_to) = (0, 0, false);
         self.lose_list();
         self.pace.clear();
@@ -153,6 +159,35 @@ impl Floor {
         self.last_start = at;
         (self.halted, self.rests) = (None, None);
         before
+    }
+
+    /// Somebody at the machine sets it in motion.
+    pub fn is_moved_by_hand(&mut self) {
+        self.told = None;
+    }
+
+    /// A frame leaves for it that may set it in motion.
+    pub fn is_commanded(&mut self, at: Duration) {
+        if self.told.is_some_and(|(since, _)| at + SKEW >= since) {
+            self.told = None;
+        }
+    }
+
+    /// The only program that commands it was told that it stands: nothing that left before may move it now.
+    pub fn is_told_to_stand(&mut self, at: Duration) {
+        self.told = Some((at + SKEW, None));
+    }
+
+    /// When it was told to stop last.
+    #[must_use]
+    pub fn last_stop(&self) -> Duration {
+        self.last_stop
+    }
+
+    /// When an alarm was raised last.
+    #[must_use]
+    pub fn last_alarm(&self) -> Option<Duration> {
+        self.last_alarm
     }
 
     /// It was refused: all is as it was before.
@@ -222,6 +257,7 @@ impl Floor {
         } else if text.starts_with("alarm ") {
             self.halted.get_or_insert((at + COMES_TO_REST, None));
             self.rests.get_or_insert(at);
+            self.last_alarm = Some(at);
         }
         if text.contains("the mains fail") {
             // The brakes catch it at once, and nothing runs when they are back.

@@ -11,9 +11,14 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 
+use crate::fault::Class;
+use crate::floor::SKEW;
 use crate::plan::ClientPlan;
 use crate::record::Record;
 use connection::Connection;
+
+/// A program hears of the end of a connection within this time.
+const HEARS_WITHIN: Duration = Duration::from_millis(25);
 
 /// A motion that is being streamed.
 #[derive(Debug)]
@@ -54,7 +59,14 @@ pub struct Line {
     deaf: bool,
     /// The network is away, and nothing has left since.
     held: bool,
-    waker: Option<Waker>,
+    /// Who waits for bytes, by the number of the connection.
+    wakers: BTreeMap<usize, Waker>,
+    /// The robot that answers where its own should.
+    swapped: Option<usize>,
+    /// Connections before this one have ended, whatever their ends say.
+    cut_before: usize,
+    /// When a stop, a pause or a clear left last.
+    pub last_stop: Option<Duration>,
 }
 
 impl Line {
@@ -81,7 +93,10 @@ impl Line {
             news: watch::Sender::new(0),
             deaf: false,
             held: false,
-            waker: None,
+            wakers: BTreeMap::new(),
+            swapped: None,
+            cut_before: 0,
+            last_stop: None,
         }
     }
 
@@ -132,9 +147,50 @@ impl Line {
     /// Reads nothing from now on, or goes on.
     pub fn deafen(&mut self, deaf: bool) {
         self.deaf = deaf;
-        if let Some(waker) = self.waker.take() {
-            waker.wake();
-        }
+        self.wake();
+    }
+
+    fn wake(&mut self) {
+        std::mem::take(&mut self.wakers).into_values().for_each(Waker::wake);
+    }
+
+    /// Another robot answers from now on, or its own again; the connections that are there end.
+    pub fn swap(&mut self, to: Option<usize>) {
+        self.swapped = to;
+        self.cut_before = self.connections.len();
+        self.wake();
+    }
+
+    /// The robot that answers whoever dials now.
+    #[must_use]
+    pub fn dials(&self) -> usize {
+        self.swapped.unwrap_or(self.robot)
+    }
+
+    /// Whether this connection was ended by what is between its ends.
+    #[must_use]
+    pub fn is_cut(&self, number: usize) -> bool {
+        number < self.cut_before
+    }
+
+    /// The program saw this connection end, or ended it.
+    pub fn has_ended(&mut self, number: usize, at: Duration) {
+        self.connections[number].ended.get_or_insert(at);
+    }
+
+    /// How many connections there were.
+    #[must_use]
+    pub fn connections(&self) -> usize {
+        self.connections.len()
+    }
+
+    /// Whether a value that was asked for then may be called fresh now: it may be of a connection that is alive and leads to its own robot.
+    #[must_use]
+    pub fn may_be_fresh(&self, asked: Duration, at: Duration) -> bool {
+        self.connections.iter().any(|connection| {
+            let is_alive = connection.ended.is_none_or(|ended| at <= ended + HEARS_WITHIN);
+            connection.robot == self.robot && asked + SKEW >= connection.made && is_alive
+        })
     }
 
     /// The network is away from now on, or there again.
@@ -160,15 +216,13 @@ impl Line {
     }
 
     /// Whether it reads nothing.
-    pub fn is_deaf(&mut self, cx: &Context<'_>) -> bool {
-        if self.deaf {
-            self.waker = Some(cx.waker().clone());
-        }
+    pub fn is_deaf(&mut self, number: usize, cx: &Context<'_>) -> bool {
+        self.wakers.insert(number, cx.waker().clone());
         self.deaf
     }
 
     /// A connection was made; its number.
-    pub fn connected(&mut self, record: &mut Record) -> usize {
+    pub fn connected(&mut self, robot: usize, at: Duration, record: &mut Record) -> usize {
         if self.connections.len() > self.before {
             record.tally.reconnects += 1;
         }
@@ -176,7 +230,10 @@ impl Line {
             // What came over it and was not delivered never will be.
             last.begun = Vec::new();
         }
-        self.connections.push(Connection::default());
+        if robot != self.robot {
+            record.strikes(Class::E6);
+        }
+        self.connections.push(Connection { robot, made: at, ..Connection::default() });
         self.news.send_replace(self.connections.len());
         self.connections.len() - 1
     }

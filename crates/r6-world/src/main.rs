@@ -7,7 +7,8 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use r6_world::fault::Promise;
+use r6_world::fault::{Class, Promise};
+use r6_world::plan::{Plan, TRAPS};
 use r6_world::record::{Tally, Violation};
 use r6_world::report::{self, Course};
 use r6_world::world::{self, Outcome};
@@ -43,6 +44,9 @@ struct Wanted {
     /// How many at the same time; as many as there are cores where it is not said.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=64))]
     jobs: Option<u16>,
+    /// Worlds in which one class alone goes wrong: E1 to E8.
+    #[arg(long, value_name = "CLASS", value_parser = trap_of)]
+    trap: Option<Class>,
     /// Of one seed, only the outcome.
     #[arg(long)]
     quiet: bool,
@@ -51,17 +55,29 @@ struct Wanted {
     markdown: bool,
 }
 
+/// The class of this name, if a world can have it alone.
+fn trap_of(name: &str) -> Result<Class, String> {
+    let found = TRAPS.into_iter().find(|class| format!("{class:?}") == name);
+    found.ok_or_else(|| format!("one of {TRAPS:?}"))
+}
+
+/// The plan of a seed.
+fn plan_of(seed: u64, trap: Option<Class>) -> Plan {
+    trap.map_or_else(|| Plan::of(seed), |class| Plan::trapped(class, seed))
+}
+
 fn main() -> ExitCode {
     let wanted = Wanted::parse();
     world::catch_panics();
     match wanted.seed {
-        Some(seed) => one(seed, !wanted.quiet),
+        Some(seed) => one(plan_of(seed, wanted.trap), !wanted.quiet),
         None => many(&wanted),
     }
 }
 
-fn one(seed: u64, aloud: bool) -> ExitCode {
-    let outcome = world::run(seed, aloud);
+fn one(plan: Plan, aloud: bool) -> ExitCode {
+    let outcome = world::run_plan(plan, aloud);
+    let seed = outcome.seed;
     match report::failure(&outcome) {
         Some(told) => {
             println!("{told}");
@@ -76,10 +92,10 @@ fn one(seed: u64, aloud: bool) -> ExitCode {
 }
 
 /// Runs a seed, and some twice.
-fn run(seed: u64) -> Outcome {
-    let mut outcome = world::run(seed, false);
+fn run(seed: u64, trap: Option<Class>) -> Outcome {
+    let mut outcome = world::run_plan(plan_of(seed, trap), false);
     if seed.is_multiple_of(TWICE_EVERY) && outcome.violation.is_none() {
-        let again = world::run(seed, false);
+        let again = world::run_plan(plan_of(seed, trap), false);
         outcome.tally.checks[Promise::I9.index()] += 1;
         if (again.sum, &again.violation) != (outcome.sum, &None) {
             let text = format!("{:016x}, then {:016x}: {:?}", outcome.sum, again.sum, again.violation);
@@ -106,7 +122,7 @@ fn many(wanted: &Wanted) -> ExitCode {
             scope.spawn(move || {
                 loop {
                     let seed = next.fetch_add(1, Ordering::Relaxed);
-                    if seed >= end || tell.send(run(seed)).is_err() {
+                    if seed >= end || tell.send(run(seed, wanted.trap)).is_err() {
                         return;
                     }
                 }
@@ -150,7 +166,7 @@ fn many(wanted: &Wanted) -> ExitCode {
         println!("{}", report::table(done, &tally));
     }
     let never = world::never_seen(&tally);
-    let incomplete = wanted.seeds >= ENOUGH_SEEDS && failures.is_empty() && !never.is_empty();
+    let incomplete = wanted.seeds >= ENOUGH_SEEDS && wanted.trap.is_none() && failures.is_empty() && !never.is_empty();
     if incomplete {
         println!("never seen in {done} seeds: {}", never.join(", "));
     }

@@ -1,6 +1,7 @@
 //! What a seed says: who is there, what they do, and what goes wrong when.
 
 mod draw;
+mod trap;
 
 use std::time::Duration;
 
@@ -10,6 +11,7 @@ use r6_controller::scenario::Scenario;
 
 use crate::fault::Class;
 use draw::Draw;
+pub use trap::TRAPS;
 
 /// Nothing goes wrong before all have connected.
 const CALM: Duration = Duration::from_secs(2);
@@ -59,6 +61,19 @@ pub struct ClientPlan {
     pub moves: bool,
     /// Whether calls are dropped where they wait.
     pub drops: bool,
+    /// What befalls its motions.
+    pub mishap: Option<Mishap>,
+}
+
+/// What befalls the motions of a client's program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mishap {
+    /// It stops the arm as soon as its connection has gone deaf (E3).
+    StopsWhenDeaf,
+    /// Its own output fails, and it ends with that (E7).
+    OutputFails,
+    /// Whoever owns a motion is interrupted, from the first byte on (E8).
+    Interrupted,
 }
 
 /// How a camera is.
@@ -107,6 +122,8 @@ pub enum Blow {
     Deafen { client: usize, deaf: bool },
     /// The disk is full, or has room again.
     FillDisk { robot: usize, full: bool },
+    /// Another robot answers a client where its own should, or its own again; the connections that are there end.
+    Swap { client: usize, to: Option<usize> },
 }
 
 /// All that a seed says.
@@ -128,6 +145,8 @@ pub struct Plan {
     pub over: Duration,
     /// The classes that are there.
     pub classes: Vec<Class>,
+    /// In a world where nothing else goes wrong: the one class that does.
+    pub trap: Option<Class>,
 }
 
 fn ms(millis: u64) -> Duration {
@@ -149,6 +168,7 @@ impl Plan {
             blows: Vec::new(),
             over,
             classes: Vec::new(),
+            trap: None,
         };
         let robots = [1, 1, 1, 1, 2, 2, 2, 3, 4][random.below(9)];
         for robot in 0..robots {

@@ -104,11 +104,12 @@ fn listed(numbers: &[u64]) -> String {
 #[must_use]
 pub fn failure(outcome: &Outcome) -> Option<String> {
     let violation = outcome.violation.as_ref()?;
-    let mut out = format!("seed {}: {violation}\n", outcome.seed);
+    let trap = outcome.trap.map_or(String::new(), |trap| format!(" TRAP={trap:?}"));
+    let mut out = format!("seed {}{trap}: {violation}\n", outcome.seed);
     for line in &outcome.last {
         let short: String = line.chars().take(220).collect();
         let _ = writeln!(out, "  {short}");
     }
-    let _ = writeln!(out, "the whole of it: make sim SEED={}", outcome.seed);
+    let _ = writeln!(out, "the whole of it: make sim SEED={}{trap}", outcome.seed);
     Some(out)
 }

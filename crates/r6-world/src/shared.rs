@@ -82,13 +82,13 @@ impl Shared {
     }
 
     /// A connection was made; its number.
-    pub fn connected(&self, end: End) -> usize {
+    pub fn connected(&self, end: End, robot: usize) -> usize {
         let at = now();
         let mut state = self.state();
         let State { record, lines, .. } = &mut *state;
         record.tell(at, format_args!("{end:?} is connected"));
         match end {
-            End::Client(client) => lines[client].connected(record),
+            End::Client(client) => lines[client].connected(robot, at, record),
             End::Camera(_) => 0,
         }
     }
@@ -144,12 +144,33 @@ impl Shared {
     /// A connection ended.
     pub fn ended(&self, end: End, number: usize, how: &str) {
         self.tell(format_args!("{end:?}/{number}: {how}"));
+        if let End::Client(client) = end {
+            self.state().lines[client].has_ended(number, now());
+        }
+    }
+
+    /// The robot that answers whoever dials from this end now.
+    #[must_use]
+    pub fn dials(&self, end: End) -> usize {
+        match end {
+            End::Client(client) => self.state().lines[client].dials(),
+            End::Camera(_) => self.robot_number(end),
+        }
+    }
+
+    /// Whether this connection was ended by what is between its ends.
+    #[must_use]
+    pub fn is_cut(&self, end: End, number: usize) -> bool {
+        match end {
+            End::Client(client) => self.state().lines[client].is_cut(number),
+            End::Camera(_) => false,
+        }
     }
 
     /// Whether nothing is read at this end now; then it is told when that is over.
-    pub fn is_deaf(&self, end: End, cx: &Context<'_>) -> bool {
+    pub fn is_deaf(&self, end: End, number: usize, cx: &Context<'_>) -> bool {
         match end {
-            End::Client(client) => self.state().lines[client].is_deaf(cx),
+            End::Client(client) => self.state().lines[client].is_deaf(number, cx),
             End::Camera(_) => false,
         }
     }

@@ -11,7 +11,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use turmoil::net::{TcpListener, TcpStream};
 
 use crate::fault::Class;
-use crate::shared::Shared;
+use crate::shared::{Shared, now};
 
 /// The port that controllers listen on.
 pub const PORT: u16 = 9760;
@@ -50,11 +50,12 @@ impl Connect for Dialler {
     type Stream = Tapped;
 
     async fn connect(&mut self) -> io::Result<Tapped> {
+        let robot = self.shared.dials(self.end);
         let stream = match &self.listener {
             Some(listener) => listener.accept().await?.0,
-            None => Attempt { dialler: self, is_answered: false }.make().await?,
+            None => Attempt { dialler: self, robot, is_answered: false }.make().await?,
         };
-        let number = self.shared.connected(self.end);
+        let number = self.shared.connected(self.end, robot);
         Ok(Tapped { stream, shared: self.shared.clone(), end: self.end, number, waited: false })
     }
 }
@@ -62,18 +63,20 @@ impl Connect for Dialler {
 /// An attempt to connect.
 struct Attempt<'d> {
     dialler: &'d Dialler,
+    robot: usize,
     is_answered: bool,
 }
 
 impl Attempt<'_> {
     async fn make(mut self) -> io::Result<TcpStream> {
-        let Dialler { shared, end, robot, .. } = self.dialler;
+        let Dialler { shared, end, .. } = self.dialler;
         if let End::Client(client) = *end {
             let mut state = shared.state();
             if state.lines[client].feels_hold() {
                 state.record.strikes(Class::T13);
             }
         }
+        let robot = format!("robot-{}", self.robot);
         let made = TcpStream::connect((robot.as_str(), PORT)).await;
         self.is_answered = true;
         let mut state = shared.state();
@@ -116,7 +119,11 @@ impl AsyncRead for Tapped {
         cx: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        if self.shared.is_deaf(self.end, cx) {
+        if self.shared.is_cut(self.end, self.number) {
+            self.shared.ended(self.end, self.number, "an end in between");
+            return Poll::Ready(Ok(()));
+        }
+        if self.shared.is_deaf(self.end, self.number, cx) {
             self.waited = true;
             return Poll::Pending;
         }
@@ -151,6 +158,9 @@ impl Tapped {
 
 impl AsyncWrite for Tapped {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        if self.shared.is_cut(self.end, self.number) {
+            return Poll::Ready(Err(io::ErrorKind::BrokenPipe.into()));
+        }
         let written = ready!(Pin::new(&mut self.stream).poll_write(cx, bytes));
         if let Ok(count) = written {
             self.shared.sent(self.end, self.number, &bytes[..count]);
@@ -164,6 +174,14 @@ impl AsyncWrite for Tapped {
 
     fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.stream).poll_shutdown(cx)
+    }
+}
+
+impl Drop for Tapped {
+    fn drop(&mut self) {
+        if let End::Client(client) = self.end {
+            self.shared.state().lines[client].has_ended(self.number, now());
+        }
     }
 }
 

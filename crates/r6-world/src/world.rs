@@ -33,6 +33,8 @@ thread_local! {
 pub struct Outcome {
     /// The seed.
     pub seed: u64,
+    /// The class of a world with one trap.
+    pub trap: Option<Class>,
     /// The first promise that was broken.
     pub violation: Option<Violation>,
     /// A sum of all that happened.
@@ -56,7 +58,13 @@ pub fn catch_panics() {
 /// Runs the world of a seed; `aloud`: prints everything that happens.
 #[must_use]
 pub fn run(seed: u64, aloud: bool) -> Outcome {
-    let plan = Plan::of(seed);
+    run_plan(Plan::of(seed), aloud)
+}
+
+/// Runs the world of a plan; `aloud`: prints everything that happens.
+#[must_use]
+pub fn run_plan(plan: Plan, aloud: bool) -> Outcome {
+    let (seed, trap) = (plan.seed, plan.trap);
     let shared = Shared::new(plan, aloud);
     PANICS.with(|panics| panics.borrow_mut().clear());
     let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| World::new(&shared).run()));
@@ -71,6 +79,7 @@ pub fn run(seed: u64, aloud: bool) -> Outcome {
     state.record.check(Promise::NoPanic, at, problem.is_none(), || problem.unwrap_or_default());
     Outcome {
         seed,
+        trap,
         violation: state.record.violation.clone(),
         sum: state.record.sum(),
         tally: state.record.tally.clone(),
@@ -216,6 +225,7 @@ impl<'s> World<'s> {
             }
             Blow::StartClient { client } => self.sim.bounce(client_name(client)),
             Blow::Deafen { client, deaf } => self.shared.state().lines[client].deafen(deaf),
+            Blow::Swap { client, to } => self.shared.state().lines[client].swap(to),
             Blow::FillDisk { robot, full } => self.shared.state().disks[robot].set_full(full),
         }
     }

@@ -12,9 +12,11 @@ use super::ConnectionId;
 use super::cameras::Cameras;
 use super::scenario::{Asked, Strikes};
 use crate::answer::Answers;
+use crate::fault::IgnoredStop;
 use crate::log::{Level, Log};
 use crate::machine::{Machine, NotTaken};
 use crate::profile::Profile;
+use crate::scenario::LateList;
 
 /// How many oddities of one message are explained, each with its nearest right word.
 const MAX_EXPLAINED: usize = 8;
@@ -34,6 +36,8 @@ pub(super) struct Desk<'c> {
     pub frozen: Option<&'c Machine>,
     /// Where the request is noted down, for whoever wants to know it.
     pub asked: Option<Asked>,
+    /// A list that is taken later, and when.
+    pub late: Option<(Instant, LateList)>,
 }
 
 impl<'c> Desk<'c> {
@@ -55,6 +59,7 @@ impl<'c> Desk<'c> {
             strikes: Strikes::default(),
             frozen: None,
             asked: None,
+            late: None,
         }
     }
 
@@ -179,6 +184,10 @@ impl<'c> Desk<'c> {
 
     fn command(&mut self, header: &Header<'_>, words: &CommandWords<'_>, outbox: &mut Outbox) {
         let word = words.word();
+        let ignored = self.strikes.stop_ignored.filter(|how| how.concerns(&word));
+        if let Some(how) = ignored {
+            return self.ignore_stop(header, &word, how, outbox);
+        }
         let done = if self.strikes.not_executed { Ok(()) } else { self.machine.execute(words) };
         match done {
             Ok(()) => {
@@ -193,6 +202,16 @@ impl<'c> Desk<'c> {
                 self.verdict(header, RequestType::Command, &word, Verdict::Err(&reason), outbox);
             }
         }
+    }
+
+    /// A stop is answered, and the arm goes on.
+    fn ignore_stop(&mut self, header: &Header<'_>, word: &str, how: IgnoredStop, outbox: &mut Outbox) {
+        let (told, verdict) = match how {
+            IgnoredStop::Err => ("err", Verdict::BareErr),
+            IgnoredStop::Ok | IgnoredStop::Every => ("ok", Verdict::Ok),
+        };
+        self.info(format!("{word}: answered {told} and not carried out (fault stop-ignored)"));
+        self.verdict(header, RequestType::Command, word, verdict, outbox);
     }
 
     fn heartbreak(&mut self, header: &Header<'_>, outbox: &mut Outbox) {
@@ -227,6 +246,12 @@ impl<'c> Desk<'c> {
                 self.verdict(&message.header, RequestType::AddRcc, "AddRCC", Verdict::BareErr, outbox);
                 return;
             }
+        }
+        if let Some(delay) = self.strikes.late_list.filter(|_| !list.instructions.is_empty()) {
+            let (replace, steps) = (list.empty_list.unwrap_or(false), list.instructions.to_vec());
+            self.late = Some((self.now + delay, LateList { replace, steps }));
+            self.info(format!("a list is taken {delay:?} later, and not answered: fault late-list"));
+            return;
         }
         let verdict = match self.take_instructions(list.empty_list.unwrap_or(false), list.instructions) {
             Ok(()) => {

@@ -10,10 +10,10 @@ use r6_proto::time::Instant;
 use super::{ConnectionId, Controller, Service};
 use crate::fault::{Fault, LinkFault, LinkFaultNow, ReplyFault, TaskFault};
 use crate::log::Level;
-use crate::machine::{CounterState, Machine};
+use crate::machine::{CounterState, Machine, NotTaken};
 use crate::panel::Refused;
 use crate::saved::MAX_COUNTERS;
-use crate::scenario::{Happening, Scenario, ScenarioRun, Turn};
+use crate::scenario::{Happening, LateList, Scenario, ScenarioRun, Turn};
 use crate::settings::ControllerSettings;
 
 pub(super) use broken::{Asked, Strikes};
@@ -133,6 +133,7 @@ impl Controller {
                 self.tell(now, Level::Warning, format!("{what}: {}", Refused::PowerOff));
             }
             Turn::Happens(what) => self.happens(now, &what),
+            Turn::ListIsTaken(list) => self.take_late(now, &list),
             Turn::Follows(input, on) => {
                 let action = input.set(on);
                 self.tell(now, Level::Info, Happening::Panel(action.clone()).to_string());
@@ -178,6 +179,20 @@ impl Controller {
             Happening::Request(frame) => self.hear_another_master(now, frame),
             Happening::PowerCut { off, program } => self.power_down(now, *off, program.as_deref()),
         }
+    }
+
+    /// A list is taken long after it came.
+    fn take_late(&mut self, now: Instant, list: &LateList) {
+        let (level, text) = match self.machine.add_instructions(list.replace, &list.steps) {
+            Ok(()) => {
+                let count = list.steps.len();
+                (Level::Info, format!("AddRCC: {count} instructions, late (fault late-list)"))
+            }
+            Err(NotTaken::Refused(why) | NotTaken::Silent(why)) => {
+                (Level::Warning, format!("a late list is not taken: {why}"))
+            }
+        };
+        self.log.add(now, None, level, text);
     }
 
     fn tell(&mut self, now: Instant, level: Level, text: String) {
@@ -229,6 +244,19 @@ impl Controller {
             }
         }
         let list_frozen = breakage.list_frozen;
+        let rest = tasks.iter().filter_map(|(task, _)| match task {
+            TaskFault::Dwell { rest } => Some(*rest),
+            TaskFault::NotExecuted
+            | TaskFault::NotAcknowledged
+            | TaskFault::ListFull
+            | TaskFault::ListFrozen
+            | TaskFault::RejectedMidBatch
+            | TaskFault::TaskDead
+            | TaskFault::FrozenValues
+            | TaskFault::StopIgnored(_)
+            | TaskFault::LateList { .. } => None,
+        });
+        self.machine.dwell_at_points(rest.max());
         breakage.replies = replies;
         breakage.tasks = tasks;
         // What waited for a next reply waits no more.

@@ -3,11 +3,11 @@
 use std::fmt;
 use std::time::Duration;
 
-use super::{BadField, BadJson, BadList, Fault, LinkFault, PackIdFault, ReplyFault, TaskFault};
+use super::{BadField, BadJson, BadList, Fault, IgnoredStop, LinkFault, PackIdFault, ReplyFault, TaskFault};
 use crate::fields::{self, Fields};
 
 /// Every fault that has a word: the word and its class (`docs/SCENARIOS.md`).
-pub const FAULTS: [(&str, &str); 27] = [
+pub const FAULTS: [(&str, &str); 30] = [
     ("refuse", "T1"),
     ("black-hole", "T2"),
     ("silence", "T3"),
@@ -35,6 +35,9 @@ pub const FAULTS: [(&str, &str); 27] = [
     ("rejected-mid-batch", "P12"),
     ("task-dead", "P13"),
     ("frozen-values", "C9"),
+    ("stop-ignored", "E1"),
+    ("dwell", "E2"),
+    ("late-list", "E4"),
 ];
 
 const JSON_KINDS: [(&str, BadJson); 9] = [
@@ -64,6 +67,9 @@ const PACK_ID_KINDS: [(&str, PackIdFault); 3] = [
 
 const LIST_KINDS: [(&str, BadList); 3] =
     [("short", BadList::Short), ("long", BadList::Long), ("shifted", BadList::Shifted)];
+
+const IGNORED_KINDS: [(&str, IgnoredStop); 3] =
+    [("ok", IgnoredStop::Ok), ("err", IgnoredStop::Err), ("every", IgnoredStop::Every)];
 
 /// The longest that a fault delays anything, seconds: far beyond every time-out of a client.
 const LONGEST_DELAY: f64 = 3600.0;
@@ -122,6 +128,13 @@ pub(crate) fn read(word: &str, fields: &Fields<'_>) -> Result<Fault, String> {
         "rejected-mid-batch" => Fault::Task(TaskFault::RejectedMidBatch),
         "task-dead" => Fault::Task(TaskFault::TaskDead),
         "frozen-values" => Fault::Task(TaskFault::FrozenValues),
+        "stop-ignored" => Fault::Task(TaskFault::StopIgnored(fields.one_of("kind", &IGNORED_KINDS)?)),
+        "dwell" => Fault::Task(TaskFault::Dwell {
+            rest: delay(fields, "rest")?.unwrap_or(Duration::from_millis(300)),
+        }),
+        "late-list" => Fault::Task(TaskFault::LateList {
+            delay: delay(fields, "delay")?.unwrap_or(Duration::from_secs(3)),
+        }),
         other => return Err(fields::unknown("fault", other, &FAULTS.map(|(word, _)| word))),
     })
 }
@@ -158,6 +171,9 @@ impl Fault {
             Self::Task(TaskFault::RejectedMidBatch) => "rejected-mid-batch",
             Self::Task(TaskFault::TaskDead) => "task-dead",
             Self::Task(TaskFault::FrozenValues) => "frozen-values",
+            Self::Task(TaskFault::StopIgnored(_)) => "stop-ignored",
+            Self::Task(TaskFault::Dwell { .. }) => "dwell",
+            Self::Task(TaskFault::LateList { .. }) => "late-list",
         }
     }
 
@@ -171,6 +187,7 @@ impl Fault {
             Self::Reply(ReplyFault::BadField(kind)) => word(&FIELD_KINDS, kind),
             Self::Reply(ReplyFault::PackId(kind)) => word(&PACK_ID_KINDS, kind),
             Self::Reply(ReplyFault::BadList(kind)) => word(&LIST_KINDS, kind),
+            Self::Task(TaskFault::StopIgnored(kind)) => word(&IGNORED_KINDS, kind),
             Self::Reply(ReplyFault::CrossedReply | ReplyFault::Echo | ReplyFault::Unsolicited)
             | Self::Link(_)
             | Self::Task(_) => None,

@@ -169,6 +169,19 @@ impl Machine {
         }
     }
 
+    /// How long the arm stands at each point while more instructions wait, from now on: a fault that somebody wants to see.
+    pub(crate) fn dwell_at_points(&mut self, rest: Option<Duration>) {
+        self.dwell = rest;
+    }
+
+    /// Stands at the end of a move, where that fault is in force and more instructions wait.
+    fn dwell_here(&mut self) {
+        let waits = matches!(self.activity, Activity::Idle) && self.runs() && self.is_remote();
+        let Some(rest) = self.dwell.filter(|_| waits && !self.list.is_empty()) else { return };
+        self.note(format!("the arm stands for {rest:?} at its point (fault dwell)"));
+        self.activity = Activity::Resting { until: self.now + rest };
+    }
+
     /// Whether a program runs.
     pub(crate) fn runs(&self) -> bool {
         self.mode.may_run() && self.alarm == 0
@@ -252,6 +265,7 @@ impl Machine {
                 self.finish_joined(&run);
                 self.axes = run.movement.state_at(run.movement.duration()).axes;
                 self.finish_step();
+                self.dwell_here();
             }
             Activity::Halting(run, after) => self.finish_halt(run, after),
             Activity::Waiting { wait, .. } => match wait.source {

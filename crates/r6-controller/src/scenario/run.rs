@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use r6_proto::message::Instruction;
 use r6_proto::time::Instant;
 
 use super::{Bounce, Happening, InputPoint, Scenario, Window};
@@ -42,6 +43,17 @@ enum Due {
     Edge,
     /// The mains are back.
     Power,
+    /// A list is taken that came before.
+    List(LateList),
+}
+
+/// A list that is taken later than it came.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct LateList {
+    /// Whether it replaces the one that is there then.
+    pub replace: bool,
+    /// Its instructions.
+    pub steps: Vec<Instruction>,
 }
 
 /// What a scenario has to say.
@@ -57,6 +69,8 @@ pub(crate) enum Turn {
     FaultsChange,
     /// The mains are back.
     PowerIsBack,
+    /// A list is taken that came before.
+    ListIsTaken(LateList),
 }
 
 impl ScenarioRun {
@@ -120,6 +134,7 @@ impl ScenarioRun {
                 Due::Bounce(input, on) => return Some(Turn::Bounces(input, on)),
                 Due::Edge => return Some(Turn::FaultsChange),
                 Due::Power => return Some(Turn::PowerIsBack),
+                Due::List(list) => return Some(Turn::ListIsTaken(list)),
                 Due::Entry(number, at, happened) => {
                     let Some(entry) = self.scenario.timeline.get(number) else { continue };
                     let (what, every, times) = (entry.what.clone(), entry.every, entry.times);
@@ -167,6 +182,18 @@ impl ScenarioRun {
             self.plan(now + step * change, Due::Bounce(bounce.input, on));
         }
         true
+    }
+
+    /// Has a list taken at this time; one that finds no room is lost.
+    pub fn take_later(&mut self, at: Instant, list: LateList) {
+        if self.queue.len() < MAX_UNDER_WAY {
+            self.plan(at, Due::List(list));
+        }
+    }
+
+    /// Lists that were to be taken later are lost with the mains.
+    pub fn lose_lists(&mut self) {
+        self.queue.retain(|_, due| !matches!(due, Due::List(_)));
     }
 
     /// The mains are back at this time, or later where they fail for longer already.

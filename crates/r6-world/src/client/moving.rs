@@ -84,16 +84,20 @@ impl Work {
             RunOptions { frame_instructions: 1 + self.random.below(4), room: 6, ..RunOptions::default() };
         let run = self.shared.state().lines[self.index].run_begins(now(), &steps);
         let robot = self.robot.clone();
-        let begun = self.perhaps("a motion", robot.run(&motion, options)).await;
-        if let Some(Ok(handle)) = begun {
-            self.attend(handle, &steps).await;
+        if let Some(mishap) = self.plan.mishap {
+            self.run_into(mishap, &motion, options, &steps).await;
+        } else {
+            let begun = self.perhaps("a motion", robot.run(&motion, options)).await;
+            if let Some(Ok(handle)) = begun {
+                self.attend(handle, &steps).await;
+            }
         }
         sleep(ms(HANDED_OVER)).await;
         self.shared.state().lines[self.index].run_ends(run);
     }
 
     /// Lets a motion come to its end, stops it, drops it, or has it go at another speed.
-    async fn attend(&mut self, handle: MotionHandle, steps: &[i64]) {
+    pub(super) async fn attend(&mut self, handle: MotionHandle, steps: &[i64]) {
         let told: Vec<_> = (1..=steps.len()).filter_map(|step| handle.step(step)).collect();
         let after = ms(30) + self.random.up_to(ms(900));
         match self.random.below(20) {
@@ -129,6 +133,11 @@ impl Work {
                         let is_through =
                             if self.is_alone() { floor.has_done(of) } else { floor.is_through_with(of) };
                         let left = steps.iter().all(|step| lines[self.index].has_sent(*step));
+                        if self.is_alone() && self.robot_plan().does_what_it_says {
+                            record.check(Promise::Whole, at, left && floor.has_done(steps), || {
+                                format!("client-{}: {steps:?} are done, they say; left: {left}", self.index)
+                            });
+                        }
                         record.check(Promise::Once, at, left && is_through, || {
                             format!("client-{}: {steps:?} came to an end, they say; left: {left}", self.index)
                         });
@@ -170,13 +179,16 @@ impl Work {
         }
     }
 
-    fn note_stop(&self, confirmed: Option<bool>) {
+    pub(super) fn note_stop(&self, confirmed: Option<bool>) {
         let at = now();
         let mut state = self.shared.state();
         let State { record, floors, .. } = &mut *state;
         record.tally.stops[usize::from(confirmed != Some(true))] += 1;
         if confirmed == Some(true) {
             floors[self.plan.robot].stands(at);
+            if self.is_alone() {
+                floors[self.plan.robot].is_told_to_stand(at);
+            }
         }
     }
 

@@ -46,6 +46,10 @@ impl Work {
             else {
                 continue;
             };
+            let may_be = lines[self.index].may_be_fresh(at.saturating_sub(age), at);
+            record.check(Promise::Fresh, at, may_be, || {
+                format!("client-{}: {value:?} is of no connection that is alive", self.index)
+            });
             lines[self.index].delivered((value.address, reading), at.saturating_sub(age), at, record);
             let was = floors[self.plan.robot].was(value.address, reading, at.saturating_sub(age), at);
             if let Some(was) = was.filter(|_| self.robot_plan().tells_values) {

@@ -31,6 +31,13 @@ impl Floor {
         self.ahead.front() == Some(&number) || self.is_through_with(&[number])
     }
 
+    /// Whether the arm stands, and nothing is left to do.
+    #[must_use]
+    pub fn rests_with_an_empty_list(&self) -> bool {
+        self.ahead.is_empty()
+            && self.sights.back().is_some_and(|sight| sight.speeds.iter().all(|speed| *speed == 0.0))
+    }
+
     pub(super) fn lose_list(&mut self) {
         self.gone.extend(self.ahead.drain(..).filter(|number| *number > 0));
     }

@@ -23,6 +23,9 @@ const MOST_ACCELERATION: f64 = 2.0 * 2.0 / 0.078;
 
 const MOST_JERK: f64 = 2.0 * 8.0 / (0.078 * 0.078);
 
+/// An arm that was seen to stand has this far to go at most, degrees: the last of its brake.
+const STANDS_WITHIN: f64 = 0.05;
+
 /// The machine at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight {
@@ -54,6 +57,15 @@ impl Floor {
             let place = *place.get_or_insert(sight.axes);
             record.check(Promise::I4, at, place == sight.axes, || {
                 format!("{} moves from {place:?} to {:?}, and nobody started it", self.name, sight.axes)
+            });
+        }
+        if let Some((since, place)) = &mut self.told
+            && at > *since
+        {
+            let place = *place.get_or_insert(sight.axes);
+            let stands = place.iter().zip(sight.axes).all(|(was, is)| (was - is).abs() <= STANDS_WITHIN);
+            record.check(Promise::Stopped, at, stands, || {
+                format!("{} stands since {since:?}, they say: it went from {place:?} to {:?}", self.name, sight.axes)
             });
         }
         if let Some(since) = self.rests {

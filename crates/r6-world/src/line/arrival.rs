@@ -67,6 +67,16 @@ impl Line {
         record.check(Promise::I1, at, supported, || {
             format!("{wanted} is {reading} they say, and no whole frame since {since:?} says so")
         });
+        if self.connections.iter().all(|connection| connection.robot == self.robot) {
+            return record.check(Promise::Fresh, at, true, String::new);
+        }
+        let is_own = self.connections.iter().rev().filter(|connection| connection.robot == self.robot).any(|own| {
+            let frames = own.since(since.saturating_sub(SKEW));
+            frames.iter().rev().any(|(_, _, frame)| tells(frame, &wanted, reading))
+        });
+        record.check(Promise::Fresh, at, is_own || !supported, || {
+            format!("{wanted} is {reading} they say of robot-{}, and only another robot said so", self.robot)
+        });
     }
 }
 
@@ -92,9 +102,10 @@ mod tests {
             beats: false,
             moves: false,
             drops: false,
+            mishap: None,
         };
         let (mut line, mut record) = (Line::new(&plan), Record::new(false));
-        let number = line.connected(&mut record);
+        let number = line.connected(0, Duration::ZERO, &mut record);
         let frame = r#"{"reqType":"command","packID":"5","cmdData":["rewriteData","860","77","0"]}"#;
         line.sent(ms(100), number, frame.as_bytes(), &mut [Floor::new(0)], &mut record);
         for (at, reply) in replies {

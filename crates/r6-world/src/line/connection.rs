@@ -28,6 +28,12 @@ pub(super) struct Connection {
     pub used: BTreeSet<usize>,
     /// Whether somebody was asked who is there.
     pub asked_who: bool,
+    /// The robot at its other end.
+    pub robot: usize,
+    /// When it was made.
+    pub made: Duration,
+    /// When its program saw it end, or ended it.
+    pub ended: Option<Duration>,
 }
 
 /// A frame that left.

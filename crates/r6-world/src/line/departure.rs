@@ -64,6 +64,17 @@ impl Line {
         connection.asked_who |= frame["queryAddr"] == serde_json::json!(WHO);
         let word = frame["cmdData"][0].as_str().unwrap_or_default();
         let is_list = frame["reqType"] == "AddRCC";
+        let stops = ["actionStop", "actionPause", "stopButton"].contains(&word)
+            || (is_list && frame["instructions"].as_array().is_some_and(Vec::is_empty));
+        let to = connection.robot;
+        if stops {
+            self.last_stop = Some(at);
+            let meant = to == self.robot;
+            record.check(Promise::Meant, at, meant, || {
+                format!("meant for robot-{}, and reaches robot-{to}: {frame}", self.robot)
+            });
+        }
+        let connection = &self.connections[number];
         let acts =
             is_list || (frame["reqType"] == "command" && !["actionStop", "actionPause"].contains(&word));
         if acts && number > self.before {
@@ -73,6 +84,7 @@ impl Line {
         let starts = ["startButton", "actionSingleCycle", "clearAlarmRunNext", "clearAlarmContinue"];
         if starts.contains(&word) {
             self.starts_sent += 1;
+            floors[to].is_commanded(at);
             let holds = self.starts_sent <= self.starts_asked;
             record.check(Promise::I4, at, holds, || format!("a start that nobody asked for: {frame}"));
         }
@@ -85,7 +97,8 @@ impl Line {
         }
         let steps = frame["instructions"].as_array().filter(|_| is_list);
         let Some(steps) = steps.filter(|steps| !steps.is_empty()) else { return };
-        floors[self.robot].lists_sent += 1;
+        floors[to].lists_sent += 1;
+        floors[to].is_commanded(at);
         // Where nobody numbered the step, a program sent it by itself, and when it looked is its own business. What streams steps looks by
         // itself once it was asked to, whoever else did before.
         let is_streamed = steps.iter().all(|step| number_in(step) > 0);

@@ -93,6 +93,7 @@ impl Draw<'_> {
             beats: self.random.strikes(0.2),
             moves: self.random.strikes(0.8),
             drops: self.random.strikes(0.4),
+            mishap: None,
         };
         if client.drops {
             self.plan.classes.push(Class::K1);

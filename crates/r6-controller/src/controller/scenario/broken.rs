@@ -10,7 +10,7 @@ use super::super::desk::Desk;
 use super::super::{ConnectionId, Controller, Service};
 use super::Breakage;
 use crate::fault::reply::{self, Fate, Outgoing};
-use crate::fault::{Fault, TaskFault};
+use crate::fault::{Fault, IgnoredStop, TaskFault};
 use crate::log::Level;
 
 /// How many frames faults make of one reply at most, but for the last one's: enough to see what each of them does.
@@ -26,6 +26,8 @@ pub(in crate::controller) struct Strikes {
     pub rejected_mid_batch: bool,
     pub task_dead: bool,
     pub frozen_values: bool,
+    pub stop_ignored: Option<IgnoredStop>,
+    pub late_list: Option<Duration>,
 }
 
 /// The request that is being dealt with.
@@ -50,8 +52,11 @@ impl Breakage {
                 TaskFault::RejectedMidBatch => strikes.rejected_mid_batch |= hit,
                 TaskFault::TaskDead => strikes.task_dead |= hit,
                 TaskFault::FrozenValues => strikes.frozen_values |= hit,
-                // Struck when it began.
-                TaskFault::ListFrozen => {}
+                TaskFault::StopIgnored(how) if hit => strikes.stop_ignored = Some(*how),
+                TaskFault::LateList { delay } if hit => strikes.late_list = Some(*delay),
+                TaskFault::StopIgnored(_) | TaskFault::LateList { .. } => {}
+                // Struck when they began.
+                TaskFault::ListFrozen | TaskFault::Dwell { .. } => {}
             }
         }
         strikes
@@ -118,6 +123,9 @@ impl Controller {
         };
         let served = desk.serve_next(inbox, &mut replies);
         let (reset, asked) = (desk.reset, desk.asked.take().unwrap_or_default());
+        if let Some((due, late)) = desk.late.take() {
+            breakage.run.take_later(due, late);
+        }
         if asked.frame.is_empty() {
             // Nothing was asked: in how many pieces a request comes changes nothing of what is drawn.
             *breakage.run.random() = before;

@@ -23,6 +23,7 @@ impl Controller {
         self.machine = machine;
         breakage.off = true;
         breakage.held.clear();
+        breakage.run.lose_lists();
         breakage.frozen = None;
         // What was on its way is lost.
         for connection in self.connections.values_mut() {

@@ -1,0 +1,84 @@
+//! The client at a controller that misbehaves on purpose (`r6_testkit::hostile`).
+#![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
+
+mod cable;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use cable::Cable;
+use r6_client::units::{AxisPosition, Percent};
+use r6_client::{Command, Motion, Robot, RobotSettings, RunOptions, WaitOptions};
+use r6_testkit::hostile::serve::HostileController;
+use r6_testkit::hostile::{Cabinet, Character, Effect, Reaction, Stops, Swap, SwapWhen};
+use tokio::net::TcpListener;
+
+/// A robot behind wires in memory, and the controller at their other end.
+async fn robot_at(character: Character) -> (Arc<HostileController>, Robot) {
+    let controller = HostileController::new(character);
+    let robot = Robot::connect_with(Cable(Arc::clone(&controller)), RobotSettings::default()).await.unwrap();
+    (controller, robot)
+}
+
+fn to_j1(degrees: f64) -> Motion {
+    let target = AxisPosition::degrees([degrees, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    Motion::new().axis_move(target, Percent::new(50.0).unwrap())
+}
+
+#[tokio::test(start_paused = true)]
+async fn one_that_behaves_is_ready_and_moves_where_it_is_sent() {
+    let (controller, robot) = robot_at(Character::default()).await;
+    let status = robot.status().await.unwrap();
+    assert!(status.is_ready(), "{:?}", status.unmet());
+    assert_eq!(status.machine_name.as_deref(), Some("cell 4"));
+    let handle = robot.run(&to_j1(20.0), RunOptions::default()).await.unwrap();
+    handle.finished().await.unwrap();
+    controller.arm(|arm, now| {
+        assert_eq!(arm.position_at(1, now)[0], 20.0);
+        assert!(arm.carried(1).iter().all(|step| step.whole));
+    });
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_that_is_answered_ok_may_have_no_effect() {
+    let no_effect = Reaction { effect: Effect::NoEffect, ..Reaction::default() };
+    let stops = Stops { action_stop: no_effect, ..Stops::default() };
+    let (controller, robot) = robot_at(Character { stops, ..Character::default() }).await;
+    let handle = robot.run(&to_j1(90.0), RunOptions::default()).await.unwrap();
+    assert!(handle.step(1).unwrap().started().await);
+    robot.command(Command::ActionStop).await.unwrap();
+    let told = controller.now();
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let path = controller.arm(|arm, _| arm.path_since(1, told));
+    assert!((29.0..31.0).contains(&path[0]), "it moves on, 30 degrees a second: {path:?}");
+    drop(handle);
+}
+
+#[tokio::test(start_paused = true)]
+async fn another_robot_may_answer_on_the_next_connection() {
+    let to = Cabinet { name: "cell 5".to_owned(), ..Cabinet::default() };
+    let swap = Swap { when: SwapWhen::Told, links: r6_testkit::hostile::Links::End, to };
+    let (controller, robot) = robot_at(Character { swap: Some(swap), ..Character::default() }).await;
+    assert_eq!(robot.status().await.unwrap().machine_name.as_deref(), Some("cell 4"));
+    controller.arm(|arm, now| arm.swap(now));
+    let name = loop {
+        match robot.status().await {
+            Ok(status) => break status.machine_name,
+            Err(_lost_with_the_connection) => tokio::time::sleep(Duration::from_millis(100)).await,
+        }
+    };
+    assert_eq!(name.as_deref(), Some("cell 5"));
+}
+
+#[tokio::test]
+async fn it_is_reached_over_tcp_too() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let controller = HostileController::new(Character::default());
+    let served = tokio::spawn(Arc::clone(&controller).listen(listener));
+    let robot = Robot::connect(&address, RobotSettings::default()).await.unwrap();
+    robot.run(&to_j1(3.0), RunOptions::default()).await.unwrap().finished().await.unwrap();
+    let waited = robot.wait_until_done(WaitOptions::default()).await.unwrap();
+    assert_eq!(waited.axes[0], Some(3.0));
+    served.abort();
+}

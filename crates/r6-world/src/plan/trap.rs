@@ -1,0 +1,122 @@
+//! Worlds in which one thing goes wrong: what a statement about an arm must not be deceived by.
+
+use std::time::Duration;
+
+use r6_controller::fault::{Fault, IgnoredStop, LinkFault, TaskFault};
+use r6_controller::random::Random;
+use r6_controller::scenario::{Entry, Happening, Scenario, Window};
+
+use super::{Blow, CALM, ClientPlan, Mishap, Plan, RobotPlan, ms};
+use crate::fault::Class;
+
+/// The classes that a world can have as its only one.
+pub const TRAPS: [Class; 8] =
+    [Class::E1, Class::E2, Class::E3, Class::E4, Class::E5, Class::E6, Class::E7, Class::E8];
+
+/// What clears the list of whoever sent it.
+const CLEAR: &[u8] = b"{\"reqType\":\"AddRCC\",\"emptyList\":\"1\",\"instructions\":[]}";
+
+impl Plan {
+    /// A world in which nothing goes wrong but this; any other class than those of [`TRAPS`]: nothing at all.
+    #[must_use]
+    pub fn trapped(class: Class, seed: u64) -> Self {
+        let mut random = Random::new(seed ^ 0x7472_6170_7065_6421);
+        let over = CALM + ms(9000) + random.up_to(ms(4000));
+        let mut plan = Self {
+            seed,
+            latency: ms(2) + random.up_to(ms(10)),
+            robots: Vec::new(),
+            clients: Vec::new(),
+            cameras: Vec::new(),
+            blows: Vec::new(),
+            over,
+            classes: vec![Class::C7, class],
+            trap: Some(class),
+        };
+        let robots = if class == Class::E6 { 2 } else { 1 };
+        for robot in 0..robots {
+            plan.robots.push(robot_of(&mut random));
+            plan.clients.push(client_of(robot, &mut random));
+        }
+        plan.set(class, &mut random);
+        plan
+    }
+
+    fn set(&mut self, class: Class, random: &mut Random) {
+        let (from, lasts) = (CALM, self.over - CALM);
+        let task = |fault| Window { fault: Fault::Task(fault), from, lasts: Some(lasts), chance: 1.0 };
+        let (robot, client) = (&mut self.robots[0], &mut self.clients[0]);
+        let faults = &mut robot.scenario.faults;
+        match class {
+            Class::E1 => {
+                let how = [IgnoredStop::Ok, IgnoredStop::Err, IgnoredStop::Every][random.below(3)];
+                faults.push(task(TaskFault::StopIgnored(how)));
+                // The arm stands in between, for longer than two looks.
+                faults.push(task(TaskFault::Dwell { rest: ms(250) + random.up_to(ms(100)) }));
+            }
+            Class::E2 => faults.push(task(TaskFault::Dwell { rest: ms(250) + random.up_to(ms(1000)) })),
+            Class::E3 => {
+                let from = CALM + random.up_to(ms(4000));
+                let fault = Fault::Link(LinkFault::HalfOpen);
+                faults.push(Window { fault, from, lasts: Some(ms(200)), chance: 1.0 });
+                client.mishap = Some(Mishap::StopsWhenDeaf);
+            }
+            Class::E4 => {
+                let delay = client.patience + ms(200) + random.up_to(ms(1500));
+                faults.push(Window { chance: 0.3, ..task(TaskFault::LateList { delay }) });
+            }
+            Class::E5 => {
+                for _ in 0..4 + random.below(6) {
+                    let at = CALM + random.up_to(self.over - CALM - ms(500));
+                    let what = Happening::Request(CLEAR.to_vec());
+                    let (spread, every, times) = (Duration::ZERO, None, Some(1));
+                    robot.scenario.timeline.push(Entry { at, spread, every, times, what });
+                }
+            }
+            Class::E6 => {
+                let mut at = CALM + random.up_to(ms(1500));
+                while at + ms(4000) < self.over {
+                    let back = at + ms(800) + random.up_to(ms(2500));
+                    self.blows.push((at, Blow::Swap { client: 0, to: Some(1) }));
+                    self.blows.push((back, Blow::Swap { client: 0, to: None }));
+                    at = back + ms(500) + random.up_to(ms(2000));
+                }
+            }
+            Class::E7 => client.mishap = Some(Mishap::OutputFails),
+            Class::E8 => client.mishap = Some(Mishap::Interrupted),
+            _ => {}
+        }
+    }
+}
+
+fn robot_of(random: &mut Random) -> RobotPlan {
+    RobotPlan {
+        profile: "hc1",
+        program: "remote",
+        keeps: false,
+        seed: number(random),
+        scenario: Scenario { seed: number(random), ..Scenario::default() },
+        people: Vec::new(),
+        photos: Vec::new(),
+        looked_at: ms(3),
+        tells_values: true,
+        does_what_it_says: true,
+    }
+}
+
+fn client_of(robot: usize, random: &mut Random) -> ClientPlan {
+    ClientPlan {
+        robot,
+        seed: number(random),
+        every: [ms(50), ms(100), ms(250)][random.below(3)],
+        patience: [ms(300), ms(1000), ms(2000)][random.below(3)],
+        beats: false,
+        moves: true,
+        drops: false,
+        mishap: None,
+    }
+}
+
+fn number(random: &mut Random) -> u64 {
+    u64::try_from(random.below(usize::MAX)).unwrap_or(0)
+}
