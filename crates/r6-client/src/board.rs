@@ -264,22 +264,20 @@ fn took_its_time(error: &RequestError) -> bool {
             NotSent::Unreachable { .. } | NotSent::ConnectTimedOut { .. } | NotSent::Unidentified { .. } => {
                 true
             }
-            NotSent::BadAddress { .. }
-            | NotSent::Disconnected
+            NotSent::Disconnected
             | NotSent::StateNotRead
             | NotSent::AnotherRobot { .. }
             | NotSent::Busy { .. }
-            | NotSent::Wire(_)
+            | NotSent::NoRoom(_)
             | NotSent::Closed
             | NotSent::NoEngine { .. }
-            | NotSent::OutsideEnvelope(_)
             | NotSent::NotStopped(_) => false,
         },
         RequestError::OutcomeUnknown(unknown) => match unknown {
             OutcomeUnknown::TimedOut { .. } | OutcomeUnknown::ConnectionLost { .. } => true,
             OutcomeUnknown::Unreadable { .. } | OutcomeUnknown::Unclear { .. } => false,
         },
-        RequestError::Refused(_) => false,
+        RequestError::Invalid(_) | RequestError::Refused(_) => false,
     }
 }
 

@@ -12,7 +12,7 @@ use r6_proto::request::{CameraPoints, Request};
 use r6_proto::time::Instant;
 use tokio::sync::oneshot;
 
-use crate::error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+use crate::error::{Effect, OutcomeUnknown, Refused, RequestError, Sent};
 use crate::pushed::LostReason;
 use crate::query::NoReading;
 use crate::robot::Accepted;
@@ -232,7 +232,7 @@ impl Job {
     }
 
     /// It did not leave this time; whether it ever did decides what the caller is told.
-    pub fn not_sent(self, error: NotSent) {
+    pub fn not_sent(self, error: impl Into<RequestError>) {
         let error = match self.lost {
             None => error.into(),
             Some(reason) => OutcomeUnknown::ConnectionLost { request: self.work.sent(), reason }.into(),

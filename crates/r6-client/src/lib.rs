@@ -53,7 +53,7 @@ pub mod units;
 pub use camera::{PhotosEnded, Shot};
 pub use connect::{Connect, DEFAULT_PORT};
 pub use discover::{Discovered, discover};
-pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+pub use error::{Effect, Invalid, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 pub use follow::{FollowOptions, Followed};
 pub use guard::{Checked, Envelope, Violation};
 pub use handle::{MotionHandle, Progress, StepHandle, StepState};

@@ -199,7 +199,7 @@ impl Link {
                 }
                 // Too long for the frames of these settings: then in smaller parts, or not at all.
                 Err(error) => {
-                    introduction.answered(Err(NotSent::Wire(error).into()));
+                    introduction.answered(Err(error.into()));
                     self.end_introduction();
                 }
             }
@@ -224,7 +224,7 @@ impl Link {
             return job.not_sent(NotSent::StateNotRead);
         }
         match job.work.send(&mut self.session, now) {
-            Err(error) => return job.not_sent(NotSent::Wire(error)),
+            Err(error) => return job.not_sent(error),
             Ok(Some(ticket)) => {
                 job.sent_at = now;
                 self.in_flight.push(ticket, job);

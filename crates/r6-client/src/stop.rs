@@ -7,7 +7,7 @@ use r6_proto::message::Command;
 use tokio::sync::{OwnedSemaphorePermit, watch};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
-use crate::error::{NotSent, OutcomeUnknown, Refused, RequestError};
+use crate::error::{Invalid, NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::job::Work;
 use crate::link::Lane;
 use crate::motion::Sample;
@@ -121,6 +121,8 @@ pub enum NotTried {
     Mode(OperationMode),
     /// It could not be sent.
     NotSent(NotSent),
+    /// It cannot be sent with the settings of this handle.
+    Invalid(Invalid),
 }
 
 impl Robot {
@@ -137,6 +139,7 @@ impl Robot {
         let under_way = UnderWay::begin(self);
         self.announce_stop();
         let result = self.stop_and_clear().await.map_err(|error| match error {
+            RequestError::Invalid(why) => Invalid::NotStopped(Box::new(why)).into(),
             RequestError::NotSent(why) => NotSent::NotStopped(Box::new(why)).into(),
             RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
         });
@@ -190,7 +193,8 @@ impl Robot {
                     return Err(rather(failed, error));
                 }
                 Ok(Err(error)) => {
-                    attempts += u32::from(!matches!(error, RequestError::NotSent(_)));
+                    attempts +=
+                        u32::from(!matches!(error, RequestError::NotSent(_) | RequestError::Invalid(_)));
                     failed = Some(rather(failed, error));
                     sleep(PAUSE_AFTER_FAILURE).await;
                     continue;
@@ -266,6 +270,7 @@ impl Robot {
             )) => ListAfterStop::Refused(reason),
             Err(RequestError::OutcomeUnknown(unknown)) => ListAfterStop::Unknown(unknown),
             Err(RequestError::NotSent(error)) => ListAfterStop::NotTried(NotTried::NotSent(error)),
+            Err(RequestError::Invalid(error)) => ListAfterStop::NotTried(NotTried::Invalid(error)),
         }
     }
 }
@@ -273,7 +278,10 @@ impl Robot {
 /// What to tell of stops that failed: one that left may be carried out, whatever became of those after it.
 fn rather(before: Option<RequestError>, error: RequestError) -> RequestError {
     match (before, error) {
-        (Some(left @ RequestError::OutcomeUnknown(_)), RequestError::NotSent(_)) => left,
+        (
+            Some(left @ RequestError::OutcomeUnknown(_)),
+            RequestError::NotSent(_) | RequestError::Invalid(_),
+        ) => left,
         (_, error) => error,
     }
 }
@@ -333,6 +341,9 @@ impl fmt::Display for ListAfterStop {
                 write!(f, "the instruction list was left as it is, because nothing is taken in mode {mode}")
             }
             Self::NotTried(NotTried::NotSent(error)) => {
+                write!(f, "the instruction list was not cleared: {error}")
+            }
+            Self::NotTried(NotTried::Invalid(error)) => {
                 write!(f, "the instruction list was not cleared: {error}")
             }
         }
