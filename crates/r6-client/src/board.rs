@@ -267,15 +267,13 @@ fn took_its_time(error: &RequestError) -> bool {
             NotSent::Unreachable { .. } | NotSent::ConnectTimedOut { .. } | NotSent::Unidentified { .. } => {
                 true
             }
-            NotSent::BadAddress { .. }
-            | NotSent::Disconnected
+            NotSent::Disconnected
             | NotSent::StateNotRead
             | NotSent::AnotherRobot { .. }
             | NotSent::Busy { .. }
-            | NotSent::Wire(_)
+            | NotSent::NoRoom(_)
             | NotSent::Closed
             | NotSent::NoEngine { .. }
-            | NotSent::OutsideEnvelope(_)
             | NotSent::NotStopped(_) => false,
         },
         RequestError::OutcomeUnknown(unknown) => match unknown {
@@ -284,7 +282,7 @@ fn took_its_time(error: &RequestError) -> bool {
             | OutcomeUnknown::Unclear { .. }
             | OutcomeUnknown::AnotherRobot { .. } => false,
         },
-        RequestError::Refused(_) => false,
+        RequestError::Invalid(_) | RequestError::Refused(_) => false,
     }
 }
 

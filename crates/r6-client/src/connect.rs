@@ -12,7 +12,7 @@ use tokio::net::TcpStream;
 use tokio::sync::Mutex;
 use tokio::time::timeout;
 
-use crate::error::NotSent;
+use crate::error::{Invalid, NotSent};
 
 /// The port that controllers listen on unless the pendant says otherwise.
 pub const DEFAULT_PORT: u16 = 9760;
@@ -123,8 +123,8 @@ pub(crate) struct Tcp {
 
 impl Tcp {
     /// Reads `host`, `host:port`, `[v6]`, `[v6]:port` or a bare IPv6 address.
-    pub fn parse(address: &str) -> Result<Self, NotSent> {
-        let bad = |problem| NotSent::BadAddress { address: address.chars().take(256).collect(), problem };
+    pub fn parse(address: &str) -> Result<Self, Invalid> {
+        let bad = |problem| Invalid::BadAddress { address: address.chars().take(256).collect(), problem };
         let (host, port) = match address.strip_prefix('[') {
             Some(rest) => {
                 let (host, rest) = rest.split_once(']').ok_or_else(|| bad("`]` is missing"))?;
@@ -213,7 +213,7 @@ mod tests {
             "http://robot",
             "a b",
         ] {
-            assert!(matches!(Tcp::parse(given), Err(NotSent::BadAddress { .. })), "{given}");
+            assert!(matches!(Tcp::parse(given), Err(Invalid::BadAddress { .. })), "{given}");
         }
     }
 }

@@ -8,13 +8,18 @@ use r6_proto::CommandName;
 use r6_proto::client::SendError;
 use r6_proto::error::FieldError;
 
-use crate::guard::Violation;
 use crate::identity::Identity;
 use crate::pushed::LostReason;
+
+mod invalid;
+
+pub use invalid::Invalid;
 
 /// Why a request failed, sorted by what the caller must do.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RequestError {
+    /// The request cannot be sent as it is; nothing was sent. The caller has to change it: sending the same again fails again.
+    Invalid(Invalid),
     /// Nothing reached the controller: sending again is safe.
     NotSent(NotSent),
     /// The controller understood and said no.
@@ -24,13 +29,13 @@ pub enum RequestError {
 }
 
 impl RequestError {
-    /// Whether the same request may be sent again without knowing more: nothing left, or it can do no harm twice
-    /// (a query, a stop).
+    /// Whether the same request may be sent again without knowing more: nothing left and it may get through the next time, or it
+    /// can do no harm twice (a query, a stop). False of a request that cannot be sent as it is ([`Self::Invalid`]).
     #[must_use]
     pub fn may_send_again(&self) -> bool {
         match self {
             Self::NotSent(_) => true,
-            Self::Refused(_) => false,
+            Self::Invalid(_) | Self::Refused(_) => false,
             Self::OutcomeUnknown(unknown) => match unknown.request().effect {
                 Effect::Reads | Effect::Stops => true,
                 Effect::Changes | Effect::Moves => false,
@@ -42,13 +47,6 @@ impl RequestError {
 /// Why nothing reached the controller.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NotSent {
-    /// The address is none.
-    BadAddress {
-        /// As given.
-        address: String,
-        /// What is wrong with it.
-        problem: &'static str,
-    },
     /// No connection could be made.
     Unreachable {
         /// Host and port.
@@ -88,8 +86,8 @@ pub enum NotSent {
         /// How long.
         waited: Duration,
     },
-    /// The request cannot be a frame: too long, or a value that the wire cannot carry.
-    Wire(SendError),
+    /// The connection has no room for it: too much waits to be written, or too many requests wait for their replies.
+    NoRoom(SendError),
     /// The handle was closed.
     Closed,
     /// The system has no thread or file for the engine of a blocking handle.
@@ -97,8 +95,6 @@ pub enum NotSent {
         /// What the system says.
         detail: String,
     },
-    /// It goes beyond the envelope of the handle's guard.
-    OutsideEnvelope(Violation),
     /// It was a stop ([`crate::Robot::stop`]): the arm goes on with what is in its list.
     NotStopped(Box<NotSent>),
 }
@@ -227,6 +223,7 @@ impl From<OutcomeUnknown> for RequestError {
 impl fmt::Display for RequestError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Invalid(error) => error.fmt(f),
             Self::NotSent(error) => error.fmt(f),
             Self::Refused(error) => error.fmt(f),
             Self::OutcomeUnknown(error) => error.fmt(f),
@@ -241,9 +238,6 @@ impl fmt::Display for NotSent {
         }
         f.write_str("nothing was sent: ")?;
         match self {
-            Self::BadAddress { address, problem } => {
-                write!(f, "`{address}` is no address: {problem}; write host or host:port")
-            }
             Self::Unreachable { address, detail, .. } => write!(
                 f,
                 "{address} cannot be reached ({detail}); check the address, the cable, and on the pendant that its \
@@ -274,12 +268,11 @@ impl fmt::Display for NotSent {
             Self::Busy { waited } => {
                 write!(f, "it waited {waited:?} behind other requests; send less, then send it again")
             }
-            Self::Wire(error) => error.fmt(f),
+            Self::NoRoom(error) => write!(f, "{error}; wait for replies, then send it again"),
             Self::Closed => f.write_str("the handle is closed; connect again"),
             Self::NoEngine { detail } => {
                 write!(f, "the system has no thread for this connection ({detail}); share one engine between robots")
             }
-            Self::OutsideEnvelope(violation) => violation.fmt(f),
             Self::NotStopped(why) => why.fmt(f),
         }
     }

@@ -382,7 +382,7 @@ impl<'r> Following<'r> {
                 self.sent -= 1;
                 Ok(())
             }
-            Err(error @ RequestError::NotSent(_)) => {
+            Err(error @ (RequestError::NotSent(_) | RequestError::Invalid(_))) => {
                 self.sent -= 1;
                 Err(error.into())
             }

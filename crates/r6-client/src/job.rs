@@ -13,7 +13,7 @@ use r6_proto::time::Instant;
 use tokio::sync::oneshot;
 
 use crate::doubt::Doubt;
-use crate::error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+use crate::error::{Effect, OutcomeUnknown, Refused, RequestError, Sent};
 use crate::pushed::LostReason;
 use crate::query::NoReading;
 use crate::robot::Accepted;
@@ -248,7 +248,7 @@ impl Job {
     }
 
     /// It did not leave this time; whether it ever did decides what the caller is told.
-    pub fn not_sent(self, error: NotSent) {
+    pub fn not_sent(self, error: impl Into<RequestError>) {
         let error = match self.lost {
             None => error.into(),
             Some(reason) => OutcomeUnknown::ConnectionLost { request: self.work.sent(), reason }.into(),

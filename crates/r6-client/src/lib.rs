@@ -56,7 +56,7 @@ pub mod units;
 pub use camera::{PhotosEnded, Shot};
 pub use connect::{Connect, DEFAULT_PORT};
 pub use discover::{Discovered, discover};
-pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+pub use error::{Effect, Invalid, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 pub use evidence::standstill::StandProof;
 pub use follow::{FollowOptions, Followed, TargetSender, Targets};
 pub use guard::{Checked, Envelope, Violation};

@@ -219,7 +219,7 @@ impl Link {
                 }
                 // Too long for the frames of these settings: then in smaller parts, or not at all.
                 Err(error) => {
-                    introduction.answered(Err(NotSent::Wire(error).into()));
+                    introduction.answered(Err(error.into()));
                     self.end_introduction();
                 }
             }
@@ -247,7 +247,7 @@ impl Link {
             job.doubt = Some(self.hub.doubts.begin());
         }
         match job.work.send(&mut self.session, now) {
-            Err(error) => return job.not_sent(NotSent::Wire(error)),
+            Err(error) => return job.not_sent(error),
             Ok(Some(ticket)) => {
                 job.sent_at = now;
                 self.in_flight.push(ticket, job);

@@ -8,7 +8,7 @@ use r6_proto::axis::AXES;
 use r6_proto::message::Instruction;
 use tokio::time::{Instant, sleep, timeout_at};
 
-use crate::error::{NotSent, RequestError};
+use crate::error::{Invalid, NotSent, RequestError};
 use crate::evidence::rest::Rest;
 use crate::evidence::{About, Observation, Sample};
 use crate::guard::Start;
@@ -191,7 +191,7 @@ impl Robot {
             let at_rest = sample.moving == Some(false) && (replace || sample.list_length == Some(0));
             from = at_rest.then_some(Start { axes: sample.axes, pose: sample.pose });
         }
-        envelope.check(instructions, from).map_err(NotSent::OutsideEnvelope)?;
+        envelope.check(instructions, from).map_err(Invalid::OutsideEnvelope)?;
         Ok(only_on)
     }
 

@@ -87,8 +87,8 @@ impl Robot {
     /// tokio runtime with time and network.
     ///
     /// # Errors
-    /// [`RequestError::NotSent`] if the address is none or no connection can be made within
-    /// [`RobotSettings::connect_timeout`].
+    /// [`Invalid::BadAddress`](crate::Invalid::BadAddress) if the text is no address, [`RequestError::NotSent`] if no connection can
+    /// be made within [`RobotSettings::connect_timeout`].
     pub async fn connect(address: &str, settings: RobotSettings) -> Result<Self, RequestError> {
         Self::connect_with(Tcp::parse(address)?, settings).await
     }

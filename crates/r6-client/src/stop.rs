@@ -19,7 +19,7 @@ use r6_proto::OperationMode;
 use tokio::sync::{OwnedSemaphorePermit, watch};
 use tokio::time::{Instant, timeout, timeout_at};
 
-use crate::error::{NotSent, Refused, RequestError};
+use crate::error::{Invalid, NotSent, Refused, RequestError};
 use crate::job::{Terms, Work};
 use crate::link::Lane;
 use crate::robot::Robot;
@@ -115,6 +115,7 @@ impl Robot {
         self.announce_stop();
         let task = self.runtime().spawn(async move {
             let result = under_way.robot.stop_and_clear().await.map_err(|error| match error {
+                RequestError::Invalid(why) => Invalid::NotStopped(Box::new(why)).into(),
                 RequestError::NotSent(why) => NotSent::NotStopped(Box::new(why)).into(),
                 RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
             });
@@ -251,6 +252,7 @@ impl Robot {
             )) => ListAfterStop::Refused(reason),
             Err(RequestError::OutcomeUnknown(unknown)) => ListAfterStop::Unknown(unknown),
             Err(RequestError::NotSent(error)) => ListAfterStop::NotTried(NotTried::NotSent(error)),
+            Err(RequestError::Invalid(error)) => ListAfterStop::NotTried(NotTried::Invalid(error)),
         }
     }
 

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use r6_client::{
-    ListAfterStop, NoReading, NotSent, OutcomeUnknown, Pushed, Refused, RequestError, Robot, RobotSettings,
+    Invalid, ListAfterStop, NoReading, OutcomeUnknown, Pushed, Refused, RequestError, Robot, RobotSettings,
     Unmet, WaitError, WaitOptions,
 };
 use r6_controller::{Profile, StartState};
@@ -128,8 +128,8 @@ async fn an_alarm_ends_the_wait() {
 async fn a_list_that_no_controller_takes_is_not_sent() {
     let (controller, robot) = waiting_cell().await;
     let error = robot.add_rcc(true, vec![axis_move([1.0; 6], 50.0); 20]).await.unwrap_err();
-    assert!(matches!(error, RequestError::NotSent(NotSent::Wire(_))), "{error}");
-    assert!(error.may_send_again());
+    assert!(matches!(error, RequestError::Invalid(Invalid::TooLong { .. })), "{error}");
+    assert!(!error.may_send_again(), "it fails again");
     assert!(!controller.handle().snapshot().moving);
 }
 

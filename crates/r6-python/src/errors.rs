@@ -9,7 +9,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::PyModule;
 use r6_client::units::OutOfRange;
 use r6_client::{
-    Cause, Checked, Effect, MotionError, NoReading, NotSent, NotSubscribed, OutcomeUnknown, Refused,
+    Cause, Checked, Effect, Invalid, MotionError, NoReading, NotSent, NotSubscribed, OutcomeUnknown, Refused,
     RequestError, StepError, Violation, WaitError,
 };
 use r6_proto::address::UnknownAddress;
@@ -81,30 +81,30 @@ pub fn timed_out(after: Duration) -> PyErr {
 impl Raise for RequestError {
     fn exception(&self, py: Python<'_>) -> PyErr {
         let class = match self {
-            Self::NotSent(NotSent::OutsideEnvelope(violation)) => return violation.exception(py),
+            Self::Invalid(Invalid::OutsideEnvelope(violation)) => return violation.exception(py),
+            Self::Invalid(_) => "InvalidRequest",
             Self::NotSent(_) => "NotSent",
             Self::Refused(_) => "Refused",
             Self::OutcomeUnknown(_) => "OutcomeUnknown",
         };
         let error = Exception::new(py, class, self).with("may_send_again", self.may_send_again());
         match self {
+            Self::Invalid(invalid) => error.with("reason", invalid_word(invalid)),
             Self::NotSent(not_sent) => {
                 let error = error.with("reason", not_sent_word(not_sent));
                 match not_sent {
                     NotSent::AnotherRobot { expected, found } => error
                         .with_made("expected", convert::identity(py, expected))
                         .with_made("found", convert::identity(py, found)),
-                    NotSent::BadAddress { .. }
-                    | NotSent::Unreachable { .. }
+                    NotSent::Unreachable { .. }
                     | NotSent::ConnectTimedOut { .. }
                     | NotSent::Disconnected
                     | NotSent::StateNotRead
                     | NotSent::Unidentified { .. }
                     | NotSent::NoEngine { .. }
                     | NotSent::Busy { .. }
-                    | NotSent::Wire(_)
+                    | NotSent::NoRoom(_)
                     | NotSent::Closed
-                    | NotSent::OutsideEnvelope(_)
                     | NotSent::NotStopped(_) => error,
                 }
             }
@@ -125,9 +125,18 @@ impl Raise for RequestError {
     }
 }
 
+fn invalid_word(error: &Invalid) -> &'static str {
+    match error {
+        Invalid::BadAddress { .. } => "bad_address",
+        Invalid::Value(_) => "value",
+        Invalid::TooLong { .. } => "too_long",
+        Invalid::OutsideEnvelope(_) => "outside_envelope",
+        Invalid::NotStopped(why) => invalid_word(why),
+    }
+}
+
 fn not_sent_word(error: &NotSent) -> &'static str {
     match error {
-        NotSent::BadAddress { .. } => "bad_address",
         NotSent::Unreachable { .. } => "unreachable",
         NotSent::ConnectTimedOut { .. } => "connect_timed_out",
         NotSent::Disconnected => "disconnected",
@@ -136,9 +145,8 @@ fn not_sent_word(error: &NotSent) -> &'static str {
         NotSent::Unidentified { .. } => "unidentified",
         NotSent::NoEngine { .. } => "no_engine",
         NotSent::Busy { .. } => "busy",
-        NotSent::Wire(_) => "wire",
+        NotSent::NoRoom(_) => "no_room",
         NotSent::Closed => "closed",
-        NotSent::OutsideEnvelope(_) => "outside_envelope",
         NotSent::NotStopped(why) => not_sent_word(why),
     }
 }
@@ -176,7 +184,6 @@ impl Raise for Violation {
             Checked::Action(number) => format!("action {number}"),
         };
         Exception::new(py, "OutsideEnvelope", self)
-            .with("may_send_again", true)
             .with("reason", "outside_envelope")
             .with("step", self.step)
             .with("what", what)
@@ -211,6 +218,7 @@ impl Raise for Cause {
             | Self::NotCleared(_)
             | Self::AnotherRuns
             | Self::NotSent(_)
+            | Self::Invalid(_)
             | Self::Refused(_)
             | Self::OutcomeUnknown(_)
             | Self::AlarmRaised { .. }
@@ -246,6 +254,7 @@ impl Raise for MotionError {
             Cause::OutsideEnvelope(violation) => error.from(violation.exception(py)),
             Cause::NotCleared(request) | Cause::Unreadable(request) => error.from(request.exception(py)),
             Cause::NotSent(request) => error.from(RequestError::from(request.clone()).exception(py)),
+            Cause::Invalid(request) => error.from(RequestError::from(request.clone()).exception(py)),
             Cause::Refused(request) => error.from(RequestError::from(request.clone()).exception(py)),
             Cause::OutcomeUnknown(request) => error.from(RequestError::from(request.clone()).exception(py)),
             Cause::AlarmRaised { code } => error.with("alarm", *code),
@@ -272,6 +281,7 @@ fn cause_word(cause: &Cause) -> &'static str {
         Cause::NotCleared(_) => "not_cleared",
         Cause::AnotherRuns => "another_runs",
         Cause::NotSent(_) => "not_sent",
+        Cause::Invalid(_) => "invalid",
         Cause::Refused(_) => "refused",
         Cause::OutcomeUnknown(_) => "outcome_unknown",
         Cause::AlarmRaised { .. } => "alarm_raised",

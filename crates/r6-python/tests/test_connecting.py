@@ -26,7 +26,7 @@ def test_who_is_there_is_told_in_the_order_of_the_addresses(virtual_controller: 
         assert isinstance(one.who, r6.Identity)
         assert (one.who.firmware, one.who.machine_name) == (here.firmware, here.machine_name)
     assert isinstance(found[0].who, r6.NotSent) and found[0].who.reason == "unreachable"
-    assert isinstance(found[2].who, r6.NotSent) and found[2].who.reason == "bad_address"
+    assert isinstance(found[2].who, r6.InvalidRequest) and found[2].who.reason == "bad_address"
     assert asyncio.run(r6.async_discover(addresses[1:2])) == found[1:2]
     assert r6.discover([]) == []
     with pytest.raises(TypeError):

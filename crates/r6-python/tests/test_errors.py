@@ -9,8 +9,9 @@ import r6
 
 
 def test_the_tree_is_sorted_by_what_to_do() -> None:
-    assert issubclass(r6.OutsideEnvelope, r6.NotSent) and issubclass(r6.NotReady, r6.MotionError)
-    for kind in (r6.NotSent, r6.Refused, r6.OutcomeUnknown):
+    assert issubclass(r6.OutsideEnvelope, r6.InvalidRequest) and issubclass(r6.NotReady, r6.MotionError)
+    assert issubclass(r6.InvalidRequest, ValueError) and not issubclass(r6.InvalidRequest, r6.NotSent)
+    for kind in (r6.InvalidRequest, r6.NotSent, r6.Refused, r6.OutcomeUnknown):
         assert issubclass(kind, r6.RequestError) and kind.__module__ == "r6"
     for root in (r6.RequestError, r6.MotionError, r6.WaitError, r6.StepError, r6.NoReading, r6.SimulatorError):
         assert issubclass(root, r6.R6Error)
@@ -24,8 +25,26 @@ def test_nobody_there_is_not_sent() -> None:
     assert error.value.reason == "unreachable" and error.value.may_send_again
     again = pickle.loads(pickle.dumps(error.value))
     assert type(again) is r6.NotSent and again.reason == "unreachable"
-    with pytest.raises(r6.NotSent, match="no address"):
+
+
+def test_a_fault_of_the_caller_may_not_be_sent_again(virtual_robot: r6.Robot) -> None:
+    with pytest.raises(r6.InvalidRequest, match="no address") as address:
         r6.Robot.connect("not an address")
+    assert (address.value.reason, address.value.may_send_again) == ("bad_address", False)
+    with pytest.raises(r6.InvalidRequest, match="32 bits") as value:
+        virtual_robot.write_registers(810, [2**31])
+    assert (value.value.reason, value.value.may_send_again) == ("value", False)
+    twenty = r6.Motion()
+    for degrees in range(20):
+        twenty = twenty.axis_move(r6.AxisPosition.degrees([degrees]), r6.Percent(10))
+    with pytest.raises(r6.InvalidRequest, match="2048") as long:
+        virtual_robot.add_rcc(twenty, replace=True)
+    assert (long.value.reason, long.value.may_send_again) == ("too_long", False)
+    guarded = virtual_robot.with_guard(r6.Envelope().axis_limits(0, r6.Degrees(-90), r6.Degrees(90)))
+    far = r6.Motion().axis_move(r6.AxisPosition.degrees([100]), r6.Percent(10))
+    with pytest.raises(r6.OutsideEnvelope) as beyond:
+        guarded.add_rcc(far, replace=True)
+    assert (beyond.value.reason, beyond.value.may_send_again) == ("outside_envelope", False)
 
 
 def test_a_closed_handle_says_so(virtual_robot: r6.Robot) -> None:

@@ -295,7 +295,7 @@ def test_a_guard_refuses_what_goes_beyond(virtual_robot: r6.Robot) -> None:
     with pytest.raises(r6.OutsideEnvelope, match="J1 goes to 95 deg") as beyond:
         envelope.check_motion(too_far)
     assert (beyond.value.step, beyond.value.what, beyond.value.value) == (1, "J1", 95)
-    assert beyond.value.limit == (-90, 90) and beyond.value.may_send_again
+    assert beyond.value.limit == (-90, 90) and not beyond.value.may_send_again
     with pytest.raises(r6.MotionError) as failed:
         guarded.run(too_far)
     assert failed.value.cause == "outside_envelope" and failed.value.nothing_left

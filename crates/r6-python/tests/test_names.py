@@ -31,6 +31,7 @@ ELSEWHERE = {
     "Found": "Reconnected",
     "Heartbeat": "RobotSettings",
     "Instruction": "Motion",
+    "Invalid": "InvalidRequest",
     "Keep": "Robot.write_registers",
     "LinkState": "LinkQuality",
     "ListAfterStop": "StopReport",

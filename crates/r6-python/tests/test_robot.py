@@ -76,7 +76,7 @@ def test_registers_are_written_and_read_back(virtual_robot: r6.Robot) -> None:
         virtual_robot.write_registers(900, [1, 2])
     with pytest.raises(TypeError, match="whole numbers"):
         virtual_robot.write_registers(810, [1.5])  # type: ignore[list-item]
-    with pytest.raises(r6.NotSent, match="32 bits"):
+    with pytest.raises(r6.InvalidRequest, match="32 bits"):
         virtual_robot.write_registers(810, [2**31])
 
 

@@ -149,7 +149,7 @@ impl Work {
     fn count<T>(&self, result: &Result<T, RequestError>) {
         let place = match result {
             Ok(_) => 0,
-            Err(RequestError::NotSent(_) | RequestError::Refused(_)) => 1,
+            Err(RequestError::Invalid(_) | RequestError::NotSent(_) | RequestError::Refused(_)) => 1,
             Err(RequestError::OutcomeUnknown(_)) => 2,
         };
         self.shared.state().record.tally.requests[place] += 1;

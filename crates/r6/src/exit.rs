@@ -3,7 +3,7 @@
 use std::fmt;
 use std::process::ExitCode;
 
-use r6_client::{Effect, NotSent, OutcomeUnknown, RequestError, WaitError};
+use r6_client::{Effect, Invalid, NotSent, OutcomeUnknown, RequestError, WaitError};
 
 use crate::hint;
 use crate::output::{self, alarm};
@@ -168,12 +168,7 @@ impl fmt::Display for Failure {
 impl From<RequestError> for Failure {
     fn from(error: RequestError) -> Self {
         let exit = match &error {
-            RequestError::NotSent(NotSent::BadAddress { .. } | NotSent::Wire(_)) => Exit::Usage,
-            RequestError::NotSent(NotSent::NotStopped(why))
-                if matches!(**why, NotSent::BadAddress { .. } | NotSent::Wire(_)) =>
-            {
-                Exit::Usage
-            }
+            RequestError::Invalid(invalid) => of_invalid(invalid),
             RequestError::NotSent(
                 NotSent::NotStopped(_)
                 | NotSent::Unreachable { .. }
@@ -182,11 +177,11 @@ impl From<RequestError> for Failure {
                 | NotSent::StateNotRead
                 | NotSent::Unidentified { .. }
                 | NotSent::Busy { .. }
+                | NotSent::NoRoom(_)
                 | NotSent::Closed
                 | NotSent::NoEngine { .. },
             ) => Exit::NoReply,
-            RequestError::NotSent(NotSent::AnotherRobot { .. } | NotSent::OutsideEnvelope(_))
-            | RequestError::Refused(_) => Exit::Refused,
+            RequestError::NotSent(NotSent::AnotherRobot { .. }) | RequestError::Refused(_) => Exit::Refused,
             RequestError::OutcomeUnknown(unknown) => match unknown.request().effect {
                 Effect::Reads => match unknown {
                     OutcomeUnknown::AnotherRobot { .. } => Exit::Refused,
@@ -203,8 +198,20 @@ impl From<RequestError> for Failure {
             RequestError::NotSent(NotSent::Unreachable { address, .. }) if is_local(address) => {
                 failure.advise("for a virtual controller, start `r6 up` in another shell")
             }
-            RequestError::NotSent(_) | RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => failure,
+            RequestError::Invalid(_)
+            | RequestError::NotSent(_)
+            | RequestError::Refused(_)
+            | RequestError::OutcomeUnknown(_) => failure,
         }
+    }
+}
+
+/// What the caller has to change stands on the command line or in a file; only a guard is a no.
+fn of_invalid(invalid: &Invalid) -> Exit {
+    match invalid {
+        Invalid::OutsideEnvelope(_) => Exit::Refused,
+        Invalid::BadAddress { .. } | Invalid::Value(_) | Invalid::TooLong { .. } => Exit::Usage,
+        Invalid::NotStopped(why) => of_invalid(why),
     }
 }
 

@@ -183,7 +183,7 @@ impl Halt {
             // Whoever says no may stand already: the state decides.
             Ok(_) | Err(RequestError::Refused(_)) => self.halted.answered = true,
             Err(error) => {
-                if matches!(error, RequestError::NotSent(_)) {
+                if matches!(error, RequestError::NotSent(_) | RequestError::Invalid(_)) {
                     self.halted.attempts = self.halted.attempts.saturating_sub(1);
                     self.take_back(means);
                 }
@@ -207,7 +207,7 @@ impl Halt {
     fn failed(&mut self, error: RequestError) {
         self.halted.failed = Some(match self.halted.failed.take() {
             // One that left may be carried out, whatever became of those after it.
-            Some(left @ RequestError::OutcomeUnknown(_)) if matches!(error, RequestError::NotSent(_)) => left,
+            Some(left @ RequestError::OutcomeUnknown(_)) if !matches!(error, RequestError::OutcomeUnknown(_)) => left,
             _ => error,
         });
     }

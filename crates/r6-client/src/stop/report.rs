@@ -6,7 +6,7 @@ use std::time::Duration;
 use r6_proto::OperationMode;
 use r6_proto::message::Command;
 
-use crate::error::{NotSent, OutcomeUnknown, RequestError};
+use crate::error::{Invalid, NotSent, OutcomeUnknown, RequestError};
 use crate::evidence::Observation;
 use crate::evidence::standstill::StandProof;
 use crate::identity::Identity;
@@ -134,6 +134,8 @@ pub enum NotTried {
     Mode(OperationMode),
     /// It could not be sent.
     NotSent(NotSent),
+    /// It cannot be sent with the settings of this handle.
+    Invalid(Invalid),
 }
 
 impl Halted {
@@ -312,6 +314,9 @@ impl fmt::Display for ListAfterStop {
                 write!(f, "the instruction list was left as it is, because nothing is taken in mode {mode}")
             }
             Self::NotTried(NotTried::NotSent(error)) => {
+                write!(f, "the instruction list was not cleared: {error}")
+            }
+            Self::NotTried(NotTried::Invalid(error)) => {
                 write!(f, "the instruction list was not cleared: {error}")
             }
         }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use crate::error::{NotSent, OutcomeUnknown, Refused, RequestError};
+use crate::error::{Invalid, NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::guard::Violation;
 use crate::handle::Progress;
 use crate::motion::WaitError;
@@ -39,6 +39,8 @@ pub enum Cause {
     AnotherRuns,
     /// A list could not be sent. Those before it were.
     NotSent(NotSent),
+    /// A list cannot be sent as it is: a value that the wire cannot carry, or a frame that is too long. Those before it were sent.
+    Invalid(Invalid),
     /// The controller said no to a list.
     Refused(Refused),
     /// A list left, and nobody knows whether the controller has it. It was not sent again.
@@ -96,9 +98,18 @@ impl Cause {
 
 impl From<NotSent> for Cause {
     fn from(error: NotSent) -> Self {
+        Self::NotSent(error)
+    }
+}
+
+impl From<Invalid> for Cause {
+    fn from(error: Invalid) -> Self {
         match error {
-            NotSent::OutsideEnvelope(violation) => Self::OutsideEnvelope(violation),
-            other => Self::NotSent(other),
+            Invalid::OutsideEnvelope(violation) => Self::OutsideEnvelope(violation),
+            Invalid::BadAddress { .. }
+            | Invalid::Value(_)
+            | Invalid::TooLong { .. }
+            | Invalid::NotStopped(_) => Self::Invalid(error),
         }
     }
 }
@@ -106,6 +117,7 @@ impl From<NotSent> for Cause {
 impl From<RequestError> for Cause {
     fn from(error: RequestError) -> Self {
         match error {
+            RequestError::Invalid(error) => error.into(),
             RequestError::NotSent(error) => error.into(),
             RequestError::Refused(error) => Self::Refused(error),
             RequestError::OutcomeUnknown(error) => Self::OutcomeUnknown(error),
@@ -186,6 +198,7 @@ impl fmt::Display for Cause {
                 "nothing was sent: another motion is being streamed over this connection; wait for its end, or stop it",
             ),
             Self::NotSent(error) => error.fmt(f),
+            Self::Invalid(error) => error.fmt(f),
             Self::Refused(error) => error.fmt(f),
             Self::OutcomeUnknown(error) => error.fmt(f),
             Self::AlarmRaised { code } => AlarmAdvice(*code).fmt(f),

@@ -214,7 +214,7 @@ impl Task {
                         return Err(NotSent::Busy { waited }.into());
                     }
                 }
-                Err(error @ RequestError::NotSent(_)) => {
+                Err(error @ (RequestError::NotSent(_) | RequestError::Invalid(_))) => {
                     self.in_doubt = 0;
                     return Err(error.into());
                 }

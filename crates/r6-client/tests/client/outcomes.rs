@@ -1,8 +1,7 @@
 //! What a caller is told, sorted by what it must do.
 
-use r6_client::{Effect, NotSent, OutcomeUnknown, Refused, RequestError};
+use r6_client::{Effect, Invalid, OutcomeUnknown, Refused, RequestError};
 use r6_proto::address::Address;
-use r6_proto::client::SendError;
 use r6_proto::message::instruction::{Action, Coordinates, Move};
 use r6_proto::message::{Command, CommandName, Instruction};
 
@@ -97,10 +96,7 @@ async fn a_list_that_is_too_long_is_not_sent() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
     let (sent, ()) = tokio::join!(robot.add_rcc(true, vec![axis_move(); 30]), peer.introduces());
     let error = sent.unwrap_err();
-    assert!(
-        matches!(error, RequestError::NotSent(NotSent::Wire(SendError::TooLong { limit: 2048, .. }))),
-        "{error:?}"
-    );
+    assert!(matches!(error, RequestError::Invalid(Invalid::TooLong { limit: 2048, .. })), "{error:?}");
     drop(robot);
     peer.ends().await;
 }

@@ -42,7 +42,7 @@ impl Fate {
     pub fn of<T>(result: &Result<T, RequestError>) -> Self {
         match result {
             Ok(_) => Self::Ok,
-            Err(RequestError::NotSent(_)) => Self::NotSent,
+            Err(RequestError::NotSent(_) | RequestError::Invalid(_)) => Self::NotSent,
             Err(RequestError::Refused(_)) => Self::Refused,
             Err(RequestError::OutcomeUnknown(_)) => Self::Unknown,
         }

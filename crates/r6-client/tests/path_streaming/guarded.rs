@@ -1,7 +1,7 @@
 //! A guarded handle: what goes beyond the envelope never leaves.
 
 use r6_client::units::{AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Pose};
-use r6_client::{AxisIndex, Cause, Checked, Envelope, Motion, NotSent, RequestError, RunOptions, Violation};
+use r6_client::{AxisIndex, Cause, Checked, Envelope, Invalid, Motion, RequestError, RunOptions, Violation};
 use r6_controller::Profile;
 use r6_sim::Clock;
 
@@ -162,7 +162,7 @@ async fn all_motion_of_a_guarded_handle_is_checked_raw_lists_too() {
         assert_eq!(error.cause, Cause::OutsideEnvelope(violation));
         assert_eq!(robot.dry_run(&beyond, RunOptions::default()).unwrap_err(), error.cause);
         let raw = robot.add_rcc(true, beyond.instructions().unwrap().to_vec()).await.unwrap_err();
-        assert_eq!(raw, RequestError::NotSent(NotSent::OutsideEnvelope(violation)));
+        assert_eq!(raw, RequestError::Invalid(Invalid::OutsideEnvelope(violation)));
         assert!(raw.to_string().contains("step 2: J1 goes to 91 deg"), "{raw}");
     }
     assert_eq!(cell.taken(), 0, "nothing was sent");

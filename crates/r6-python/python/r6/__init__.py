@@ -20,6 +20,7 @@ from ._async_motion import AsyncFollowing, AsyncMotionHandle, AsyncStep
 from ._async_robot import AsyncRobot, async_discover
 from ._async_subscription import AsyncPushedEvents, AsyncSubscription
 from ._errors import (
+    InvalidRequest,
     MotionError,
     NoReading,
     NotReady,
@@ -127,6 +128,7 @@ __all__ = [
     "Following",
     "Garbled",
     "Identity",
+    "InvalidRequest",
     "Latency",
     "LinkQuality",
     "Listen",

@@ -4,8 +4,9 @@
 
     R6Error
     ├── RequestError          a request failed
-    │   ├── NotSent           nothing reached the controller: sending again is safe
+    │   ├── InvalidRequest    it cannot be sent as it is: the caller has to change it (also a ValueError)
     │   │   └── OutsideEnvelope   the guard refused it
+    │   ├── NotSent           nothing reached the controller: sending again is safe
     │   ├── Refused           the controller understood and said no
     │   └── OutcomeUnknown    it left and no usable reply came: the controller may have acted
     ├── MotionError           a motion did not come to its end
@@ -38,17 +39,25 @@ class RequestError(R6Error):
     """A request failed. Its class says what may be done next."""
 
     may_send_again: bool = False
-    """Whether the same request may be sent again without knowing more: nothing left, or it can do no harm twice (a
-    query, a stop). A motion whose outcome is unknown may not."""
+    """Whether the same request may be sent again without knowing more: nothing left and it may get through the next
+    time, or it can do no harm twice (a query, a stop). False of a motion whose outcome is unknown, and of a request that
+    cannot be sent as it is."""
     reason: str | None = None
     """A word for programs (``"unreachable"``, ``"timed_out"``, …); of ``Refused`` the controller's reason."""
+
+
+class InvalidRequest(RequestError, ValueError):
+    """The request cannot be sent as it is: the caller has to change it. Nothing was sent, and the same again fails again.
+
+    ``reason`` is one of ``bad_address``, ``value`` (the wire cannot carry it), ``too_long``, ``outside_envelope``.
+    """
 
 
 class NotSent(RequestError):
     """Nothing reached the controller: sending again is safe.
 
-    ``reason`` is one of ``bad_address``, ``unreachable``, ``connect_timed_out``, ``disconnected``, ``state_not_read``,
-    ``another_robot``, ``unidentified``, ``busy``, ``wire``, ``closed``, ``no_engine``, ``outside_envelope``.
+    ``reason`` is one of ``unreachable``, ``connect_timed_out``, ``disconnected``, ``state_not_read``, ``another_robot``,
+    ``unidentified``, ``busy``, ``no_room``, ``closed``, ``no_engine``.
     """
 
     expected: Identity | None = None
@@ -57,7 +66,7 @@ class NotSent(RequestError):
     """Which robot answers there now; hand it to ``accept_identity`` if it is the right one."""
 
 
-class OutsideEnvelope(NotSent):
+class OutsideEnvelope(InvalidRequest):
     """A step goes beyond the envelope of the guard. Nothing of its list was sent."""
 
     step: int = 0
@@ -94,8 +103,8 @@ class MotionError(R6Error):
     """
 
     cause: str = ""
-    """``step``, ``outside_envelope``, ``not_ready``, ``not_cleared``, ``another_runs``, ``not_sent``, ``refused``,
-    ``outcome_unknown``, ``alarm_raised``, ``stopped``, ``stopped_here``, ``dropped``, ``elsewhere``, ``stalled``,
+    """``step``, ``outside_envelope``, ``not_ready``, ``not_cleared``, ``another_runs``, ``not_sent``, ``invalid``,
+    ``refused``, ``outcome_unknown``, ``alarm_raised``, ``stopped``, ``stopped_here``, ``dropped``, ``elsewhere``, ``stalled``,
     ``unreadable`` or ``abandoned``."""
     progress: Progress
     """What became of its steps; ``progress.current`` is the one whose turn it was."""

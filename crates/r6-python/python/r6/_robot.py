@@ -69,7 +69,8 @@ class Robot:
         """Connects to ``host`` or ``host:port``, port 9760 where none is given; or waits for a controller that dials
         (``Listen``). Nothing is sent.
 
-        Errors: ``NotSent`` if the address is none or no connection can be made within ``RobotSettings.connect_timeout``.
+        Errors: ``InvalidRequest`` if the text is no address, ``NotSent`` if no connection can be made within
+        ``RobotSettings.connect_timeout``.
         """
         return cls(RobotCore.connect(address, settings).wait())
 

@@ -42,7 +42,7 @@ impl Work {
             let line = &mut lines[self.index];
             let times = line.times_sent(value);
             let holds = match &result {
-                Err(RequestError::NotSent(_)) => times == 0,
+                Err(RequestError::NotSent(_) | RequestError::Invalid(_)) => times == 0,
                 Ok(_) | Err(RequestError::Refused(_)) => times == 1,
                 // It may have left in part.
                 Err(RequestError::OutcomeUnknown(_)) => times <= 1,

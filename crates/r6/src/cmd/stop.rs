@@ -1,7 +1,7 @@
 //! `r6 stop`: ends the motion and clears the list.
 
 use clap::Args;
-use r6_client::{ListAfterStop, NotSent, RequestError, SecondConnection, StandProof, StopMeans, StopReport};
+use r6_client::{Invalid, ListAfterStop, NotSent, RequestError, SecondConnection, StandProof, StopMeans, StopReport};
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
@@ -34,6 +34,7 @@ pub struct StopArgs {
 /// Stops and prints what was seen.
 pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     let connected = robot.connect().await.map_err(|error| match error {
+        RequestError::Invalid(why) => Invalid::NotStopped(Box::new(why)).into(),
         RequestError::NotSent(why) => NotSent::NotStopped(Box::new(why)).into(),
         RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
     })?;

@@ -74,7 +74,9 @@ async fn watch(args: &WatchArgs, robot: &Robot) -> Result<Exit, Failure> {
                 view.show(robot.address(), &result);
             }
             // It was never reached: there is no robot here. Later on it may come back.
-            Err(error @ RequestError::NotSent(_)) if !seen => return Err(error.into()),
+            Err(error @ (RequestError::NotSent(_) | RequestError::Invalid(_))) if !seen => {
+                return Err(error.into());
+            }
             Err(error) => {
                 let failure = Failure::from(error);
                 view.show_failure(&failure);

@@ -115,6 +115,8 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
             Failure::unknown(format!("the rest could not be sent: {error}"))
         }
         Cause::NotSent(error) => Failure::from(RequestError::from(error.clone())),
+        Cause::Invalid(error) if some_left => Failure::unknown(format!("the rest cannot be sent: {error}")),
+        Cause::Invalid(error) => Failure::from(RequestError::from(error.clone())),
         Cause::Refused(error) => {
             let failure = Failure::from(RequestError::from(error.clone()));
             if progress.accepted > 0 { failure.with_exit(Exit::Unknown) } else { failure }
@@ -155,7 +157,7 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
 
 #[cfg(test)]
 mod tests {
-    use r6_client::{ListAfterStop, NotSent, OperationMode, Refused};
+    use r6_client::{Invalid, ListAfterStop, NotSent, OperationMode, Refused};
 
     use super::*;
 
@@ -198,6 +200,8 @@ mod tests {
             (Cause::Refused(refused), progress(32, 24), Exit::Unknown),
             (Cause::NotSent(NotSent::Disconnected), progress(0, 0), Exit::NoReply),
             (Cause::NotSent(NotSent::Disconnected), progress(24, 24), Exit::Unknown),
+            (Cause::Invalid(Invalid::TooLong { bytes: 3000, limit: 2048 }), progress(0, 0), Exit::Usage),
+            (Cause::Invalid(Invalid::TooLong { bytes: 3000, limit: 2048 }), progress(24, 24), Exit::Unknown),
             (Cause::Unreadable(NotSent::Disconnected.into()), progress(0, 0), Exit::NoReply),
             (Cause::Unreadable(NotSent::Disconnected.into()), progress(24, 24), Exit::Unknown),
             (Cause::Abandoned, progress(24, 24), Exit::Unknown),

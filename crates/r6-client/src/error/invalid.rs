@@ -1,0 +1,71 @@
+//! Requests that cannot be sent as they are.
+
+use std::fmt;
+
+use r6_proto::client::SendError;
+use r6_proto::error::EncodeError;
+
+use super::{NotSent, RequestError};
+use crate::guard::Violation;
+
+/// Why a request cannot be sent as it is. Nothing was sent, and sending the same again fails again: the caller has to change it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Invalid {
+    /// The text is no address.
+    BadAddress {
+        /// As given.
+        address: String,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+    /// The wire cannot carry a value.
+    Value(EncodeError),
+    /// The frame is longer than [`crate::RobotSettings::max_frame_bytes`] allows.
+    TooLong {
+        /// Its length.
+        bytes: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// A list goes beyond the envelope of the handle's guard.
+    OutsideEnvelope(Violation),
+    /// It was a stop ([`crate::Robot::stop`]): the arm goes on with what is in its list.
+    NotStopped(Box<Invalid>),
+}
+
+impl From<Invalid> for RequestError {
+    fn from(error: Invalid) -> Self {
+        Self::Invalid(error)
+    }
+}
+
+impl From<SendError> for RequestError {
+    fn from(error: SendError) -> Self {
+        match error {
+            SendError::Encode(error) => Invalid::Value(error).into(),
+            SendError::TooLong { bytes, limit } => Invalid::TooLong { bytes, limit }.into(),
+            // Room comes back as the connection takes bytes and replies arrive.
+            SendError::OutputFull { .. } | SendError::TooManyInFlight { .. } => NotSent::NoRoom(error).into(),
+        }
+    }
+}
+
+impl fmt::Display for Invalid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Self::NotStopped(why) = self {
+            return write!(f, "{}; {why}", super::NOT_STOPPED);
+        }
+        f.write_str("nothing was sent: ")?;
+        match self {
+            Self::BadAddress { address, problem } => {
+                write!(f, "`{address}` is no address: {problem}; write host or host:port")
+            }
+            Self::Value(error) => error.fmt(f),
+            Self::TooLong { bytes, limit } => SendError::TooLong { bytes: *bytes, limit: *limit }.fmt(f),
+            Self::OutsideEnvelope(violation) => violation.fmt(f),
+            Self::NotStopped(why) => why.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for Invalid {}
