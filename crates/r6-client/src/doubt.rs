@@ -67,7 +67,9 @@ impl Doubt {
     pub fn settle<T>(mut self, answer: &Result<T, RequestError>) {
         let lost = match answer {
             // Controllers have run lists that they refused, but at once.
-            Ok(_) | Err(RequestError::Refused(_) | RequestError::NotSent(_) | RequestError::Invalid(_)) => false,
+            Ok(_) | Err(RequestError::Refused(_) | RequestError::NotSent(_) | RequestError::Invalid(_)) => {
+                false
+            }
             Err(RequestError::OutcomeUnknown(_)) => true,
         };
         self.end(lost);

@@ -158,12 +158,16 @@ impl Robot {
 
     async fn stop_and_clear(&self) -> Result<StopReport, RequestError> {
         let begun = Instant::now();
+        let in_doubt = self.hub().doubts.until(begun).is_some();
         let (halted, second) = self.halt_over_either(begun + CONFIRM_WITHIN).await;
         let took = begun.elapsed();
         let way = halted.robot.clone();
         let mut report = halted.report(took, second)?;
         if report.confirmed {
             report.list = way.clear_after_stop(&report).await;
+            // One that was answered meanwhile was dealt with by the stop and the clearing.
+            let settled = || DoubtAfterStop { still_open: false, cleared: report.list.clone() };
+            report.doubt = in_doubt.then(settled);
             self.wait_out_doubts(&way, &mut report).await;
         }
         if let Ok(seen) = way.observe(Lane::Urgent).await

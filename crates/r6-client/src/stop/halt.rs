@@ -207,7 +207,11 @@ impl Halt {
     fn failed(&mut self, error: RequestError) {
         self.halted.failed = Some(match self.halted.failed.take() {
             // One that left may be carried out, whatever became of those after it.
-            Some(left @ RequestError::OutcomeUnknown(_)) if !matches!(error, RequestError::OutcomeUnknown(_)) => left,
+            Some(left @ RequestError::OutcomeUnknown(_))
+                if !matches!(error, RequestError::OutcomeUnknown(_)) =>
+            {
+                left
+            }
             _ => error,
         });
     }

@@ -55,8 +55,16 @@ async fn runs(robot: &Robot) -> MotionError {
 
 async fn follows(robot: &Robot) -> MotionError {
     let (target, targets) = TargetSender::new();
-    target.send(AxisPosition::degrees([5.0]));
-    robot.follow(targets, FollowOptions::default()).await.unwrap_err()
+    let source = async {
+        loop {
+            target.send(AxisPosition::degrees([5.0]));
+            sleep(Duration::from_millis(50)).await;
+        }
+    };
+    tokio::select! {
+        result = robot.follow(targets, FollowOptions::default()) => result.unwrap_err(),
+        () = source => unreachable!("it goes on"),
+    }
 }
 
 /// What a controller was told, and a stop that it keeps without an answer until it is let.

@@ -2,13 +2,18 @@
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
 
 mod cable;
+mod ended;
+mod fresh;
+mod standing;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use cable::Cable;
 use r6_client::units::{AxisPosition, Percent};
-use r6_client::{Command, Motion, Robot, RobotSettings, RunOptions, WaitOptions};
+use r6_client::{
+    Command, Motion, OutcomeUnknown, RequestError, Robot, RobotSettings, RunOptions, WaitOptions,
+};
 use r6_testkit::hostile::serve::HostileController;
 use r6_testkit::hostile::{Cabinet, Character, Effect, Reaction, Stops, Swap, SwapWhen};
 use tokio::net::TcpListener;
@@ -23,6 +28,13 @@ async fn robot_at(character: Character) -> (Arc<HostileController>, Robot) {
 fn to_j1(degrees: f64) -> Motion {
     let target = AxisPosition::degrees([degrees, 0.0, 0.0, 0.0, 0.0, 0.0]);
     Motion::new().axis_move(target, Percent::new(50.0).unwrap())
+}
+
+/// So many steps, each 5 degrees of J1 further than the one before.
+fn there_and_on(steps: u32) -> Motion {
+    let slow = Percent::new(50.0).unwrap();
+    let to = |n: u32| AxisPosition::degrees([5.0 * f64::from(n), 0.0, 0.0, 0.0, 0.0, 0.0]);
+    (1..=steps).fold(Motion::new(), |motion, n| motion.axis_move(to(n), slow))
 }
 
 #[tokio::test(start_paused = true)]
@@ -61,13 +73,17 @@ async fn another_robot_may_answer_on_the_next_connection() {
     let (controller, robot) = robot_at(Character { swap: Some(swap), ..Character::default() }).await;
     assert_eq!(robot.status().await.unwrap().machine_name.as_deref(), Some("cell 4"));
     controller.arm(|arm, now| arm.swap(now));
-    let name = loop {
-        match robot.status().await {
-            Ok(status) => break status.machine_name,
-            Err(_lost_with_the_connection) => tokio::time::sleep(Duration::from_millis(100)).await,
+    let mut told = None;
+    for _ in 0..50 {
+        if let Err(RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { found, .. })) =
+            robot.status().await
+        {
+            told = found.machine_name;
+            break;
         }
-    };
-    assert_eq!(name.as_deref(), Some("cell 5"));
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    assert_eq!(told.as_deref(), Some("cell 5"));
 }
 
 #[tokio::test]

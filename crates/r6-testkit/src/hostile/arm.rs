@@ -280,6 +280,12 @@ impl Arm {
         self.end_all();
     }
 
+    /// All connections end, and nothing else happens: a cable is pulled, or a switch starts anew.
+    pub fn break_links(&mut self, now: Duration) {
+        self.advance(now);
+        self.end_all();
+    }
+
     fn end_all(&mut self) {
         for connection in &mut self.connections {
             connection.open = false;

@@ -65,7 +65,10 @@ impl Floor {
             let place = *place.get_or_insert(sight.axes);
             let stands = place.iter().zip(sight.axes).all(|(was, is)| (was - is).abs() <= STANDS_WITHIN);
             record.check(Promise::Stopped, at, stands, || {
-                format!("{} stands since {since:?}, they say: it went from {place:?} to {:?}", self.name, sight.axes)
+                format!(
+                    "{} stands since {since:?}, they say: it went from {place:?} to {:?}",
+                    self.name, sight.axes
+                )
             });
         }
         if let Some(since) = self.rests {

@@ -1,7 +1,9 @@
 //! `r6 stop`: ends the motion and clears the list.
 
 use clap::Args;
-use r6_client::{Invalid, ListAfterStop, NotSent, RequestError, SecondConnection, StandProof, StopMeans, StopReport};
+use r6_client::{
+    Invalid, ListAfterStop, NotSent, RequestError, SecondConnection, StandProof, StopMeans, StopReport,
+};
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};

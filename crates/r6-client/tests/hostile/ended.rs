@@ -1,0 +1,227 @@
+//! "It is done" (docs/EVIDENCE.md): said only of a motion that was carried out whole, by that robot, over that connection.
+
+use std::time::Duration;
+
+use r6_client::units::{Millimetres, Percent, Pose};
+use r6_client::{
+    Cause, Done, EndProof, Motion, MotionError, NotSent, RequestError, RunOptions, StepState, TargetSender,
+    WaitError, WaitOptions,
+};
+use r6_client::{FollowOptions, units::AxisPosition};
+use r6_testkit::hostile::{
+    Cabinet, Character, Foreign, Links, ListLength, NeverExecuted, Reboot, Swap, SwapWhen,
+};
+use serde_json::json;
+use tokio::time::{Instant, sleep};
+
+use crate::{robot_at, there_and_on, to_j1};
+
+fn fast() -> Percent {
+    Percent::new(50.0).unwrap()
+}
+
+fn at_x(x: f64) -> Pose {
+    Pose::position([x, 0.0, 800.0].map(Millimetres))
+}
+
+/// Many steps, of which the last one of the first three lists is made with another tool.
+fn with_a_tool(steps: u32) -> Motion {
+    (1..=steps).fold(Motion::new(), |motion, n| {
+        let motion = motion.linear_move(at_x(500.0 + 20.0 * f64::from(n)), fast());
+        if n % 24 == 0 { motion.tool(1) } else { motion }
+    })
+}
+
+async fn result_of(character: Character, motion: &Motion) -> Result<Done, MotionError> {
+    let (_controller, robot) = robot_at(character).await;
+    robot.run(motion, RunOptions::default()).await.unwrap().finished().await
+}
+
+#[tokio::test(start_paused = true)]
+async fn a5_steps_that_another_client_cleared_are_not_told_as_done() {
+    let clears = Foreign { at: Duration::from_millis(400), replace: true, instructions: Vec::new() };
+    let (controller, robot) = robot_at(Character { foreign: vec![clears], ..Character::default() }).await;
+    let handle = robot.run(&with_a_tool(28), RunOptions::default()).await.unwrap();
+    let fourth = handle.step(6).unwrap();
+    let error = handle.finished().await.unwrap_err();
+    assert_eq!(error.cause, Cause::NotSeen, "{error}");
+    assert_eq!((error.progress.left, fourth.state()), (24, StepState::Lost), "{error}");
+    assert!(error.stop.unwrap().unwrap().confirmed);
+    // Nothing of the rest was sent after the gap.
+    let carried = controller.arm(|arm, _| arm.carried(1).len());
+    assert!(carried < 6, "{carried} steps");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a5_a_list_that_was_accepted_and_never_executed_is_not_done() {
+    let never = |what| Character { never_executed: Some(what), ..Character::default() };
+    let tool = Motion::new().linear_move(at_x(600.0), fast()).tool(1);
+    let error = result_of(never(NeverExecuted::WithTool), &tool).await.unwrap_err();
+    assert_eq!(error.cause, Cause::NotSeen, "{error}");
+    assert!(error.to_string().contains("nothing proves"), "{error}");
+
+    let bench = to_j1(20.0).workbench(2);
+    let error = result_of(never(NeverExecuted::Always), &bench).await.unwrap_err();
+    assert!(matches!(error.cause, Cause::Elsewhere(_)), "{error}");
+
+    // There and back: it stands where it should end, and was never gone.
+    let back = there_and_on(3).axis_move(AxisPosition::degrees([0.0; 6]), fast());
+    let error = result_of(never(NeverExecuted::Always), &back).await.unwrap_err();
+    assert_eq!(error.cause, Cause::NotSeen, "{error}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a5_what_proves_the_end_is_told() {
+    for (motion, proof) in [
+        (there_and_on(5), EndProof::Reached),
+        (there_and_on(3).axis_move(AxisPosition::degrees([0.0; 6]), fast()), EndProof::Reached),
+        (with_a_tool(24), EndProof::Consumed),
+        (to_j1(10.0).workbench(2), EndProof::Reached),
+        (Motion::new().wait(Duration::from_millis(300)), EndProof::AtRest),
+    ] {
+        let done = result_of(Character::default(), &motion).await.unwrap();
+        assert_eq!((done.proof, done.motion), (proof, Some(1)), "{motion:?}");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a5_firmware_without_the_length_of_its_list_proves_one_move_of_another_tool_only() {
+    let old = || Character { list_length: ListLength::Absent, ..Character::default() };
+    let one = Motion::new().linear_move(at_x(600.0), fast()).tool(1);
+    assert_eq!(result_of(old(), &one).await.unwrap().proof, EndProof::Consumed);
+    let two = one.linear_move(at_x(700.0), fast()).tool(1);
+    assert_eq!(result_of(old(), &two).await.unwrap_err().cause, Cause::NotSeen);
+    assert_eq!(result_of(old(), &there_and_on(4)).await.unwrap().proof, EndProof::Reached);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a6_a_motion_whose_handle_was_dropped_is_carried_to_its_end() {
+    let (controller, robot) = robot_at(Character::default()).await;
+    let handle = robot.run(&there_and_on(60), RunOptions::default()).await.unwrap();
+    drop(handle);
+    let done = robot.wait_until_done(WaitOptions::default()).await.unwrap();
+    assert_eq!((done.motion, done.axes[0], done.proof), (Some(1), Some(300.0), EndProof::Reached));
+    controller.arm(|arm, _| assert_eq!(arm.carried(1).len(), 60));
+}
+
+#[tokio::test(start_paused = true)]
+async fn b8_waiting_is_not_over_because_the_controller_was_switched_off_and_on() {
+    for listed in [false, true] {
+        let (controller, robot) = robot_at(Character::default()).await;
+        let list = there_and_on(3).instructions().unwrap().to_vec();
+        robot.add_rcc(true, list).await.unwrap();
+        sleep(Duration::from_millis(300)).await;
+        let reboot = Reboot { mode: if listed { 7 } else { 3 }, ..Reboot::default() };
+        controller.arm(|arm, now| {
+            arm.character_mut().reboot = Some(reboot);
+            arm.reboot(now);
+        });
+        let error = robot.wait_until_done(WaitOptions::default()).await.unwrap_err();
+        assert!(
+            matches!(error, WaitError::AnotherConnection | WaitError::Stopped { .. } | WaitError::Request(_)),
+            "{error:?}"
+        );
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn b8_waiting_is_not_over_because_another_robot_stands() {
+    let (controller, robot) = robot_at(Character::default()).await;
+    robot.add_rcc(true, there_and_on(3).instructions().unwrap().to_vec()).await.unwrap();
+    let to = Cabinet { name: "cell 5".to_owned(), ..Cabinet::default() };
+    controller.arm(|arm, now| {
+        arm.character_mut().swap = Some(Swap { when: SwapWhen::Told, links: Links::End, to });
+        arm.swap(now);
+    });
+    let error = robot.wait_until_done(WaitOptions::default()).await.unwrap_err();
+    assert!(matches!(error, WaitError::Request(_) | WaitError::AnotherConnection), "{error:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn b8_the_end_of_a_list_is_not_looked_for_on_the_next_connection() {
+    let (controller, robot) = robot_at(Character::default()).await;
+    robot.add_rcc(true, there_and_on(3).instructions().unwrap().to_vec()).await.unwrap();
+    controller.arm(|arm, now| arm.reboot(now));
+    // Somebody reads in between, which connects anew.
+    while robot.status().await.is_err() {
+        sleep(Duration::from_millis(200)).await;
+    }
+    let error = robot.wait_until_done(WaitOptions::default()).await.unwrap_err();
+    assert!(matches!(error, WaitError::AnotherConnection | WaitError::Stopped { .. }), "{error:?}");
+}
+
+/// Follows one target that was told this long before following began.
+async fn told_before(age: Duration) -> r6_client::Followed {
+    let (_controller, robot) = robot_at(Character::default()).await;
+    let (target, targets) = TargetSender::new();
+    target.send(AxisPosition::degrees([75.0]));
+    sleep(age).await;
+    let source = async move {
+        sleep(Duration::from_secs(3)).await;
+        drop(target);
+    };
+    let following = robot.follow(targets, FollowOptions::default());
+    tokio::join!(following, source).0.unwrap()
+}
+
+#[tokio::test(start_paused = true)]
+async fn b10_a_target_ages_from_when_it_was_told() {
+    let followed = told_before(Duration::from_secs(4)).await;
+    assert_eq!(followed.steps, 0, "{followed:?}");
+    assert_eq!(followed.behind.map(|behind| behind.value()), Some(75.0), "it was told and not taken");
+    assert!(told_before(Duration::ZERO).await.steps > 0);
+}
+
+#[tokio::test(start_paused = true)]
+async fn b10_no_step_is_put_on_somebody_elses_list() {
+    let step =
+        |j1: &str| json!({ "oneshot": "1", "action": "4", "m0": j1, "ckStatus": "0x3F", "speed": "10" });
+    let theirs = Foreign {
+        at: Duration::from_millis(60),
+        replace: true,
+        instructions: vec![
+            json!({ "oneshot": "1", "action": "100", "type": "100", "limit": "2" }),
+            step("80"),
+        ],
+    };
+    let (controller, robot) = robot_at(Character { foreign: vec![theirs], ..Character::default() }).await;
+    let (target, targets) = TargetSender::new();
+    let source = async {
+        sleep(Duration::from_millis(150)).await;
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_secs(2) {
+            target.send(AxisPosition::degrees([10.0]));
+            sleep(Duration::from_millis(50)).await;
+        }
+    };
+    let following = robot.follow(targets, FollowOptions::default());
+    let error =
+        tokio::select! { result = following => result.unwrap_err(), () = source => panic!("it went on") };
+    assert!(matches!(error.cause, Cause::AnotherList { length: 2 }), "{error}");
+    let ours = controller.arm(|arm, _| {
+        arm.log().iter().filter(|entry| entry.frame.to_string().contains("\"m0\":\"10")).count()
+    });
+    assert_eq!(ours, 0);
+}
+
+#[tokio::test(start_paused = true)]
+async fn b10_a_target_of_an_axis_that_the_robot_does_not_have_is_refused() {
+    let four = Cabinet { axis_count: 4, ..Cabinet::default() };
+    let (_controller, robot) = robot_at(Character { cabinet: four, ..Character::default() }).await;
+    let (target, targets) = TargetSender::new();
+    target.send(AxisPosition::degrees([0.0, 0.0, 0.0, 0.0, 20.0]));
+    let error = robot.follow(targets, FollowOptions::default()).await.unwrap_err();
+    assert!(matches!(error.cause, Cause::Step(_)), "{error}");
+    drop(target);
+}
+
+#[tokio::test(start_paused = true)]
+async fn b7_what_is_done_on_one_connection_is_not_said_from_the_next() {
+    let (controller, robot) = robot_at(Character::default()).await;
+    let handle = robot.run(&there_and_on(4), RunOptions::default()).await.unwrap();
+    assert!(handle.step(3).unwrap().started().await);
+    controller.arm(|arm, now| arm.break_links(now));
+    let error = handle.finished().await.unwrap_err();
+    let lost = RequestError::NotSent(NotSent::Disconnected);
+    assert_eq!(error.cause, Cause::Unreadable(lost), "{error}");
+}

@@ -1,0 +1,235 @@
+//! "The arm stands" (docs/EVIDENCE.md): said only of an arm that moves no more.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_client::{
+    Cause, ListAfterStop, OperationMode, Robot, RunOptions, SecondConnection, StandProof, StopMeans,
+};
+use r6_client::{RequestError, StopReport};
+use r6_testkit::hostile::serve::HostileController;
+use r6_testkit::hostile::{
+    Cabinet, Character, Deaf, Delays, Effect, Kind, Late, Links, Lost, Program, Reaction, Stops,
+};
+use r6_testkit::hostile::{Swap, SwapWhen};
+use serde_json::json;
+use tokio::time::{Instant, sleep};
+
+use crate::{robot_at, there_and_on};
+
+const REFUSED: Reaction = reaction(Effect::Refused);
+const NO_EFFECT: Reaction = reaction(Effect::NoEffect);
+
+const fn reaction(effect: Effect) -> Reaction {
+    Reaction { effect, mode: None, alarm: None, takes: Duration::ZERO }
+}
+
+/// Nothing that stops this arm, in mode 7.
+fn deaf_to_every_means(reaction: Reaction) -> Stops {
+    Stops { action_stop: reaction, stop_button: reaction, action_pause: reaction, clear: reaction }
+}
+
+/// How far J1 goes in the ten seconds after now.
+async fn moves_on(controller: &HostileController) -> f64 {
+    let told = controller.now();
+    sleep(Duration::from_secs(10)).await;
+    controller.arm(|arm, _| arm.path_since(1, told)[0])
+}
+
+/// A motion of many points is under way, and its first step has begun.
+async fn under_way(character: Character) -> (Arc<HostileController>, Robot) {
+    let (controller, robot) = robot_at(character).await;
+    let handle = robot.run(&there_and_on(12), RunOptions::default()).await.unwrap();
+    assert!(handle.step(1).unwrap().started().await);
+    drop(handle);
+    (controller, robot)
+}
+
+/// Whatever is told: an arm that is told to stand does not move on.
+async fn assert_true(controller: &HostileController, stopped: &Result<StopReport, RequestError>) {
+    let says_so = matches!(stopped, Ok(report) if report.confirmed);
+    let path = moves_on(controller).await;
+    assert!(!says_so || path == 0.0, "told to stand, and moved {path} degrees on: {stopped:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a1_a_dwell_is_no_standstill() {
+    for told_empty in [false, true] {
+        for means in [REFUSED, NO_EFFECT] {
+            let character = Character {
+                dwell: Duration::from_millis(330),
+                dwell_told_empty: told_empty,
+                stops: deaf_to_every_means(means),
+                ..Character::default()
+            };
+            let (controller, robot) = under_way(character).await;
+            let stopped = robot.stop().await;
+            let report = stopped.as_ref().unwrap();
+            assert!(!report.confirmed && report.proof.is_none(), "{report}");
+            assert!(report.to_string().starts_with("NOT CONFIRMED"), "{report}");
+            assert!(report.to_string().contains("use the emergency stop"), "{report}");
+            assert_true(&controller, &stopped).await;
+        }
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a1_a_program_that_waits_for_an_input_is_no_standstill() {
+    for (mode, means) in [(7, REFUSED), (9, NO_EFFECT), (9, REFUSED), (8, NO_EFFECT)] {
+        let wait = json!({ "action": "100", "type": "100", "limit": "8" });
+        let moves = json!({ "action": "4", "m0": "40", "ckStatus": "0x3F", "speed": "10" });
+        let program = Program { at: Duration::ZERO, steps: vec![wait, moves] };
+        let character = Character {
+            cabinet: Cabinet { mode, ..Cabinet::default() },
+            program: Some(program),
+            stops: deaf_to_every_means(means),
+            ..Character::default()
+        };
+        let (controller, robot) = robot_at(character).await;
+        let stopped = robot.stop().await;
+        assert!(!stopped.as_ref().unwrap().confirmed, "mode {mode}: {stopped:?}");
+        assert!(moves_on(&controller).await > 1.0, "it was going to move");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a1_the_means_are_tried_in_turn_and_the_one_that_worked_is_told() {
+    let pauses = Reaction { mode: Some(2), ..reaction(Effect::Works) };
+    let presses = Reaction { mode: Some(3), ..reaction(Effect::Works) };
+    for (stops, worked) in [
+        (Stops { action_stop: REFUSED, stop_button: presses, ..Stops::default() }, StopMeans::StopButton),
+        (Stops { action_stop: NO_EFFECT, action_pause: pauses, ..Stops::default() }, StopMeans::ActionPause),
+        (Stops::default(), StopMeans::ActionStop),
+    ] {
+        let (controller, robot) = under_way(Character { stops, ..Character::default() }).await;
+        let stopped = robot.stop().await;
+        let report = stopped.as_ref().unwrap();
+        assert_eq!((report.confirmed, report.means), (true, Some(worked)), "{report}");
+        assert!(matches!(report.proof, Some(StandProof::NotRunning(_))), "{report}");
+        assert!(report.to_string().contains(worked.word()), "{report}");
+        assert_true(&controller, &stopped).await;
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a1_firmware_that_stays_in_mode_7_is_told_to_stand_after_a_long_rest_with_an_empty_list() {
+    let stays = reaction(Effect::Works);
+    let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
+    let (controller, robot) = under_way(Character { stops, ..Character::default() }).await;
+    let stopped = robot.stop().await;
+    let report = stopped.as_ref().unwrap();
+    let Some(StandProof::EmptyList(rest)) = report.proof else { panic!("{report:?}") };
+    assert!(rest >= Duration::from_secs(2), "{rest:?}");
+    assert_eq!(report.mode, Some(OperationMode::Running));
+    assert!(report.to_string().contains("may move it"), "{report}");
+    assert_true(&controller, &stopped).await;
+}
+
+#[tokio::test(start_paused = true)]
+async fn a2_a_stop_whose_answers_get_lost_is_judged_by_the_state() {
+    let unanswered = Reaction { mode: Some(3), alarm: Some(42), ..reaction(Effect::WorksUnanswered) };
+    let stops = Stops { action_stop: unanswered, ..Stops::default() };
+    let (controller, robot) = under_way(Character { stops, ..Character::default() }).await;
+    let begun = Instant::now();
+    let stopped = robot.stop().await;
+    let report = stopped.as_ref().unwrap();
+    assert!(report.confirmed && !report.to_string().contains("emergency"), "{report}");
+    assert!(begun.elapsed() < Duration::from_secs(1), "{:?}", begun.elapsed());
+    assert_true(&controller, &stopped).await;
+}
+
+#[tokio::test(start_paused = true)]
+async fn a3_a_stop_behind_a_deaf_link_goes_over_another_connection() {
+    let (controller, robot) = under_way(Character::default()).await;
+    let deaf = Deaf { connection: Some(1), ..Deaf::default() };
+    controller.arm(|arm, _| arm.character_mut().deaf.push(deaf));
+    let stopped = robot.stop().await;
+    let report = stopped.as_ref().unwrap();
+    assert!(report.confirmed && report.took < Duration::from_millis(1500), "{report}");
+    assert_eq!(report.second, Some(SecondConnection::Used));
+    assert!(report.to_string().contains("second connection"), "{report}");
+    assert_true(&controller, &stopped).await;
+}
+
+#[tokio::test(start_paused = true)]
+async fn a3_a_second_connection_to_another_robot_stops_nobody() {
+    let to = Cabinet { name: "cell 5".to_owned(), ..Cabinet::default() };
+    let swap = Swap { when: SwapWhen::Connection(2), links: Links::End, to };
+    let (controller, robot) = under_way(Character { swap: Some(swap), ..Character::default() }).await;
+    let deaf = Deaf { connection: Some(1), ..Deaf::default() };
+    controller.arm(|arm, _| arm.character_mut().deaf.push(deaf));
+    let stopped = robot.stop().await;
+    assert!(!matches!(&stopped, Ok(report) if report.confirmed), "{stopped:?}");
+    let reached = controller.arm(|arm, _| {
+        arm.log().iter().any(|entry| entry.robot == 2 && [Kind::Command, Kind::List].contains(&entry.kind))
+    });
+    assert!(!reached, "cell 5 was only asked who it is");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a4_a_list_that_is_taken_late_is_cleared_again() {
+    for (taken_after, answered_after) in [(1000, Some(1200)), (2500, None)] {
+        let late = Late {
+            nth: None,
+            taken_after: Duration::from_millis(taken_after),
+            answered_after: answered_after.map(Duration::from_millis),
+        };
+        // The stop leaves the machine in a mode in which lists are taken, and run.
+        let stays = reaction(Effect::Works);
+        let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
+        let (controller, robot) =
+            robot_at(Character { late: vec![late], stops, ..Character::default() }).await;
+        let handle = robot.run(&there_and_on(6), RunOptions::default()).await.unwrap();
+        sleep(Duration::from_millis(200)).await;
+        let stopped = robot.stop().await;
+        let report = stopped.as_ref().unwrap();
+        let doubt = report.doubt.clone().expect("a list was unanswered");
+        let cleared = matches!(doubt.cleared, ListAfterStop::Cleared | ListAfterStop::WasEmpty);
+        assert!(!doubt.still_open && cleared && report.confirmed, "{report}");
+        assert!(report.to_string().contains("had no answer"), "{report}");
+        assert_true(&controller, &stopped).await;
+        assert_eq!(controller.arm(|arm, _| arm.list_length(1)), 0);
+        assert_eq!(handle.finished().await.unwrap_err().cause, Cause::StoppedHere);
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn b7_a_stop_is_neither_sent_to_nor_confirmed_by_another_robot() {
+    let (controller, robot) = under_way(Character::default()).await;
+    let to = Cabinet { name: "cell 5".to_owned(), mode: 3, ..Cabinet::default() };
+    controller.arm(|arm, now| {
+        arm.character_mut().swap = Some(Swap { when: SwapWhen::Told, links: Links::End, to });
+        arm.swap(now);
+    });
+    let stopped = robot.stop().await;
+    assert!(!matches!(&stopped, Ok(report) if report.confirmed), "{stopped:?}");
+    let text = stopped.unwrap_err().to_string();
+    assert!(text.contains("NOT") && text.contains("emergency stop") && text.contains("cell 5"), "{text}");
+    let reached = controller.arm(|arm, _| {
+        arm.log().iter().any(|entry| entry.robot == 2 && [Kind::Command, Kind::List].contains(&entry.kind))
+    });
+    assert!(!reached, "cell 5 was only asked who it is");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_goes_on_to_its_end_when_its_caller_gives_up() {
+    let slow = Delays { command: Duration::from_millis(200), ..Delays::default() };
+    let (controller, robot) = under_way(Character { delays: slow, ..Character::default() }).await;
+    let given_up = tokio::time::timeout(Duration::from_millis(20), robot.stop()).await;
+    assert!(given_up.is_err());
+    let cut = robot.close().await;
+    assert!(cut.cut_short.is_none(), "the stop had ended the motion: {cut:?}");
+    controller.arm(|arm, _| {
+        assert_eq!(arm.list_length(1), 0, "closing waited for the stop, which cleared the list")
+    });
+    assert_eq!(moves_on(&controller).await, 0.0);
+}
+
+#[tokio::test(start_paused = true)]
+async fn the_first_answer_that_is_lost_alone_opens_no_wrong_confirmation() {
+    let lost = vec![Lost { kind: Kind::Command, nth: 1 }];
+    let (controller, robot) = under_way(Character { lost, ..Character::default() }).await;
+    let stopped = robot.stop().await;
+    assert!(stopped.as_ref().unwrap().confirmed, "{stopped:?}");
+    assert_true(&controller, &stopped).await;
+}
