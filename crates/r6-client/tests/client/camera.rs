@@ -1,6 +1,8 @@
 //! The camera's side, on the robot's own connection.
 
-use r6_client::{Address, Command, LostReason, PhotosEnded, Point, Refused, RequestError, Robot, Shot};
+use r6_client::{
+    Address, Command, Invalid, LostReason, PhotosEnded, Point, Refused, RequestError, Robot, Shot,
+};
 use serde_json::json;
 use tokio::sync::Notify;
 

@@ -416,12 +416,16 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class Point:
-    """What a camera found, for ``add_points``: mm and degrees."""
+    """What a camera found, for ``add_points``: mm and degrees.
+
+    What is ``None`` is left out of the frame: the tool keeps it. The manual always has all six; what a shipped controller does with
+    a point that lacks one is not known, so give all of them where the wrist matters.
+    """
 
     x: float
     y: float
-    z: float = 0.0
-    angle: float = 0.0
+    z: float | None = None
+    angle: float | None = None
     """W; U on a four-axis robot, degrees."""
     u: float | None = None
     v: float | None = None
