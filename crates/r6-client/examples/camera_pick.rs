@@ -72,7 +72,10 @@ pub async fn run(robot: &Robot, mut pictures: VecDeque<Vec<Point>>) -> PhotosEnd
         println!("{ended}");
         match ended {
             PhotosEnded::ConnectionLost(_) | PhotosEnded::FellBehind { .. } => {}
-            PhotosEnded::Stopped | PhotosEnded::Closed | PhotosEnded::Request { .. } => return ended,
+            PhotosEnded::Stopped
+            | PhotosEnded::Closed
+            | PhotosEnded::ServedAlready
+            | PhotosEnded::Request { .. } => return ended,
         }
     }
 }

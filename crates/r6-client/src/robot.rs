@@ -58,6 +58,8 @@ struct Lanes {
     stopping: watch::Sender<Stopping>,
     /// Whoever streams a path has it: two paths would mix in one list.
     streaming: Arc<Semaphore>,
+    /// Whoever serves photos has it: two would both answer each request.
+    photos: Arc<Semaphore>,
 }
 
 /// A controller's yes. It says that the request was taken, not that anything moves.
@@ -106,6 +108,7 @@ impl Robot {
             stops: watch::Sender::new(0),
             stopping: watch::Sender::default(),
             streaming: Arc::new(Semaphore::new(1)),
+            photos: Arc::new(Semaphore::new(1)),
         };
         let backoff = Backoff::new(settings.reconnect, seed_from_clock);
         let driver = Driver::new(target, settings, urgent_jobs, ordinary_jobs, hub, backoff);
@@ -231,6 +234,11 @@ impl Robot {
     /// The right to stream a path over this connection, if nobody has it.
     pub(crate) fn streaming(&self) -> Option<OwnedSemaphorePermit> {
         Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()
+    }
+
+    /// The right to serve the photos of this connection, if nobody has it.
+    pub(crate) fn photos(&self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.lanes.photos).try_acquire_owned().ok()
     }
 
     /// Ends once the handle is closed, for this clone or another.

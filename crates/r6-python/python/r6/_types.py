@@ -308,11 +308,12 @@ class Photo:
 class PhotosEnded:
     """Why photos are no longer served. As text it says what to do."""
 
-    reason: Literal["connection_lost", "stopped", "closed", "request", "fell_behind"]
+    reason: Literal["connection_lost", "stopped", "closed", "served_already", "request", "fell_behind"]
     """``connection_lost``: requests reach nobody; look at the machine (``Robot.status`` connects anew), then serve again.
     ``stopped``: a handle of this connection sent a stop or a pause while a picture was under way, and its points are held
-    back; look at the machine, then serve again. ``closed``: the robot was closed. ``request``: an answer did not leave, or
-    the points were not taken. ``fell_behind``: events were missed, and requests may be among them; serve again."""
+    back; look at the machine, then serve again. ``closed``: the robot was closed. ``served_already``: another call serves the
+    photos of this connection, and nothing was sent. ``request``: an answer did not leave, the points were not taken, or they
+    cannot be sent, and then the request got no answer. ``fell_behind``: events were missed, and requests may be among them; serve again."""
     cam_id: int | None
     """The camera whose request failed."""
     error: RequestError | None
