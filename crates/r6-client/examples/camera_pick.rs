@@ -37,7 +37,15 @@ async fn start() -> Result<(), Box<dyn Error>> {
 
 /// What the camera will see: the parts of each picture. A real one would look.
 pub fn parts() -> VecDeque<Vec<Point>> {
-    let part = |x: f64, y: f64| Point { x, y, z: 440.0, u: Some(180.0), v: Some(0.0), ..Point::default() };
+    let part = |x: f64, y: f64| Point {
+        x,
+        y,
+        z: Some(440.0),
+        u: Some(180.0),
+        v: Some(0.0),
+        angle: Some(0.0),
+        ..Point::default()
+    };
     [vec![part(360.0, -80.0), part(330.0, -40.0)], vec![], vec![part(380.0, 0.0)]].into()
 }
 
@@ -64,7 +72,10 @@ pub async fn run(robot: &Robot, mut pictures: VecDeque<Vec<Point>>) -> PhotosEnd
         println!("{ended}");
         match ended {
             PhotosEnded::ConnectionLost(_) | PhotosEnded::FellBehind { .. } => {}
-            PhotosEnded::Stopped | PhotosEnded::Closed | PhotosEnded::Request { .. } => return ended,
+            PhotosEnded::Stopped
+            | PhotosEnded::Closed
+            | PhotosEnded::ServedAlready
+            | PhotosEnded::Request { .. } => return ended,
         }
     }
 }

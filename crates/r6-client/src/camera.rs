@@ -3,10 +3,12 @@
 use std::fmt;
 
 use r6_proto::message::{PhotoAnswer, Point};
+use r6_proto::request::{CameraPoints, Request};
 use tokio::sync::broadcast::error::RecvError;
 
-use crate::error::RequestError;
+use crate::error::{Invalid, RequestError};
 use crate::job::CameraSet;
+use crate::path;
 use crate::pushed::{LostReason, Pushed};
 use crate::robot::Robot;
 
@@ -34,7 +36,12 @@ pub enum PhotosEnded {
     Stopped,
     /// The handle was closed.
     Closed,
-    /// An answer did not leave, or the controller did not take the points.
+    /// Somebody else serves the photos of this connection already, over this handle or a clone: both would answer each request.
+    /// Nothing was sent.
+    ServedAlready,
+    /// An answer did not leave, or the controller did not take the points. Points that cannot be sent
+    /// ([`RequestError::Invalid`]: no number, or too many for a frame) leave their request without an answer, because `ret` 1 would
+    /// promise them.
     Request {
         /// The camera.
         cam_id: i64,
@@ -50,9 +57,10 @@ pub enum PhotosEnded {
 
 impl Robot {
     /// Is the camera of this controller from now on: each photo request (manual 5.1) is handed to `look`, with its `camID`; then
-    /// the request is answered and, if parts were found, their points are sent (manual 5.2).
+    /// its points are checked, the request is answered and, if parts were found, their points are sent (manual 5.2).
     ///
-    /// It ends only when it cannot go on, and nothing that failed is sent again. Requests are served one after the other, in their
+    /// It ends only when it cannot go on, and nothing that failed is sent again. A connection has one camera service: a second one ends
+    /// at once ([`PhotosEnded::ServedAlready`]). Requests are served one after the other, in their
     /// order. A program waits for the answer for a time of its own (on the virtual controller the `limit` of its step): where finding takes
     /// longer than taking the picture, use [`Robot::pushed`], [`Robot::answer_photo`] and [`Robot::add_points`] instead.
     ///
@@ -63,6 +71,7 @@ impl Robot {
         F: FnMut(i64) -> Fut,
         Fut: Future<Output = Shot>,
     {
+        let Some(_turn) = self.photos() else { return PhotosEnded::ServedAlready };
         // Read before listening: what was asked for on an earlier connection is not answered on a later one.
         let connection = self.hub().known().connection;
         let same = || self.hub().known().connection == connection;
@@ -117,20 +126,33 @@ impl Robot {
         }
     }
 
-    /// Answers, and sends the points, each only if it `may` leave right then.
+    /// Answers, and sends the points, each only if it `may` leave right then. Points that cannot be sent are not promised.
     async fn answer_shot(&self, cam_id: i64, shot: Shot, may: impl Fn() -> bool) -> Result<(), RequestError> {
         let (ret, points) = match shot {
             Shot::NotMine => return Ok(()),
             Shot::Failed => (0, Vec::new()),
             Shot::Points(points) => (1, points),
         };
+        let set = CameraSet { cam_id, points };
+        self.check_points(&set)?;
         if may() {
             self.answer_photo(PhotoAnswer { cam_id, ret }).await?;
         }
-        if !points.is_empty() && may() {
-            self.add_points(vec![CameraSet { cam_id, points }]).await?;
+        if !set.points.is_empty() && may() {
+            self.add_points(vec![set]).await?;
         }
         Ok(())
+    }
+
+    /// Whether the points can be a frame, whatever its `packID`.
+    fn check_points(&self, set: &CameraSet) -> Result<(), Invalid> {
+        let settings = self.settings();
+        let points = [CameraPoints { cam_id: set.cam_id, points: &set.points }];
+        let mut frame = Vec::new();
+        let envelope = path::envelope(settings, path::LONGEST_PACK_ID);
+        Request::AddPoints(&points).encode(&envelope, &mut frame).map_err(Invalid::Value)?;
+        let (bytes, limit) = (frame.len(), settings.max_frame_bytes);
+        if bytes > limit { Err(Invalid::TooLong { bytes, limit }) } else { Ok(()) }
     }
 }
 
@@ -147,6 +169,9 @@ impl fmt::Display for PhotosEnded {
                  serve again",
             ),
             Self::Closed => f.write_str("the handle is closed"),
+            Self::ServedAlready => f.write_str(
+                "the photos of this connection are served already, and two would both answer; end the other service first",
+            ),
             Self::Request { cam_id, error } => write!(f, "camera {cam_id}: {error}"),
             Self::FellBehind { missed } => write!(
                 f,

@@ -108,7 +108,7 @@ impl FollowOptions {
             (self.fresh_within > Duration::ZERO, "fresh_within", "above 0"),
         ];
         match wanted.into_iter().find(|(holds, _, _)| !holds) {
-            Some((_, field, wanted)) => Err(StepError { step: 0, field, wanted }),
+            Some((_, field, wanted)) => Err(StepError { step: 0, field, wanted, nearest: None }),
             None => Ok(()),
         }
     }

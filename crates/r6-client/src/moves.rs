@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use r6_proto::axis::AxisMask;
 use r6_proto::error::EncodeError;
+use r6_proto::grid::Nearest;
 use r6_proto::message::instruction::{
     Action, BlendLevel, BoardOutput, CurveMove, Instruction, Manner, Move, Output, OutputKind, PathSpeed,
     StopOnSignal, Wait, WaitCondition, WaitSource, Workbench,
@@ -60,6 +61,8 @@ pub struct StepError {
     pub field: &'static str,
     /// What it has to be.
     pub wanted: &'static str,
+    /// The values that can be sent, where it lies between two of them.
+    pub nearest: Option<Nearest>,
 }
 
 impl fmt::Display for StepError {
@@ -69,8 +72,12 @@ impl fmt::Display for StepError {
             step => write!(f, "step {step}: ")?,
         }
         match in_words(self.field) {
-            Some(words) => write!(f, "{words} has to be {}", self.wanted),
-            None => write!(f, "`{}` has to be {}", self.field, self.wanted),
+            Some(words) => write!(f, "{words} has to be {}", self.wanted)?,
+            None => write!(f, "`{}` has to be {}", self.field, self.wanted)?,
+        }
+        match self.nearest {
+            Some(nearest) => write!(f, "; nearest: {nearest}"),
+            None => Ok(()),
         }
     }
 }
@@ -96,7 +103,7 @@ impl std::error::Error for StepError {}
 
 impl StepError {
     pub(crate) fn of(step: usize, error: &EncodeError) -> Self {
-        Self { step, field: error.field, wanted: error.wanted }
+        Self { step, field: error.field, wanted: error.wanted, nearest: error.nearest }
     }
 }
 
@@ -159,7 +166,7 @@ impl Motion {
         }
     }
 
-    /// Waits before the last step, a move: at most a day, in steps of 0.1 s by the manual.
+    /// Waits before the last step, a move: at most a day, in steps of 0.1 s (manual 6.1.1). Other times are refused.
     #[must_use]
     pub fn delay(self, time: Duration) -> Self {
         self.modify("delay", "a time to wait, after a move", |manner| manner.delay = Some(time.as_secs_f64()))
@@ -189,7 +196,7 @@ impl Motion {
         self.instruct(Action::Output(Output { kind, point, on, delay: 0.0 }))
     }
 
-    /// Sets output Y for a time, then sets it back (action 200, timed).
+    /// Sets output Y for a time, in steps of a millisecond, then sets it back (action 200, timed).
     #[must_use]
     pub fn pulse_output(self, point: u8, on: bool, time: Duration) -> Self {
         self.instruct(Action::Output(Output {
@@ -206,7 +213,7 @@ impl Motion {
         self.instruct(Action::BoardOutput(outputs))
     }
 
-    /// Waits for a time, with the arm at rest (action 100).
+    /// Waits for a time, with the arm at rest (action 100): at most a day, in steps of 0.1 s (manual 6.1.3). Other times are refused.
     #[must_use]
     pub fn wait(self, time: Duration) -> Self {
         self.instruct(Action::Wait(Wait {
@@ -217,7 +224,7 @@ impl Motion {
         }))
     }
 
-    /// Waits for a signal, with the arm at rest: for so long at most, or, without a limit, for ever (action 100).
+    /// Waits for a signal, with the arm at rest: for so long at most, in steps of 0.1 s, or, without a limit, for ever (action 100).
     #[must_use]
     pub fn wait_for(self, source: WaitSource, condition: WaitCondition, limit: Option<Duration>) -> Self {
         self.instruct(Action::Wait(Wait {
@@ -287,7 +294,7 @@ impl Motion {
         }
         let encoded = crate::path::encoded_bytes(&instruction);
         if let Err(error) = encoded {
-            return self.check(false, error.field, error.wanted);
+            return self.refuse(&error);
         }
         self
     }
@@ -295,8 +302,15 @@ impl Motion {
     /// Keeps what is wrong with the last step; what was wrong before stays.
     fn check(mut self, right: bool, field: &'static str, wanted: &'static str) -> Self {
         if !right {
-            self.wrong.get_or_insert(StepError { step: self.steps.len(), field, wanted });
+            let step = self.steps.len();
+            self.wrong.get_or_insert(StepError { step, field, wanted, nearest: None });
         }
+        self
+    }
+
+    /// The last step cannot be sent; what was wrong before stays.
+    fn refuse(mut self, error: &EncodeError) -> Self {
+        self.wrong.get_or_insert(StepError::of(self.steps.len(), error));
         self
     }
 
@@ -321,7 +335,7 @@ impl Motion {
                 change(manner);
                 let encoded = self.steps.last().map(crate::path::encoded_bytes);
                 match encoded {
-                    Some(Err(error)) => self.check(false, error.field, error.wanted),
+                    Some(Err(error)) => self.refuse(&error),
                     Some(Ok(_)) | None => self,
                 }
             }
@@ -370,6 +384,9 @@ mod tests {
             (Motion::new().blend(1), (0, "smooth")),
             (step().wait(Duration::from_secs(1)).blend(1), (2, "smooth")),
             (step().delay(day), (1, "delay")),
+            (step().delay(Duration::from_millis(1250)), (1, "delay")),
+            (step().wait(Duration::from_millis(30)), (2, "limit")),
+            (step().pulse_output(1, true, Duration::from_micros(500)), (2, "delay")),
             (step().wait(day), (2, "limit")),
             (step().wait_for(kept, WaitCondition::On, None), (2, "type")),
             (step().set_output(OutputKind::M, 33, true).blend(10), (2, "point")),

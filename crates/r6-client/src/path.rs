@@ -14,7 +14,7 @@ use crate::moves::StepError;
 use crate::settings::RobotSettings;
 
 /// The longest `packID` that is counted on, in digits.
-const LONGEST_PACK_ID: &str = "18446744073709551615";
+pub(crate) const LONGEST_PACK_ID: &str = "18446744073709551615";
 
 /// The bytes of an instruction within a list.
 pub(crate) fn encoded_bytes(instruction: &Instruction) -> Result<usize, EncodeError> {
@@ -71,7 +71,7 @@ pub(crate) fn cut(
             Some(_) | None => {
                 let wanted =
                     "short enough for a frame of its own: the longest frame of the settings is too short";
-                return Err(StepError { step: at + 1, field: "instructions", wanted });
+                return Err(StepError { step: at + 1, field: "instructions", wanted, nearest: None });
             }
         }
     }
@@ -99,7 +99,8 @@ mod tests {
         });
         let outputs = (0_u8..=32, any::<bool>())
             .prop_map(|(point, on)| Action::Output(Output { kind: OutputKind::Y, point, on, delay: 0.0 }));
-        let waits = (0.0..100.0_f64).prop_map(|limit| {
+        let waits = (0_u32..1000).prop_map(|tenths| {
+            let limit = f64::from(tenths) / 10.0;
             let (source, condition) = (WaitSource::Time, WaitCondition::Off);
             Action::Wait(Wait { source, condition, limit, unlimited: false })
         });

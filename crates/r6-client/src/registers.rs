@@ -131,7 +131,8 @@ fn in_a_row(first: RegisterIndex, count: usize) -> Result<Vec<RegisterIndex>, Re
     Ok(registers)
 }
 
-/// Degrees or millimetres as a register has them: times 1000, the nearest whole number.
+/// Degrees or millimetres as a register has them: times 1000, the nearest whole number. A position is computed, and what is rounded
+/// away is less than half a thousandth; a setting that must not be rounded is written as a whole number.
 ///
 /// # Errors
 /// [`OutOfRange`] for what does not fit into the 32 bits of a register, and for what is no number.
@@ -141,7 +142,7 @@ pub fn to_thousandths(value: f64) -> Result<i32, OutOfRange> {
         #[expect(clippy::cast_possible_truncation, reason = "a whole number within the range")]
         Ok(thousandths as i32)
     } else {
-        Err(OutOfRange { value, wanted: "from -2147483.648 to 2147483.647" })
+        Err(OutOfRange::new(value, "from -2147483.648 to 2147483.647"))
     }
 }
 

@@ -69,6 +69,8 @@ struct Lanes {
     dial: Arc<dyn Dial>,
     /// Set when the handle is being closed: a motion that is streamed ends then.
     closing: watch::Sender<bool>,
+    /// Whoever serves photos has it: two would both answer each request.
+    photos: Arc<Semaphore>,
 }
 
 /// A controller's yes. It says that the request was taken, not that anything moves.
@@ -140,6 +142,7 @@ impl Robot {
             motions: Motions::default(),
             dial: Arc::clone(&dialer) as Arc<dyn Dial>,
             closing: watch::Sender::new(false),
+            photos: Arc::new(Semaphore::new(1)),
         };
         let backoff = Backoff::new(settings.reconnect, seed_from_clock);
         let driver = Driver::new(dialer, settings, urgent_jobs, ordinary_jobs, hub, backoff);
@@ -287,6 +290,11 @@ impl Robot {
     /// The right to stream a path over this connection, if nobody has it.
     pub(crate) fn streaming(&self) -> Option<OwnedSemaphorePermit> {
         Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()
+    }
+
+    /// The right to serve the photos of this connection, if nobody has it.
+    pub(crate) fn photos(&self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.lanes.photos).try_acquire_owned().ok()
     }
 
     /// Ends once the handle is closed, for this clone or another.

@@ -160,7 +160,7 @@ impl Status {
             let (_, field) =
                 AxisIndex::ALL.into_iter().zip(FIELDS).skip(count).find(|(axis, _)| goes(*axis))?;
             let wanted = "left out: by its axisNum this robot has fewer axes";
-            Some(StepError { step: number, field, wanted })
+            Some(StepError { step: number, field, wanted, nearest: None })
         })
     }
 

@@ -126,7 +126,12 @@ impl Robot {
         let steps = motion.instructions().map_err(|error| failed(Cause::Step(error)))?;
         if steps.is_empty() {
             let wanted = "one step at least";
-            return Err(failed(Cause::Step(StepError { step: 0, field: "instructions", wanted })));
+            return Err(failed(Cause::Step(StepError {
+                step: 0,
+                field: "instructions",
+                wanted,
+                nearest: None,
+            })));
         }
         let frames = cut(steps, self.settings(), options.frame_length())
             .map_err(|error| failed(Cause::Step(error)))?;
@@ -139,7 +144,7 @@ impl Robot {
         if status.list_length.is_none() && ends_in_endless_wait(motion) {
             let wanted =
                 "limited: this firmware does not tell the length of its list, and nobody could see the end";
-            let error = StepError { step: steps.len(), field: "isUnlimit", wanted };
+            let error = StepError { step: steps.len(), field: "isUnlimit", wanted, nearest: None };
             return Err(failed(Cause::Step(error)));
         }
         if let Some(envelope) = self.guard() {

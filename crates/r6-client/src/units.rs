@@ -57,9 +57,10 @@ use std::fmt;
 use std::ops::{Add, Mul, Neg, Sub};
 
 pub use crate::units::position::{AxisCoordinate, AxisPosition, Pose};
+use r6_proto::grid::{Grid, Nearest};
 
-/// The slowest speed that the wire can carry, percent: three decimals.
-const SLOWEST_PERCENT: f64 = 0.001;
+/// The slowest speed that the wire can carry, percent: one step.
+const SLOWEST_PERCENT: f64 = 0.1;
 
 /// The fastest path speed that is sent, mm/s: arms of this protocol reach 2000 (reported, unit B).
 const FASTEST_PATH: u32 = 100_000;
@@ -140,17 +141,30 @@ pub struct OutOfRange {
     pub value: f64,
     /// What it has to be.
     pub wanted: &'static str,
+    /// The numbers that the unit allows, where it lies between two of them.
+    pub nearest: Option<Nearest>,
+}
+
+impl OutOfRange {
+    /// A number that has no nearest ones.
+    pub(crate) const fn new(value: f64, wanted: &'static str) -> Self {
+        Self { value, wanted, nearest: None }
+    }
 }
 
 impl fmt::Display for OutOfRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} does not do: it has to be {}", self.value, self.wanted)
+        write!(f, "{} does not do: it has to be {}", self.value, self.wanted)?;
+        match self.nearest {
+            Some(nearest) => write!(f, "; nearest: {nearest}"),
+            None => Ok(()),
+        }
     }
 }
 
 impl std::error::Error for OutOfRange {}
 
-/// A share of the most that is possible: the `speed` of a move, from 0.001 to 100.
+/// A share of the most that is possible: the `speed` of a move, from 0.1 to 100 in steps of 0.1 (manual 6.1.1).
 ///
 /// An axis move at 100 % drives its slowest axis as fast as it goes; a linear move at 100 % goes 2000 mm/s (reported,
 /// unit B). The global speed multiplies both.
@@ -164,13 +178,16 @@ impl Percent {
     /// This share.
     ///
     /// # Errors
-    /// [`OutOfRange`] below 0.001, which the wire would round to 0, above 100, and for what is no number.
+    /// [`OutOfRange`] below 0.1, above 100, and for what is no number; between two steps it tells both. What floating point adds to a
+    /// step passes ([`r6_proto::grid::ON_GRID_WITHIN`]).
     pub const fn new(percent: f64) -> Result<Self, OutOfRange> {
+        const WANTED: &str = "percent, from 0.1 to 100 in steps of 0.1";
         // A comparison with what is no number is never true.
-        if percent >= SLOWEST_PERCENT && percent <= 100.0 {
-            Ok(Self(percent))
-        } else {
-            Err(OutOfRange { value: percent, wanted: "percent, from 0.001 to 100" })
+        let is_within = percent >= SLOWEST_PERCENT && percent <= 100.0;
+        match Grid::PERCENT.step(percent) {
+            Ok(_) if is_within => Ok(Self(percent)),
+            Err(nearest) if is_within => Err(OutOfRange { value: percent, wanted: WANTED, nearest }),
+            Ok(_) | Err(_) => Err(OutOfRange::new(percent, WANTED)),
         }
     }
 
@@ -202,7 +219,7 @@ impl MillimetresPerSecond {
         if (1..=FASTEST_PATH).contains(&speed) {
             Ok(Self(speed))
         } else {
-            Err(OutOfRange { value: f64::from(speed), wanted: "mm/s, from 1 to 100000" })
+            Err(OutOfRange::new(f64::from(speed), "mm/s, from 1 to 100000"))
         }
     }
 
@@ -225,13 +242,18 @@ mod tests {
 
     #[test]
     fn a_percentage_is_above_zero_and_at_most_all() {
-        for good in [0.001, 0.1, 100.0] {
+        for good in [0.1, 0.1 + 0.2, 5.5, 99.9, 100.0] {
             assert_eq!(Percent::new(good).map(Percent::value), Ok(good));
         }
-        for bad in [0.0, 0.000_9, 100.1, -1.0, f64::INFINITY, f64::NAN] {
+        for bad in [0.0, 0.001, 0.09, 100.1, 100.04, -1.0, f64::INFINITY, f64::NAN] {
             let error = Percent::new(bad).unwrap_err();
-            assert!(error.to_string().contains("from 0.001 to 100"), "{error}");
+            assert!(error.to_string().contains("from 0.1 to 100"), "{error}");
+            assert_eq!(error.nearest, None, "{bad}");
         }
+        let error = Percent::new(5.55).unwrap_err();
+        let text =
+            "5.55 does not do: it has to be percent, from 0.1 to 100 in steps of 0.1; nearest: 5.5 or 5.6";
+        assert_eq!(error.to_string(), text);
     }
 
     #[test]

@@ -265,6 +265,40 @@ fn on_four_axes_the_angle_is_u() {
     assert_eq!(cell.text("curAlarm"), "0");
 }
 
+/// A point without `Angel`, without any angle or without `Z` (manual 5.2 always has them) is no point with a 0 there: a wrist that
+/// looked down would turn over, and the tool go down to the table.
+#[test]
+fn what_a_point_leaves_out_stays_as_it_is() {
+    let program = |first: &str| {
+        format!(
+            "[[step]]\ndo=\"axis-move\"\nto={first}\nspeed=100\n[[step]]\ndo=\"take-point\"\n\
+             [[step]]\ndo=\"move-to-point\"\nabove=20\nspeed=100\n[[step]]\ndo=\"move-to-point\"\nspeed=100\n\
+             [[step]]\ndo=\"remote\""
+        )
+    };
+    for (model, first, orientation) in
+        [("BRTIRUS0707A", "[0,10,-20,0,-80,40]", 3..6), ("GENERIC-SCARA", "[20,40,-50,70]", 3..4)]
+    {
+        let mut cell = running(model, &program(first));
+        cell.pass(10.0);
+        let from = cell.world();
+        assert!(from[orientation.clone()].iter().any(|angle| angle.abs() > 30.0), "{model}: {from:?}");
+        let id = cell.id;
+        let place = json!({"ModelID": 0, "X": from[0] + 15.0, "Y": from[1] - 10.0, "Rel": 0});
+        add_points(&mut cell, id, &[(0, vec![place])]);
+        cell.pass(20.0);
+        let to = cell.world();
+        for (n, way) in [15.0, -10.0, 0.0].into_iter().enumerate() {
+            assert!((to[n] - from[n] - way).abs() < 1e-3, "{model}, component {n}: from {from:?} to {to:?}");
+        }
+        for n in orientation {
+            let turned = (to[n] - from[n] + 540.0).rem_euclid(360.0) - 180.0;
+            assert!(turned.abs() < 1e-3, "{model}, component {n}: from {from:?} to {to:?}");
+        }
+        assert_eq!(cell.text("curAlarm"), "0");
+    }
+}
+
 #[test]
 fn a_camera_that_sends_too_much_loses_its_own_points() {
     let mut cell = Cell::new();

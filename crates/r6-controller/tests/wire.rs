@@ -296,7 +296,7 @@ fn points_are_taken_and_counted() {
     assert!(cell.ask(points).contains(r#"["AddPoints","2"]"#));
     let taken: Vec<_> = cell.controller.machine().points().copied().collect();
     assert_eq!(taken.len(), 2);
-    assert_eq!((taken[1].0, taken[1].1.x, taken[1].1.angle), (0, 888.001, 124.123));
+    assert_eq!((taken[1].0, taken[1].1.x, taken[1].1.angle), (0, 888.001, Some(124.123)));
     // Without reqType the points are taken, but not answered (manual 5.2).
     cell.send(r#"{"dsID":"www.hc-system.com.cam","dsData":[{"camID":1,"data":[{"X":1,"Y":2}]}]}"#);
     assert_eq!(cell.frame(), None);

@@ -1,9 +1,9 @@
 //! What was written and read again against what it was written from: the same in every field, and numbers within half a step of the
 //! last decimal that is written of them.
 
-use r6_proto::AxisIndex;
 use r6_proto::message::instruction::{Action, Coordinates, Instruction, Manner};
 use r6_proto::message::{Command, Point};
+use r6_proto::{AxisIndex, AxisMask};
 
 /// A position is written with six decimals at most.
 const POSITION: f64 = 1e-6;
@@ -37,7 +37,9 @@ impl Rounded {
         }
     }
 
-    fn manner(&mut self, manner: &mut Manner) {
+    fn manner(&mut self, manner: &mut Manner, given: AxisMask) {
+        // Without a mask all move that are given; where others are left out, that is written.
+        manner.mask.get_or_insert(given);
         self.take_all(manner.speed.iter_mut().chain(&mut manner.delay), FEW);
     }
 
@@ -45,12 +47,12 @@ impl Rounded {
         match &mut instruction.action {
             Action::AxisMove(motion) | Action::LinearMove(motion) => {
                 self.coordinates(&mut motion.target);
-                self.manner(&mut motion.manner);
+                self.manner(&mut motion.manner, motion.target.given());
             }
             Action::CurveMove(curve) => {
                 self.coordinates(&mut curve.middle);
                 self.coordinates(&mut curve.end);
-                self.manner(&mut curve.manner);
+                self.manner(&mut curve.manner, curve.middle.given().and(curve.end.given()));
             }
             Action::PathSpeed(path) => self.take_all(&mut path.speed, FEW),
             Action::Wait(wait) => self.take(&mut wait.limit, FEW),
@@ -60,8 +62,9 @@ impl Rounded {
     }
 
     fn point(&mut self, point: &mut Point) {
-        let places = [&mut point.x, &mut point.y, &mut point.z, &mut point.angle];
-        self.take_all(places.into_iter().chain(&mut point.u).chain(&mut point.v), POSITION);
+        self.take_all([&mut point.x, &mut point.y], POSITION);
+        let may = [&mut point.z, &mut point.u, &mut point.v, &mut point.angle];
+        self.take_all(may.into_iter().flatten(), POSITION);
         self.take_all(&mut point.similarity, FEW);
     }
 

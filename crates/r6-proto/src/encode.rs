@@ -52,7 +52,8 @@ pub(crate) fn write_quoted_integer(out: &mut Vec<u8>, value: i64) {
     write_closed_integer(out, value);
 }
 
-/// How many decimals a number gets: at least `least` (zeros are written), at most `most`, which is 3 or 6 (the rest is rounded).
+/// How many decimals a number gets: at least `least` (zeros are written), at most `most`, which is 3 or 6 (the rest is rounded:
+/// [`crate::grid`] refuses before what must not be).
 #[derive(Clone, Copy)]
 pub(crate) struct Decimals {
     pub least: usize,
@@ -122,7 +123,7 @@ fn scaled(field: &'static str, value: f64, decimals: Decimals) -> Result<i64, En
     if value.abs() <= LARGEST {
         Ok(rounded(value * if decimals.most == 3 { 1e3 } else { 1e6 }))
     } else {
-        Err(EncodeError { field, wanted: "a finite number within ±1e9" })
+        Err(EncodeError::new(field, "a finite number within ±1e9"))
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::grid::Nearest;
+
 /// A frame that is no JSON object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JsonError {
@@ -95,11 +97,24 @@ pub struct EncodeError {
     pub field: &'static str,
     /// What it has to be.
     pub wanted: &'static str,
+    /// The values that can be sent, where it lies between two of them.
+    pub nearest: Option<Nearest>,
+}
+
+impl EncodeError {
+    /// A value that has no nearest ones.
+    pub(crate) const fn new(field: &'static str, wanted: &'static str) -> Self {
+        Self { field, wanted, nearest: None }
+    }
 }
 
 impl fmt::Display for EncodeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "`{}` cannot be sent: it has to be {}", self.field, self.wanted)
+        write!(f, "`{}` cannot be sent: it has to be {}", self.field, self.wanted)?;
+        match self.nearest {
+            Some(nearest) => write!(f, "; nearest: {nearest}"),
+            None => Ok(()),
+        }
     }
 }
 

@@ -21,6 +21,7 @@ pub mod dialect;
 mod encode;
 pub mod error;
 pub mod frame;
+pub mod grid;
 pub mod io_point;
 mod json;
 pub mod message;

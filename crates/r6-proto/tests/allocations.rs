@@ -45,7 +45,7 @@ fn points() -> Vec<Point> {
         x: 888.001,
         y: 1345.001,
         u: Some(0.0),
-        angle: 123.123,
+        angle: Some(123.123),
         ..Point::default()
     };
     (0..8).map(one).collect()

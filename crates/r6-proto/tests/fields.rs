@@ -97,7 +97,9 @@ fn manner(members: &str) -> Manner {
 }
 
 fn sent_manner(manner: Manner) -> String {
-    sent(Action::AxisMove(r6_proto::message::instruction::Move { manner, ..Default::default() }))
+    let target = r6_proto::message::instruction::Coordinates::from_slice(&[0.0; 8]);
+    let members = sent(Action::AxisMove(r6_proto::message::instruction::Move { target, manner }));
+    members.rsplit_once(r#""m7":"0.000","#).unwrap().1.to_owned()
 }
 
 // Tolerance that concerns the whole frame.
@@ -287,7 +289,7 @@ fn accepted_spellings() {
         r#"{"reqType":"AddPoints","dsData":[{"camID":0,"data":[{"X":1,"Y":2,"Angle":"45"}]}]}"#,
         |message| {
             let Body::AddPoints(points) = message.body else { panic!("{message:?}") };
-            assert_eq!(points.sets().next().map(|(_, points)| points[0].angle), Some(45.0));
+            assert_eq!(points.sets().next().map(|(_, points)| points[0].angle), Some(Some(45.0)));
             assert_eq!(extras(message), [("Angle".to_owned(), ExtraKind::OtherSpelling)]);
         },
     );
@@ -318,10 +320,11 @@ fn what_the_wire_cannot_carry_is_not_sent() {
     let moved = |manner: Manner| Action::AxisMove(Move { target: Coordinates::from_slice(&[1.0]), manner });
     let speed = |speed| moved(Manner { speed: Some(speed), ..Manner::default() });
     let delay = |delay| moved(Manner { speed: Some(1.0), delay: Some(delay), ..Manner::default() });
-    for wrong in [-5.0, 0.0, 0.0004, 100.1, f64::NAN] {
+    for wrong in [-5.0, 0.0, 0.0004, 0.05, 12.34, 100.1, f64::NAN] {
         assert_eq!(refused_to_send(speed(wrong)), "speed", "{wrong}");
     }
-    for wrong in [-1.0, 1e6, f64::INFINITY] {
+    assert_eq!(refused_to_send(delay(1.25)), "delay");
+    for wrong in [-1.0, 0.0004, 1e6, f64::INFINITY] {
         assert_eq!(refused_to_send(delay(wrong)), "delay", "{wrong}");
         let output = Output { kind: OutputKind::Y, point: 1, on: true, delay: wrong };
         assert_eq!(refused_to_send(Action::Output(output)), "delay", "{wrong}");
@@ -332,12 +335,88 @@ fn what_the_wire_cannot_carry_is_not_sent() {
     }
     let refused = |command: Command<'_>| {
         let encoded = Request::Command(&command).encode(&Envelope::default(), &mut Vec::new());
-        encoded.unwrap_err().wanted
+        encoded.unwrap_err().to_string()
     };
     let register = r6_proto::RegisterIndex::new(800).unwrap();
     let beyond = Command::RewriteData { register, value: 5_000_000_000, savable: false };
-    assert_eq!(refused(beyond), "a whole number of 32 bits");
-    assert_eq!(refused(Command::ModifyGspd { percent: 0.04 }), "0, or at least 0.1");
+    assert_eq!(refused(beyond), "`value` cannot be sent: it has to be a whole number of 32 bits");
+}
+
+/// A setting between two steps of the wire is refused with both of them, and the noise of floating point is none.
+#[test]
+fn what_lies_between_two_steps_of_the_wire_is_not_rounded() {
+    use r6_proto::message::instruction::{Output, Wait};
+    let refused = |request: &Request<'_>| {
+        let mut out = b"before".to_vec();
+        let error = request.encode(&Envelope::default(), &mut out).unwrap_err();
+        assert_eq!(out, b"before");
+        let nearest = error.nearest.unwrap_or_else(|| panic!("{error}"));
+        assert!(error.to_string().ends_with(&format!("; nearest: {nearest}")), "{error}");
+        format!("{}: {} or {}", error.field, nearest.below(), nearest.above())
+    };
+    let tool = |x| Command::ModifyTool { tool: 1, offset: [x, 0.0, 0.0, 0.0, 0.0, 0.0] };
+    let ramps = |deceleration| Command::ModifyAccDec { acceleration: 0.5, deceleration };
+    let stack = |x| Command::ModifyStackData { stack: 0, spacing: [x, 0.0, 0.0], count: [1; 3] };
+    for (command, told) in [
+        (Command::ModifyGspd { percent: 5.55 }, "percent: 5.5 or 5.6"),
+        (Command::ModifyGspd { percent: 0.04 }, "percent: 0 or 0.1"),
+        (tool(0.0004), "offset: 0 or 0.001"),
+        (tool(-120.2505), "offset: -120.251 or -120.25"),
+        (ramps(0.2505), "deceleration: 0.25 or 0.251"),
+        (stack(10.0004), "spacing: 10 or 10.001"),
+    ] {
+        assert_eq!(refused(&Request::Command(&command)), told);
+    }
+    let step = |action| [Instruction { oneshot: true, action }];
+    let moved = |manner| {
+        let target = r6_proto::message::instruction::Coordinates::from_slice(&[1.0; 6]);
+        Action::AxisMove(r6_proto::message::instruction::Move { target, manner })
+    };
+    let wait =
+        Wait { source: WaitSource::Time, condition: WaitCondition::Off, limit: 0.25, unlimited: false };
+    for (action, told) in [
+        (moved(Manner { speed: Some(12.345), ..Manner::default() }), "speed: 12.3 or 12.4"),
+        (moved(Manner { delay: Some(0.05), ..Manner::default() }), "delay: 0 or 0.1"),
+        (Action::Wait(wait), "limit: 0.2 or 0.3"),
+        (
+            Action::Output(Output { kind: OutputKind::TimedY, point: 0, on: true, delay: 0.0005 }),
+            "delay: 0 or 0.001",
+        ),
+    ] {
+        assert_eq!(refused(&Request::AddRcc { empty_list: true, instructions: &step(action) }), told);
+    }
+    let noisy = Command::ModifyGspd { percent: (0.1 + 0.2) * 10.0 };
+    assert!(encoded(&Request::Command(&noisy)).contains(r#"["modifyGSPD","30"]"#));
+    // A position is computed: its seventh decimal is rounded.
+    let position = r6_proto::message::instruction::Coordinates::from_slice(&[123.456_789_1; 6]);
+    let line = r6_proto::message::instruction::Move { target: position, manner: Manner::default() };
+    assert!(sent(Action::LinearMove(line)).contains(r#""m0":"123.456789""#));
+}
+
+/// An axis that moves has a coordinate. What a controller would take for one that is left out, nobody knows: 0 perhaps.
+#[test]
+fn a_mask_lets_nothing_through_that_has_no_coordinate() {
+    use r6_proto::message::instruction::{Coordinates, CurveMove, Move};
+    let masked = |mask| Manner { mask: Some(AxisMask::from_bits(mask)), ..Manner::default() };
+    let place = Coordinates::from_slice(&[1.0; 3]);
+    let pose = Coordinates::from_slice(&[1.0; 6]);
+    for mask in [0x3F, 0x0F, 0x40, 0xFF] {
+        let line = Move { target: place, manner: masked(mask) };
+        assert_eq!(refused_to_send(Action::LinearMove(line)), "ckStatus", "{mask:#x}");
+        assert_eq!(refused_to_send(Action::AxisMove(line)), "ckStatus", "{mask:#x}");
+        for (middle, end) in [(place, pose), (pose, place)] {
+            let curve = CurveMove { middle, end, manner: masked(mask) };
+            assert_eq!(refused_to_send(Action::CurveMove(curve)), "ckStatus", "{mask:#x}");
+        }
+    }
+    let line = |manner| sent(Action::LinearMove(Move { target: place, manner }));
+    assert!(line(masked(0x07)).ends_with(r#","ckStatus":"0x07""#));
+    assert!(
+        line(Manner::default()).ends_with(r#","ckStatus":"0x07""#),
+        "left out, the mask is of what is given"
+    );
+    let whole = sent(Action::LinearMove(Move { target: pose, manner: Manner::default() }));
+    assert!(!whole.contains("ckStatus"), "{whole}");
 }
 
 #[test]
@@ -478,13 +557,13 @@ fn request_type_photo() {
 
 #[test]
 fn request_type_add_points() {
-    let points = [Point { x: 1.5, y: -2.0, angle: 90.25, ..Point::default() }];
+    let points = [Point { x: 1.5, y: -2.0, angle: Some(90.25), ..Point::default() }];
     let frame = encoded(&Request::AddPoints(&[CameraPoints { cam_id: 1, points: &points }]));
     assert_eq!(
         frame,
         concat!(
             r#"{"dsID":"www.hc-system.com.cam","reqType":"AddPoints","dsData":[{"camID":1,"data":[{"ModelID":0,"#,
-            r#""X":1.500,"Y":-2.000,"Z":0.000,"Angel":90.250,"Rel":0}]}]}"#,
+            r#""X":1.500,"Y":-2.000,"Angel":90.250,"Rel":0}]}]}"#,
         )
     );
     look(frame, |message| {
@@ -585,7 +664,9 @@ fn instruction_4_m() {
     let read: Vec<_> = AxisIndex::ALL.into_iter().map(|axis| motion.target.at(axis)).collect();
     assert_eq!(read, [Some(0.0), None, None, Some(-10.5), None, None, None, Some(100.0)]);
     assert_eq!(motion.target.given(), AxisMask::from_bits(0b1000_1001));
-    assert_eq!(sent(Action::AxisMove(motion)), r#""m0":"0.000","m3":"-10.500","m7":"100.000""#);
+    // What is left out stays: the mask says so.
+    let members = r#""m0":"0.000","m3":"-10.500","m7":"100.000","ckStatus":"0x89""#;
+    assert_eq!(sent(Action::AxisMove(motion)), members);
     let Action::LinearMove(line) = action(&good.replace("\"4\"", "\"10\"")) else { panic!("no linear move") };
     assert_eq!(line, motion);
     let bad = [r#""""#, r#""1,5""#, r#""NaN""#, r#""inf""#, "null", "true", r#""1e400""#, "[1]", r#""0x10""#];
@@ -632,7 +713,9 @@ fn instruction_4_speed() {
     }
     assert_eq!(manner(r#""m0":1"#).speed, None);
     assert_eq!(sent_manner(Manner { speed: Some(80.0), ..Manner::default() }), r#""speed":"80.0""#);
-    assert_eq!(sent_manner(Manner { speed: Some(12.345), ..Manner::default() }), r#""speed":"12.345""#);
+    assert_eq!(sent_manner(Manner { speed: Some(0.1 + 0.2), ..Manner::default() }), r#""speed":"0.3""#);
+    // Not 12.3 and not 12.4: it is read as it is, and not sent.
+    assert_eq!(manner(r#""speed":"12.345""#).speed, Some(12.345));
     let good = r#""action":"4","m0":"1","speed":"80.0""#;
     refuses(good, "speed", &[r#""fast""#, r#""""#, "null", "[80]"], "a finite number of percent");
 }
@@ -687,7 +770,10 @@ fn instruction_17_m_p() {
     assert_eq!(curve.middle.given(), AxisMask::from_bits(0b10_0001));
     let end: Vec<_> = AxisIndex::ALL.into_iter().filter_map(|axis| curve.end.at(axis)).collect();
     assert_eq!((curve.end.given(), end), (AxisMask::from_bits(0b1000_0001), vec![3.5, 4.0]));
-    assert_eq!(sent(Action::CurveMove(curve)), r#""m0":"1.000","m5":"2.000","m0_p":"3.500","m7_p":"4.000""#);
+    assert_eq!(
+        sent(Action::CurveMove(curve)),
+        r#""m0":"1.000","m5":"2.000","m0_p":"3.500","m7_p":"4.000","ckStatus":"0x01""#
+    );
     refuses(good, "m0_p", &[r#""x""#, "null", "{}"], "a finite number of mm or degrees");
     refuses(good, "m7_p", &[r#""--1""#], "a finite number of mm or degrees");
     // A curve alone has an end: elsewhere the key means nothing and says so.
@@ -1066,7 +1152,8 @@ fn add_points_y() {
 
 #[test]
 fn add_points_z() {
-    check_decimal("Z", |point| Some(point.z), Some(Some(0.0)), "a finite number of mm");
+    // Left out, it is not 0: the tool stays as high as it is.
+    check_decimal("Z", |point| point.z, Some(None), "a finite number of mm");
 }
 
 #[test]
@@ -1082,7 +1169,8 @@ fn add_points_v() {
 
 #[test]
 fn add_points_angel() {
-    check_decimal("Angel", |point| Some(point.angle), Some(Some(0.0)), "a finite number of degrees");
+    // Left out, it is not 0: the wrist stays turned as it is.
+    check_decimal("Angel", |point| point.angle, Some(None), "a finite number of degrees");
 }
 
 #[test]

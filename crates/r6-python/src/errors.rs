@@ -13,6 +13,7 @@ use r6_client::{
     RequestError, StepError, Violation, WaitError,
 };
 use r6_proto::address::UnknownAddress;
+use r6_proto::grid::Nearest;
 use r6_sim::SimError;
 
 use crate::convert;
@@ -89,7 +90,9 @@ impl Raise for RequestError {
         };
         let error = Exception::new(py, class, self).with("may_send_again", self.may_send_again());
         match self {
-            Self::Invalid(invalid) => error.with("reason", invalid_word(invalid)),
+            Self::Invalid(invalid) => {
+                error.with("reason", invalid_word(invalid)).with("nearest", nearest_of(invalid))
+            }
             Self::NotSent(not_sent) => {
                 let error = error.with("reason", not_sent_word(not_sent));
                 match not_sent {
@@ -123,6 +126,19 @@ impl Raise for RequestError {
         }
         .build()
     }
+}
+
+/// The values on both sides of one that the wire cannot carry.
+fn nearest_of(error: &Invalid) -> Option<(f64, f64)> {
+    match error {
+        Invalid::Value(error) => error.nearest.map(both),
+        Invalid::BadAddress { .. } | Invalid::TooLong { .. } | Invalid::OutsideEnvelope(_) => None,
+        Invalid::NotStopped(why) => nearest_of(why),
+    }
+}
+
+fn both(nearest: Nearest) -> (f64, f64) {
+    (nearest.below(), nearest.above())
 }
 
 fn invalid_word(error: &Invalid) -> &'static str {
@@ -199,13 +215,18 @@ impl Raise for StepError {
             .with("step", self.step)
             .with("field", self.field)
             .with("wanted", self.wanted)
+            .with("nearest", self.nearest.map(both))
             .build()
     }
 }
 
 impl Raise for OutOfRange {
     fn exception(&self, py: Python<'_>) -> PyErr {
-        Exception::new(py, "OutOfRange", self).with("value", self.value).with("wanted", self.wanted).build()
+        Exception::new(py, "OutOfRange", self)
+            .with("value", self.value)
+            .with("wanted", self.wanted)
+            .with("nearest", self.nearest.map(both))
+            .build()
     }
 }
 

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyString;
 use r6_client::{PhotosEnded, Robot, Shot};
 use r6_proto::message::Point;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::errors::Raise;
 use crate::handle::Streaming;
@@ -30,6 +30,8 @@ struct Parts {
     /// Who waits for the picture that was asked for last.
     waits: Arc<Mutex<Option<oneshot::Sender<Shot>>>>,
     serving: Streaming,
+    /// Its sender is gone once the task has ended.
+    ended: watch::Receiver<()>,
 }
 
 /// A camera that is served, until it is closed or dropped.
@@ -42,7 +44,10 @@ impl PhotosCore {
     /// Begins. The task waits for pictures, and no thread does: whoever looks, and however long, holds up nothing else.
     pub fn new(py: Python<'_>, robot: Robot) -> PyResult<Self> {
         let (ask, coming) = mpsc::channel(1);
+        let (alive, ended) = watch::channel(());
         let task = Process::current(py)?.engine().handle().spawn(async move {
+            // Dropped last, after the service has given its turn back.
+            let _alive = alive;
             let look = |cam_id| {
                 let ask = ask.clone();
                 async move {
@@ -57,7 +62,7 @@ impl PhotosCore {
         });
         let coming = Arc::new(tokio::sync::Mutex::new(coming));
         let serving = Streaming(task.abort_handle());
-        Ok(Self { parts: Kept::new(Parts { coming, waits: Arc::default(), serving }) })
+        Ok(Self { parts: Kept::new(Parts { coming, waits: Arc::default(), serving, ended }) })
     }
 }
 
@@ -99,10 +104,13 @@ impl PhotosCore {
         Ok(())
     }
 
-    /// Ends it; a request that waits gets no answer.
-    fn close(&self) -> PyResult<()> {
-        self.parts.here()?.serving.end();
-        Ok(())
+    /// Ends it at once, and waits until it has ended, so that another may begin; a request that waits gets no answer.
+    fn close(&self) -> PyResult<Operation> {
+        let parts = self.parts.here()?;
+        parts.serving.end();
+        let mut ended = parts.ended.clone();
+        let ending = async move { while ended.changed().await.is_ok() {} };
+        Ok(Operation::new(ending, |py, ()| Ok(py.None().into_bound(py))))
     }
 }
 
@@ -111,6 +119,7 @@ fn ended<'py>(py: Python<'py>, ended: &PhotosEnded) -> PyResult<Bound<'py, PyAny
         PhotosEnded::ConnectionLost(_) => ("connection_lost", None, None, None),
         PhotosEnded::Stopped => ("stopped", None, None, None),
         PhotosEnded::Closed => ("closed", None, None, None),
+        PhotosEnded::ServedAlready => ("served_already", None, None, None),
         PhotosEnded::Request { cam_id, error } => ("request", Some(*cam_id), Some(error.exception(py)), None),
         PhotosEnded::FellBehind { missed } => ("fell_behind", None, None, Some(*missed)),
     };

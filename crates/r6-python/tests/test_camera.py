@@ -110,6 +110,83 @@ def test_a_stop_does_not_wait_for_a_picture(
     assert virtual_robot.link_quality().requests == before > sent, "no points were sent"
 
 
+GO_THERE = """
+[[step]]
+do = "axis-move"
+to = [0, 10, -20, 0, -80, 40]
+speed = 100
+[[step]]
+do = "take-point"
+[[step]]
+do = "move-to-point"
+speed = 50
+[[step]]
+do = "remote"
+"""
+
+
+@pytest.mark.virtual_controller(program=GO_THERE, clock=10)
+def test_angles_that_are_left_out_stay_as_they_are(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    def standing() -> list[float]:
+        until = time.monotonic() + 60
+        before = None
+        while time.monotonic() < until:
+            # The program moves on only after a point, so the same pose twice in a row, away from home, is its end.
+            pose = virtual_robot.status().pose.round(3).tolist()
+            if pose == before and abs(pose[5]) > 1:
+                return pose
+            before = pose
+        raise AssertionError("it does not stand")
+
+    begin = standing()
+    assert max(abs(angle) for angle in begin[3:6]) > 90, begin
+    goal = [begin[0] + 15, begin[1] - 10, begin[2] - 5]
+    assert virtual_robot.add_points(0, [r6.Point(*goal)]).points == 1
+    until = time.monotonic() + 60
+    while (end := standing())[:3] != pytest.approx(goal, abs=0.01):
+        assert time.monotonic() < until, end
+    assert [(e - b + 540) % 360 - 180 for e, b in zip(end[3:6], begin[3:6])] == pytest.approx([0, 0, 0], abs=0.01)
+
+
+NOWHERE = r6.Point(x=float("nan"), y=2)
+
+
+@pytest.mark.parametrize("points", [[PART, NOWHERE], [PART] * 100], ids=["no number", "too many"])
+def test_points_that_cannot_be_sent_are_not_promised(
+    points: list[r6.Point], virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    assert virtual_robot.status().is_ready
+    with asked_again_and_again(virtual_controller):
+        ended = virtual_robot.serve_photos(lambda _: points)
+    assert (ended.reason, ended.cam_id) == ("request", 2)
+    assert isinstance(ended.error, r6.InvalidRequest) and not ended.error.may_send_again
+    said = [line.text for line in virtual_controller.log()]
+    assert not any("AddPoints" in text or "answers" in text for text in said), said
+
+
+def test_photos_are_served_by_one_at_a_time(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    looking, taken = threading.Event(), threading.Event()
+
+    def look(cam_id: int) -> r6.Shot:
+        looking.set()
+        assert taken.wait(60)
+        return "failed"
+
+    assert virtual_robot.status().is_ready
+    with ThreadPoolExecutor() as pool, asked_again_and_again(virtual_controller):
+        serving: Future[r6.PhotosEnded] = pool.submit(virtual_robot.serve_photos, look)
+        assert looking.wait(60)
+        again = virtual_robot.serve_photos(lambda _: [PART])
+        assert again.reason == "served_already" and "served already" in str(again)
+        taken.set()
+        virtual_robot.close()
+        assert serving.result(60).reason in ("closed", "request")
+
+
 class Blurred(Exception):
     """A camera of its own has errors of its own."""
 

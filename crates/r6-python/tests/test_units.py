@@ -42,9 +42,29 @@ def test_a_unit_mistake_is_a_type_error() -> None:
 
 @pytest.mark.parametrize("bad", [0, -1, 100.1, float("nan"), float("inf")])
 def test_a_percentage_is_above_zero_and_at_most_all(bad: float) -> None:
-    with pytest.raises(r6.OutOfRange, match="from 0.001 to 100") as error:
+    with pytest.raises(r6.OutOfRange, match="from 0.1 to 100") as error:
         r6.Percent(bad)
-    assert error.value.wanted and isinstance(error.value, ValueError)
+    assert error.value.wanted and isinstance(error.value, ValueError) and error.value.nearest is None
+
+
+def test_what_lies_between_two_steps_of_the_wire_is_refused_with_both(virtual_robot: r6.Robot) -> None:
+    with pytest.raises(r6.OutOfRange, match="nearest: 5.5 or 5.6") as speed:
+        r6.Percent(5.55)
+    assert speed.value.nearest == (5.5, 5.6)
+    assert r6.Percent(0.1 + 0.2).value == pytest.approx(0.3), "the noise of floating point passes"
+    with pytest.raises(r6.InvalidRequest, match="nearest: 0 or 0.001") as tool:
+        virtual_robot.command(r6.Command.modify_tool(1, [0.0004, 0, 0, 0, 0, 0]))
+    assert (tool.value.reason, tool.value.nearest) == ("value", (0, 0.001))
+    with pytest.raises(r6.InvalidRequest, match="deceleration"):
+        virtual_robot.command(r6.Command.modify_acc_dec(0.25, 0.2505))
+    home = r6.AxisPosition.degrees([0, 0, 0, 0, 30, 0])
+    for motion in (r6.Motion().axis_move(home, SPEED).delay(0.25), r6.Motion().wait(0.25)):
+        with pytest.raises(r6.MotionError) as failed:
+            virtual_robot.run(motion)
+        assert isinstance(failed.value.__cause__, r6.StepError) and failed.value.nothing_left
+        assert failed.value.__cause__.nearest == (0.2, 0.3)
+    # A position is computed: what is finer than the wire is rounded.
+    assert virtual_robot.run(r6.Motion().axis_move(r6.AxisPosition.degrees([1 / 3]), SPEED)).finished().moved
 
 
 def test_a_path_speed_is_a_whole_number() -> None:

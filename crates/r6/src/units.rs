@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use r6_proto::AxisMask;
+use r6_proto::grid::Grid;
 use r6_proto::message::instruction::BlendLevel;
 
 /// A time such as `100ms`, `1.5s`, `2m`; a bare number is seconds.
@@ -43,11 +44,7 @@ pub fn coordinate(text: &str) -> Result<f64, String> {
 /// A speed in percent, in steps of 0.1.
 pub fn speed_percent(text: &str) -> Result<f64, String> {
     let speed = finite(text, 0.1..=100.0, "percent from 0.1 to 100")?;
-    let tenths = speed * 10.0;
-    if (tenths - tenths.round()).abs() > 1e-6 {
-        return Err("the controller knows steps of 0.1 percent".to_owned());
-    }
-    Ok(speed)
+    on_grid(Grid::PERCENT, speed)
 }
 
 /// The most that an axis turns in one move, degrees.
@@ -59,11 +56,7 @@ pub fn largest_step(text: &str) -> Result<f64, String> {
 /// Seconds from 0, in the controller's steps of 0.1.
 pub fn delay_seconds(text: &str) -> Result<f64, String> {
     let delay = finite(text, 0.0..=86_400.0, "seconds from 0 to 86400")?;
-    let tenths = delay * 10.0;
-    if (tenths - tenths.round()).abs() > 1e-6 {
-        return Err("the controller knows steps of 0.1 seconds".to_owned());
-    }
-    Ok(delay)
+    on_grid(Grid::TENTHS_OF_A_SECOND, delay)
 }
 
 /// A blend level from 0 to 9.
@@ -83,6 +76,15 @@ pub fn axis_mask(text: &str) -> Result<AxisMask, String> {
     bits.filter(|bits| *bits != 0).map(AxisMask::from_bits).ok_or_else(|| {
         "a mask is a number from 0x01 to 0xFF: bit 0 is J1 (or X), bit 5 is J6 (or W)".to_owned()
     })
+}
+
+/// The value, if the wire can carry it as it is.
+pub fn on_grid(grid: Grid, value: f64) -> Result<f64, String> {
+    match grid.step(value) {
+        Ok(_) => Ok(value),
+        Err(Some(nearest)) => Err(format!("it has to be {}; nearest: {nearest}", grid.wanted())),
+        Err(None) => Err("it has to be a finite number".to_owned()),
+    }
 }
 
 fn finite(text: &str, range: std::ops::RangeInclusive<f64>, wanted: &str) -> Result<f64, String> {
@@ -130,6 +132,9 @@ mod tests {
     fn speeds_are_above_zero_in_tenths() {
         assert_eq!(speed_percent("0.1"), Ok(0.1));
         assert_eq!(speed_percent("12.3"), Ok(12.3));
+        assert_eq!(speed_percent("0.30000000000000004"), Ok(0.1 + 0.2));
+        let between = speed_percent("5.55").unwrap_err();
+        assert_eq!(between, "it has to be in steps of 0.1 percent; nearest: 5.5 or 5.6");
         for wrong in ["0", "0.05", "12.34", "100.1", "-5", "nan", "fast"] {
             assert!(speed_percent(wrong).is_err(), "{wrong}");
         }

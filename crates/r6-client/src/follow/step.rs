@@ -70,7 +70,7 @@ pub(super) fn instruction(to: AxisPosition, options: &FollowOptions) -> Result<I
     let motion = Motion::new().axis_move(to, options.speed);
     let motion = if options.while_moving { motion.blend(BLEND) } else { motion };
     let wanted = "one step";
-    let none = StepError { step: 0, field: "instructions", wanted };
+    let none = StepError { step: 0, field: "instructions", wanted, nearest: None };
     motion.instructions()?.first().copied().ok_or(none)
 }
 

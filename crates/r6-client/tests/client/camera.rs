@@ -1,6 +1,8 @@
 //! The camera's side, on the robot's own connection.
 
-use r6_client::{Address, Command, LostReason, PhotosEnded, Point, Refused, RequestError, Robot, Shot};
+use r6_client::{
+    Address, Command, Invalid, LostReason, PhotosEnded, Point, Refused, RequestError, Robot, Shot,
+};
 use serde_json::json;
 use tokio::sync::Notify;
 
@@ -11,7 +13,7 @@ const CUR_MODE: Address = Address::CurMode;
 const PHOTO: &str = "{\"dsID\":\"www.hc-system.com.cam\",\"reqType\":\"photo\",\"camID\":3}";
 
 fn part() -> Point {
-    Point { model_id: 1, x: 360.0, y: -80.5, z: 440.0, ..Point::default() }
+    Point { model_id: 1, x: 360.0, y: -80.5, z: Some(440.0), ..Point::default() }
 }
 
 #[tokio::test]
@@ -86,6 +88,64 @@ async fn points_that_are_refused_end_it() {
     });
     let error = RequestError::Refused(Refused::Points { reason: None });
     assert_eq!(ended, PhotosEnded::Request { cam_id: 3, error });
+}
+
+/// "Taken" is a promise of points: nothing is said where they cannot be sent.
+#[tokio::test]
+async fn points_that_cannot_be_sent_are_not_promised() {
+    let nowhere = Point { x: f64::NAN, ..part() };
+    for points in [vec![part(), nowhere], vec![part(); 100]] {
+        let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+        let serving = robot.serve_photos(|_| async { Shot::Points(points.clone()) });
+        let (ended, ()) = tokio::join!(biased; soon(serving), peer.send(PHOTO));
+        let PhotosEnded::Request { cam_id: 3, error: RequestError::Invalid(error) } = &ended else {
+            panic!("{ended:?}")
+        };
+        match error {
+            Invalid::Value(error) => assert_eq!(error.field, "X"),
+            Invalid::TooLong { bytes, limit: 2048 } => assert!(*bytes > 2048, "{bytes}"),
+            other => panic!("{other:?}"),
+        }
+        nothing_has_left(&robot, &mut peer).await;
+    }
+}
+
+#[tokio::test]
+async fn photos_are_served_by_one_at_a_time() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let serving = robot.serve_photos(|_| async { Shot::Failed });
+    let other = robot.clone();
+    let (ended, ()) = tokio::join!(biased; soon(serving), async {
+        let second = soon(other.serve_photos(|_| async { Shot::Points(vec![part()]) })).await;
+        assert_eq!(second, PhotosEnded::ServedAlready);
+        assert!(second.to_string().contains("served already"), "{second}");
+        peer.send(PHOTO).await;
+        assert_eq!(peer.frame().await["ret"], json!(0));
+        nothing_has_left(&other, &mut peer).await;
+        other.clone().close().await;
+    });
+    assert_eq!(ended, PhotosEnded::Closed);
+}
+
+/// A service that was dropped has given its turn back.
+#[tokio::test]
+async fn photos_are_served_by_the_next_once_the_first_is_gone() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    {
+        let mut first = Box::pin(robot.serve_photos(|_| async { Shot::Points(vec![part()]) }));
+        tokio::select! {
+            biased;
+            ended = &mut first => panic!("{ended}"),
+            () = std::future::ready(()) => {}
+        }
+    }
+    let (ended, ()) = tokio::join!(biased; soon(robot.serve_photos(|_| async { Shot::Failed })), async {
+        peer.send(PHOTO).await;
+        assert_eq!(peer.frame().await["ret"], json!(0));
+        nothing_has_left(&robot, &mut peer).await;
+        robot.clone().close().await;
+    });
+    assert_eq!(ended, PhotosEnded::Closed);
 }
 
 #[tokio::test]

@@ -96,10 +96,10 @@ fn point(random: &mut Random) -> Point {
         model_id: i64::from(random.below(20)),
         x: random.decimal(1000, 2000),
         y: random.decimal(1000, 2000),
-        z: random.decimal(1000, 2000),
+        z: Some(random.decimal(1000, 2000)),
         u: Some(random.decimal(1000, 180)),
         v: Some(random.decimal(1000, 180)),
-        angle: random.decimal(1000, 180),
+        angle: Some(random.decimal(1000, 180)),
         similarity: Some(f64::from(random.below(100)) + 0.5),
         color: Some(i64::from(random.below(8))),
         relative: random.below(2) == 1,
@@ -136,7 +136,13 @@ fn sum_of_instruction(instruction: &Instruction) -> f64 {
 }
 
 fn sum_of_point(point: &Point) -> f64 {
-    let turned = point.u.unwrap_or(0.0) + point.v.unwrap_or(0.0) + point.angle;
+    let turned = [point.u, point.v, point.angle].into_iter().flatten().sum::<f64>();
     let rest = point.similarity.unwrap_or(0.0) + point.color.unwrap_or(0) as f64;
-    point.model_id as f64 + point.x + point.y + point.z + turned + rest + f64::from(u8::from(point.relative))
+    point.model_id as f64
+        + point.x
+        + point.y
+        + point.z.unwrap_or(0.0)
+        + turned
+        + rest
+        + f64::from(u8::from(point.relative))
 }

@@ -8,6 +8,7 @@ use std::fmt;
 use crate::address::{Ports, RegisterIndex};
 use crate::encode::{Decimals, write_fixed, write_integer};
 use crate::error::{EncodeError, FieldError};
+use crate::grid::Grid;
 use crate::message::fields::excerpt;
 use crate::spelling;
 use crate::text;
@@ -278,14 +279,14 @@ pub enum Command<'a> {
     ModifyStackData {
         /// The stack.
         stack: u32,
-        /// Spacing in X, Y, Z; the manual gives no unit, mm is our reading.
+        /// Spacing in X, Y, Z, in steps of 0.001, others are not sent; the manual gives no unit, mm is our reading.
         spacing: [f64; 3],
         /// Count in X, Y, Z.
         count: [u32; 3],
     },
     /// Changes the global speed; on the wire percent × 10.
     ModifyGspd {
-        /// Percent, 0 to 100.
+        /// Percent, 0 to 100, in steps of 0.1; others are not sent.
         percent: f64,
     },
     /// Writes one register.
@@ -308,9 +309,9 @@ pub enum Command<'a> {
     },
     /// Changes the acceleration and deceleration time of the path; on the wire seconds × 1000.
     ModifyAccDec {
-        /// Seconds.
+        /// Seconds, in steps of 0.001; others are not sent.
         acceleration: f64,
-        /// Seconds.
+        /// Seconds, in steps of 0.001.
         deceleration: f64,
     },
     /// Switches to another tool.
@@ -322,7 +323,7 @@ pub enum Command<'a> {
     ModifyTool {
         /// Its number.
         tool: u32,
-        /// X, Y, Z in mm and RX, RY, RZ in degrees, from the flange.
+        /// X, Y, Z in mm and RX, RY, RZ in degrees, from the flange, in steps of 0.001; others are not sent.
         offset: [f64; 6],
     },
     /// Switches to another workbench.
@@ -528,7 +529,7 @@ impl<'a> Command<'a> {
             }
             Self::ModifyOutput { board, point, on } => {
                 let checked = |field, value: u8, last, wanted| {
-                    if value <= last { Ok(i64::from(value)) } else { Err(EncodeError { field, wanted }) }
+                    if value <= last { Ok(i64::from(value)) } else { Err(EncodeError::new(field, wanted)) }
                 };
                 let board = checked("board", *board, 7, "0 to 7")?;
                 integers(out, [board, checked("point", *point, 31, "0 to 31")?, flag(on)]);
@@ -542,13 +543,9 @@ impl<'a> Command<'a> {
             }
             Self::ModifyGspd { percent } => {
                 if !(0.0..=100.0).contains(percent) {
-                    return Err(EncodeError { field: "percent", wanted: "from 0 to 100" });
+                    return Err(EncodeError::new("percent", "from 0 to 100"));
                 }
-                let tenths = whole("percent", percent * 10.0)?;
-                if tenths == 0 && *percent > 0.0 {
-                    return Err(EncodeError { field: "percent", wanted: "0, or at least 0.1" });
-                }
-                integers(out, [tenths]);
+                integers(out, [Grid::PERCENT.sendable("percent", *percent)?]);
             }
             Self::RewriteData { register, value, savable } => {
                 integers(out, [i64::from(register.number()), register_value(*value)?, flag(savable)]);
@@ -556,10 +553,10 @@ impl<'a> Command<'a> {
             Self::RewriteDataList { first, savable, values } => {
                 let room = usize::from(RegisterIndex::LAST - first.number()) + 1;
                 if values.is_empty() || values.len() > room {
-                    return Err(EncodeError {
-                        field: "values",
-                        wanted: "1 or more values, all within registers 800 to 900",
-                    });
+                    return Err(EncodeError::new(
+                        "values",
+                        "1 or more values, all within registers 800 to 900",
+                    ));
                 }
                 let length = i64::try_from(values.len()).unwrap_or(i64::MAX);
                 integers(out, [i64::from(first.number()), length, flag(savable)]);
@@ -570,9 +567,9 @@ impl<'a> Command<'a> {
             Self::ModifyAccDec { acceleration, deceleration } => {
                 for (field, seconds) in [("acceleration", acceleration), ("deceleration", deceleration)] {
                     if !(0.001..=60.0).contains(seconds) {
-                        return Err(EncodeError { field, wanted: "from 0.001 to 60 seconds" });
+                        return Err(EncodeError::new(field, "from 0.001 to 60 seconds"));
                     }
-                    integers(out, [whole(field, seconds * 1000.0)?]);
+                    integers(out, [Grid::MILLISECONDS.sendable(field, *seconds)?]);
                 }
             }
             Self::SwitchTool { tool } => integers(out, [i64::from(*tool)]),
@@ -580,9 +577,9 @@ impl<'a> Command<'a> {
                 integers(out, [i64::from(*tool)]);
                 for offset in offset {
                     if offset.is_nan() || offset.abs() > 1e6 {
-                        return Err(EncodeError { field: "offset", wanted: "within ±1e6 mm or degrees" });
+                        return Err(EncodeError::new("offset", "within ±1e6 mm or degrees"));
                     }
-                    integers(out, [whole("offset", offset * 1000.0)?]);
+                    integers(out, [Grid::THOUSANDTHS.sendable("offset", *offset)?]);
                 }
             }
             Self::SwitchCoordinate { workbench } => integers(out, [i64::from(*workbench)]),
@@ -595,20 +592,11 @@ fn up_to(value: Option<i64>, last: u8) -> Option<u8> {
     value.and_then(|value| u8::try_from(value).ok()).filter(|value| *value <= last)
 }
 
-fn whole(field: &'static str, value: f64) -> Result<i64, EncodeError> {
-    if value.is_nan() || value.abs() > 1e9 {
-        return Err(EncodeError { field, wanted: "a finite number within ±1e9 on the wire" });
-    }
-    #[expect(clippy::cast_possible_truncation, reason = "rounded and within ±1e9")]
-    let whole = value.round() as i64;
-    Ok(whole)
-}
-
 /// A register has 32 bits: its Modbus twin is two registers of 16.
 fn register_value(value: i64) -> Result<i64, EncodeError> {
     match i32::try_from(value) {
         Ok(value) => Ok(i64::from(value)),
-        Err(_) => Err(EncodeError { field: "value", wanted: "a whole number of 32 bits" }),
+        Err(_) => Err(EncodeError::new("value", "a whole number of 32 bits")),
     }
 }
 
@@ -622,6 +610,7 @@ fn integers(out: &mut Vec<u8>, values: impl IntoIterator<Item = i64>) {
 
 fn fixed(out: &mut Vec<u8>, field: &'static str, value: f64) -> Result<(), EncodeError> {
     out.extend_from_slice(b",\"");
+    Grid::THOUSANDTHS.sendable(field, value)?;
     write_fixed(out, field, value, Decimals::FEW)?;
     out.push(b'"');
     Ok(())

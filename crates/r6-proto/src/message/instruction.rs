@@ -3,6 +3,7 @@
 use crate::axis::{AXES, AxisIndex, AxisMask};
 use crate::encode::{Decimals, ObjectWriter, key};
 use crate::error::{EncodeError, FieldError};
+use crate::grid::Grid;
 use crate::io_point::PairMask;
 use crate::message::fields::{Fields, FieldsView};
 
@@ -121,11 +122,14 @@ pub struct CurveMove {
 /// What all moves have besides their coordinates (manual 6.1.1; `tool` and `coord` from 206 master F1).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Manner {
-    /// `ckStatus`: the axes that move; left out, all that are given.
+    /// `ckStatus`: the axes that move, each of which has to have a coordinate; `None`: all that are given.
+    ///
+    /// Where one of the first six is left out, the mask is written all the same: what a controller takes for a coordinate that it
+    /// does not find, nobody knows.
     pub mask: Option<AxisMask>,
-    /// `speed`: percent, above 0 to 100. The manual has steps of 0.1; up to three decimals are sent.
+    /// `speed`: percent, 0.1 to 100, in steps of 0.1; others are not sent.
     pub speed: Option<f64>,
-    /// `delay`: seconds to wait before the move, 0 to 86400. The manual has steps of 0.1; up to three decimals are sent.
+    /// `delay`: seconds to wait before the move, 0 to 86400, in steps of 0.1; others are not sent.
     pub delay: Option<f64>,
     /// `smooth`: blend level 0 to 9.
     pub smooth: Option<BlendLevel>,
@@ -180,7 +184,7 @@ pub struct Wait {
     pub source: WaitSource,
     /// `io_status`: for what.
     pub condition: WaitCondition,
-    /// `limit`: seconds, 0.1 s steps; the time itself where only time is waited for.
+    /// `limit`: seconds in steps of 0.1, others are not sent; the time itself where only time is waited for.
     pub limit: f64,
     /// `isUnlimit`: `true` waits for ever.
     pub unlimited: bool,
@@ -234,7 +238,8 @@ pub struct Output {
     pub point: u8,
     /// `io_status`: on or off.
     pub on: bool,
-    /// `delay`: seconds; before the output for 0, 5 and 7, the length of the pulse for a timed output.
+    /// `delay`: seconds in steps of 0.001, others are not sent; before the output for 0, 5 and 7, the length of the pulse for a timed
+    /// output.
     pub delay: f64,
 }
 
@@ -353,12 +358,12 @@ impl Instruction {
         match &self.action {
             Action::AxisMove(motion) | Action::LinearMove(motion) => {
                 write_coordinates(&mut object, &motion.target, Fields::M)?;
-                motion.manner.encode(&mut object)?;
+                motion.manner.encode(&mut object, motion.target.given())?;
             }
             Action::CurveMove(curve) => {
                 write_coordinates(&mut object, &curve.middle, Fields::M)?;
                 write_coordinates(&mut object, &curve.end, Fields::M_P)?;
-                curve.manner.encode(&mut object)?;
+                curve.manner.encode(&mut object, curve.middle.given().and(curve.end.given()))?;
             }
             Action::PathSpeed(path) => {
                 object.quoted_flag(key!("isUse"), path.in_use);
@@ -367,7 +372,7 @@ impl Instruction {
                     let least = if path.in_use { 1.0 } else { 0.0 };
                     if speed.fract() != 0.0 || !(least..=100_000.0).contains(&speed) {
                         let wanted = "a whole number of mm/s, from 1 to 100000";
-                        return Err(EncodeError { field: "speed", wanted });
+                        return Err(EncodeError::new("speed", wanted));
                     }
                     object.quoted_fixed(key!("speed"), speed, Decimals::FEW)?;
                 }
@@ -387,7 +392,7 @@ impl Instruction {
                 );
                 object.quoted_fixed(
                     key!("delay"),
-                    sendable_seconds("delay", output.delay)?,
+                    sendable_seconds("delay", output.delay, Grid::MILLISECONDS)?,
                     Decimals::FEW,
                 )?;
             }
@@ -400,7 +405,7 @@ impl Instruction {
             }
             Action::Workbench(bench) => object.quoted_integer(key!("cnt_id"), i64::from(bench.id)),
             Action::Unknown(_) => {
-                return Err(EncodeError { field: "action", wanted: "an action that this version knows" });
+                return Err(EncodeError::new("action", "an action that this version knows"));
             }
         }
         object.end();
@@ -416,7 +421,7 @@ fn small(value: Option<i64>, last: u8) -> Option<u8> {
 
 /// A small number as the wire's integer, if it is not beyond `last`.
 fn within(field: &'static str, value: u8, last: u8, wanted: &'static str) -> Result<i64, EncodeError> {
-    if value <= last { Ok(i64::from(value)) } else { Err(EncodeError { field, wanted }) }
+    if value <= last { Ok(i64::from(value)) } else { Err(EncodeError::new(field, wanted)) }
 }
 
 fn coordinates(fields: &mut FieldsView<'_>, group: [usize; AXES]) -> Result<Coordinates, FieldError> {
@@ -451,12 +456,12 @@ fn pairs(fields: &mut FieldsView<'_>, field: usize) -> Result<PairMask, FieldErr
     Ok(PairMask::from_bits(bits.unwrap_or(0)))
 }
 
-fn sendable_seconds(field: &'static str, seconds: f64) -> Result<f64, EncodeError> {
-    if (0.0..=LONGEST_TIME).contains(&seconds) {
-        Ok(seconds)
-    } else {
-        Err(EncodeError { field, wanted: "seconds, from 0 to 86400" })
+fn sendable_seconds(field: &'static str, seconds: f64, grid: Grid) -> Result<f64, EncodeError> {
+    if !(0.0..=LONGEST_TIME).contains(&seconds) {
+        return Err(EncodeError::new(field, "seconds, from 0 to 86400"));
     }
+    grid.sendable(field, seconds)?;
+    Ok(seconds)
 }
 
 fn seconds(fields: &mut FieldsView<'_>, field: usize) -> Result<Option<f64>, FieldError> {
@@ -490,21 +495,32 @@ impl Manner {
         })
     }
 
-    fn encode(&self, object: &mut ObjectWriter<'_>) -> Result<(), EncodeError> {
-        if let Some(mask) = self.mask {
+    /// Appends it to a move that has these coordinates.
+    fn encode(&self, object: &mut ObjectWriter<'_>, given: AxisMask) -> Result<(), EncodeError> {
+        if self.mask.is_some_and(|mask| mask.and(given) != mask) {
+            return Err(EncodeError::new("ckStatus", "a mask of axes that all have a coordinate"));
+        }
+        // A controller may take 0 for what it does not find.
+        let left_out = given.and(AxisMask::SIX) != AxisMask::SIX;
+        if let Some(mask) = self.mask.or(left_out.then_some(given)) {
             let digit = |nibble| if nibble < 10 { b'0' + nibble } else { b'A' + nibble - 10 };
             let [high, low] = [mask.bits() >> 4, mask.bits() & 0xF].map(digit);
             object.key(key!("ckStatus")).extend_from_slice(&[b'"', b'0', b'x', high, low, b'"']);
         }
         if let Some(speed) = self.speed {
-            // What rounds to 0 would be another speed than the one that was meant.
-            if !(0.001..=100.0).contains(&speed) {
-                return Err(EncodeError { field: "speed", wanted: "percent, from 0.001 to 100" });
+            // Below the first step nothing would move.
+            if !(0.1..=100.0).contains(&speed) {
+                return Err(EncodeError::new("speed", "percent, from 0.1 to 100"));
             }
+            Grid::PERCENT.sendable("speed", speed)?;
             object.quoted_fixed(key!("speed"), speed, Decimals::TENTHS)?;
         }
         if let Some(delay) = self.delay {
-            object.quoted_fixed(key!("delay"), sendable_seconds("delay", delay)?, Decimals::TENTHS)?;
+            object.quoted_fixed(
+                key!("delay"),
+                sendable_seconds("delay", delay, Grid::TENTHS_OF_A_SECOND)?,
+                Decimals::TENTHS,
+            )?;
         }
         if let Some(smooth) = self.smooth {
             object.quoted_integer(key!("smooth"), i64::from(smooth.level()));
@@ -591,7 +607,11 @@ impl Wait {
                 WaitCondition::FallingEdge => 3,
             },
         );
-        object.quoted_fixed(key!("limit"), sendable_seconds("limit", self.limit)?, Decimals::FEW)?;
+        object.quoted_fixed(
+            key!("limit"),
+            sendable_seconds("limit", self.limit, Grid::TENTHS_OF_A_SECOND)?,
+            Decimals::FEW,
+        )?;
         object.quoted_flag(key!("isUnlimit"), self.unlimited);
         Ok(())
     }

@@ -5,6 +5,9 @@ use crate::error::{EncodeError, FieldError};
 use crate::message::fields::{Fields, FieldsView};
 
 /// One part that a camera found, in the calibrated world of the robot (manual 5.2).
+///
+/// What is left out is not written, and not read as 0: the tool keeps it. The manual always has all of X to `Angel`; what a shipped
+/// controller does with a point that lacks one is not known, so give all six where the wrist matters.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
     /// `ModelID`: the template that recognised it.
@@ -13,14 +16,14 @@ pub struct Point {
     pub x: f64,
     /// `Y`, mm.
     pub y: f64,
-    /// `Z`, mm.
-    pub z: f64,
-    /// `U`, degrees; a four-axis robot has none.
+    /// `Z`, mm; left out, the tool stays as high as it is.
+    pub z: Option<f64>,
+    /// `U`, degrees; left out, it stays as it is. A four-axis robot has none.
     pub u: Option<f64>,
-    /// `V`, degrees; a four-axis robot has none.
+    /// `V`, degrees; left out, it stays as it is. A four-axis robot has none.
     pub v: Option<f64>,
-    /// `Angel` (the wire's spelling), degrees: W, or U on a four-axis robot.
-    pub angle: f64,
+    /// `Angel` (the wire's spelling), degrees: W, or U on a four-axis robot; left out, it stays as it is.
+    pub angle: Option<f64>,
     /// `Similarity`; its range is left open by the manual.
     pub similarity: Option<f64>,
     /// `Color`; its range is left open by the manual.
@@ -50,10 +53,10 @@ impl Point {
                 .unwrap_or(0),
             x: fields.required(Fields::X, MM, |value| value.number())?,
             y: fields.required(Fields::Y, MM, |value| value.number())?,
-            z: fields.optional(Fields::Z, MM, |value| value.number())?.unwrap_or(0.0),
+            z: fields.optional(Fields::Z, MM, |value| value.number())?,
             u: fields.optional(Fields::U, DEGREES, |value| value.number())?,
             v: fields.optional(Fields::V, DEGREES, |value| value.number())?,
-            angle: fields.optional(Fields::ANGEL, DEGREES, |value| value.number())?.unwrap_or(0.0),
+            angle: fields.optional(Fields::ANGEL, DEGREES, |value| value.number())?,
             similarity: fields.optional(Fields::SIMILARITY, "a finite number", |value| value.number())?,
             color: fields.optional(Fields::COLOR, "a whole number", |value| value.integer())?,
             relative: fields.optional(Fields::REL, "1 or 0", |value| value.flag())?.unwrap_or(false),
@@ -64,15 +67,18 @@ impl Point {
     pub(crate) fn encode(&self, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let mut object = ObjectWriter::begin(out);
         object.bare_integer(key!("ModelID"), self.model_id);
-        for (key, value) in [(key!("X"), self.x), (key!("Y"), self.y), (key!("Z"), self.z)] {
-            object.bare_fixed(key, value, Decimals::POSITION)?;
-        }
-        for (key, value) in [(key!("U"), self.u), (key!("V"), self.v)] {
+        for (key, value) in [
+            (key!("X"), Some(self.x)),
+            (key!("Y"), Some(self.y)),
+            (key!("Z"), self.z),
+            (key!("U"), self.u),
+            (key!("V"), self.v),
+            (key!("Angel"), self.angle),
+        ] {
             if let Some(value) = value {
                 object.bare_fixed(key, value, Decimals::POSITION)?;
             }
         }
-        object.bare_fixed(key!("Angel"), self.angle, Decimals::POSITION)?;
         if let Some(similarity) = self.similarity {
             object.bare_fixed(key!("Similarity"), similarity, Decimals::FEW)?;
         }

@@ -144,12 +144,17 @@ pub fn instruction() -> impl Strategy<Value = Instruction> {
 }
 
 fn action() -> impl Strategy<Value = Action> {
-    let motion = || (coordinates(), manner()).prop_map(|(target, manner)| Move { target, manner });
+    let motion = || {
+        (coordinates(), manner())
+            .prop_map(|(target, manner)| Move { target, manner: with_mask(manner, target.given()) })
+    };
     prop_oneof![
         motion().prop_map(Action::AxisMove),
         motion().prop_map(Action::LinearMove),
-        (coordinates(), coordinates(), manner())
-            .prop_map(|(middle, end, manner)| Action::CurveMove(CurveMove { middle, end, manner })),
+        (coordinates(), coordinates(), manner()).prop_map(|(middle, end, manner)| {
+            let manner = with_mask(manner, middle.given().and(end.given()));
+            Action::CurveMove(CurveMove { middle, end, manner })
+        }),
         (any::<bool>(), option::of((1..=100_000_u32).prop_map(f64::from)))
             .prop_map(|(in_use, speed)| Action::PathSpeed(PathSpeed { in_use, speed })),
         (any::<bool>(), 0..=31_u8, any::<bool>())
@@ -190,9 +195,9 @@ fn wait() -> impl Strategy<Value = Action> {
         WaitCondition::RisingEdge,
         WaitCondition::FallingEdge,
     ]);
-    (source, condition, seconds(), any::<bool>()).prop_map(|(source, condition, limit, unlimited)| {
-        Action::Wait(Wait { source, condition, limit, unlimited })
-    })
+    (source, condition, positive(10, 86_400), any::<bool>()).prop_map(
+        |(source, condition, limit, unlimited)| Action::Wait(Wait { source, condition, limit, unlimited }),
+    )
 }
 
 fn coordinates() -> impl Strategy<Value = Coordinates> {
@@ -207,13 +212,20 @@ fn coordinates() -> impl Strategy<Value = Coordinates> {
     })
 }
 
+/// A mask is of axes that have a coordinate, and is written where one of the first six has none.
+fn with_mask(manner: Manner, given: AxisMask) -> Manner {
+    let left_out = given.and(AxisMask::SIX) != AxisMask::SIX;
+    let mask = manner.mask.map(|mask| mask.and(given)).or(left_out.then_some(given));
+    Manner { mask, ..manner }
+}
+
 fn manner() -> impl Strategy<Value = Manner> {
     let mask = any::<u8>().prop_map(AxisMask::from_bits);
     let smooth = (0..=9_u8).prop_filter_map("a blend level", BlendLevel::new);
     (
         option::of(mask),
-        option::of((1..=100_000_u32).prop_map(|thousandths| f64::from(thousandths) / 1000.0)),
-        option::of(seconds()),
+        option::of((1..=1000_u32).prop_map(|tenths| f64::from(tenths) / 10.0)),
+        option::of(positive(10, 86_400)),
         option::of(smooth),
         option::of(any::<u32>()),
         option::of(any::<u32>()),
@@ -229,10 +241,11 @@ fn manner() -> impl Strategy<Value = Manner> {
 }
 
 pub fn point() -> impl Strategy<Value = Point> {
-    let place = [coordinate(), coordinate(), coordinate(), coordinate()];
-    let rest = (option::of(coordinate()), option::of(coordinate()), option::of(decimal(1000, 1000)));
+    let turn = || option::of(coordinate());
+    let place = (coordinate(), coordinate(), option::of(coordinate()), turn());
+    let rest = (turn(), turn(), option::of(decimal(1000, 1000)));
     (any::<i64>(), place, rest, option::of(any::<i64>()), any::<bool>()).prop_map(
-        |(model_id, [x, y, z, angle], (u, v, similarity), color, relative)| Point {
+        |(model_id, (x, y, z, angle), (u, v, similarity), color, relative)| Point {
             model_id,
             x,
             y,

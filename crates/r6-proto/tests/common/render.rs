@@ -94,11 +94,15 @@ fn point(point: &Point) -> Value {
         "ModelID": point.model_id,
         "X": point.x,
         "Y": point.y,
-        "Z": point.z,
-        "Angel": point.angle,
         "Rel": point.relative,
     });
-    for (name, value) in [("U", point.u), ("V", point.v), ("Similarity", point.similarity)] {
+    for (name, value) in [
+        ("Z", point.z),
+        ("U", point.u),
+        ("V", point.v),
+        ("Angel", point.angle),
+        ("Similarity", point.similarity),
+    ] {
         if let Some(value) = value {
             out[name] = value.into();
         }

@@ -218,7 +218,7 @@ class AsyncRobot:
                     looking.cancel()
         finally:
             coming.cancel()
-            serving.close()
+            await run(serving.close())
         return asked
 
     def link_quality(self) -> LinkQuality:

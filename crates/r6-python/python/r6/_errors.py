@@ -52,6 +52,9 @@ class InvalidRequest(RequestError, ValueError):
     ``reason`` is one of ``bad_address``, ``value`` (the wire cannot carry it), ``too_long``, ``outside_envelope``.
     """
 
+    nearest: tuple[float, float] | None = None
+    """The values below and above it that can be sent, where it lies between two steps of the wire."""
+
 
 class NotSent(RequestError):
     """Nothing reached the controller: sending again is safe.
@@ -149,6 +152,8 @@ class StepError(R6Error, ValueError):
     """The field, by its name on the wire."""
     wanted: str = ""
     """What it has to be."""
+    nearest: tuple[float, float] | None = None
+    """The values below and above it that can be sent, where it lies between two steps of the wire."""
 
 
 class NotTaken(R6Error):
@@ -177,6 +182,8 @@ class OutOfRange(R6Error, ValueError):
     """The number."""
     wanted: str = ""
     """What it has to be."""
+    nearest: tuple[float, float] | None = None
+    """The numbers below and above it that the unit allows, where it lies between two steps."""
 
 
 class NotSubscribed(R6Error, ValueError):

@@ -289,7 +289,9 @@ class Robot:
         It keeps this thread until it cannot go on, and tells why; requests are served one after the other. ``look`` may take
         its time and may use this robot: stops of other threads, heartbeats and motions do not wait for it. An exception of
         ``look``, and Ctrl-C, end the serving at once and come out here; the request then gets no answer. What is no ``Shot``
-        is a ``TypeError`` or a ``ValueError``.
+        is a ``TypeError`` or a ``ValueError``. Points that cannot be sent (NaN, or too many for a frame) end it too, with
+        ``reason`` ``request``: their request gets no answer, because that would promise them. A connection has one camera
+        service: a second call ends at once with ``served_already``.
 
         A program waits for the answer for a time of its own: where finding takes longer than taking the picture, use
         ``pushed``, ``answer_photo`` and ``add_points``. Points can set the arm in motion, and no guard checks them: none
@@ -301,7 +303,7 @@ class Robot:
             while not isinstance(asked := serving.next().wait(), PhotosEnded):
                 serving.answer(look(asked))
         finally:
-            serving.close()
+            serving.close().wait()
         return asked
 
     def link_quality(self) -> LinkQuality:

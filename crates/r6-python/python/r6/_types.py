@@ -324,11 +324,12 @@ class Photo:
 class PhotosEnded:
     """Why photos are no longer served. As text it says what to do."""
 
-    reason: Literal["connection_lost", "stopped", "closed", "request", "fell_behind"]
+    reason: Literal["connection_lost", "stopped", "closed", "served_already", "request", "fell_behind"]
     """``connection_lost``: requests reach nobody; look at the machine (``Robot.status`` connects anew), then serve again.
     ``stopped``: a handle of this connection sent a stop or a pause while a picture was under way, and its points are held
-    back; look at the machine, then serve again. ``closed``: the robot was closed. ``request``: an answer did not leave, or
-    the points were not taken. ``fell_behind``: events were missed, and requests may be among them; serve again."""
+    back; look at the machine, then serve again. ``closed``: the robot was closed. ``served_already``: another call serves the
+    photos of this connection, and nothing was sent. ``request``: an answer did not leave, the points were not taken, or they
+    cannot be sent, and then the request got no answer. ``fell_behind``: events were missed, and requests may be among them; serve again."""
     cam_id: int | None
     """The camera whose request failed."""
     error: RequestError | None
@@ -432,12 +433,16 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class Point:
-    """What a camera found, for ``add_points``: mm and degrees."""
+    """What a camera found, for ``add_points``: mm and degrees.
+
+    What is ``None`` is left out of the frame: the tool keeps it. The manual always has all six; what a shipped controller does with
+    a point that lacks one is not known, so give all of them where the wrist matters.
+    """
 
     x: float
     y: float
-    z: float = 0.0
-    angle: float = 0.0
+    z: float | None = None
+    angle: float | None = None
     """W; U on a four-axis robot, degrees."""
     u: float | None = None
     v: float | None = None

@@ -54,35 +54,32 @@ impl Machine {
     }
 
     /// Where a point is: a place in the work frame, or a way from where the tool is now (`Rel`). The program takes a point before it
-    /// moves there, so that all moves to one point, above it and down to it, mean the same place.
+    /// moves there, so that all moves to one point, above it and down to it, mean the same place; without `Z` they are as high as the
+    /// tool is now. Angles that are left out stay as they are.
     pub(super) fn place_of(&self, point: &Point) -> Coordinates {
         let mut target = self.coordinates_of(point);
-        if point.relative {
-            let here = self.pose_of(&self.axes).components();
-            for (axis, here) in AxisIndex::ALL.into_iter().zip(here) {
-                if let Some(way) = target.at(axis) {
-                    target.set(axis, here + way);
-                }
+        let here = self.pose_of(&self.axes).components();
+        for (axis, here) in AxisIndex::ALL.into_iter().zip(here) {
+            match target.at(axis) {
+                Some(way) if point.relative => target.set(axis, here + way),
+                None if axis == Z => target.set(axis, here),
+                Some(_) | None => {}
             }
         }
         target
     }
 
-    /// X, Y, Z, and the angles that were given; `Angel` is W, on a machine of four axes U (manual 5.2).
+    /// What was given of X, Y, Z and the angles; `Angel` is W, on a machine of four axes U (manual 5.2).
     fn coordinates_of(&self, point: &Point) -> Coordinates {
         let mut target = Coordinates::default();
-        for (axis, value) in [(X, point.x), (Y, point.y), (Z, point.z)] {
-            target.set(axis, value);
-        }
-        match self.model.geometry {
-            Geometry::SixAxis(_) => {
-                for (axis, value) in [(U, point.u), (V, point.v), (W, Some(point.angle))] {
-                    if let Some(value) = value {
-                        target.set(axis, value);
-                    }
-                }
+        let turn = match self.model.geometry {
+            Geometry::SixAxis(_) => [(U, point.u), (V, point.v), (W, point.angle)],
+            Geometry::Scara(_) | Geometry::Cartesian => [(U, point.angle), (V, None), (W, None)],
+        };
+        for (axis, value) in [(X, Some(point.x)), (Y, Some(point.y)), (Z, point.z)].into_iter().chain(turn) {
+            if let Some(value) = value {
+                target.set(axis, value);
             }
-            Geometry::Scara(_) | Geometry::Cartesian => target.set(U, point.angle),
         }
         target
     }

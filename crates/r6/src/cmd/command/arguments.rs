@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::str::FromStr;
 
 use r6_proto::address::RegisterIndex;
+use r6_proto::grid::Grid;
 use r6_proto::io_point::IoPoint;
 use r6_proto::{Command, CommandName};
 
@@ -42,32 +43,31 @@ pub fn read(name: CommandName, words: &[String]) -> Result<Command<'static>, Str
         },
         CommandName::ModifyStackData => Command::ModifyStackData {
             stack: arguments.whole(0)?,
-            spacing: [arguments.number(1)?, arguments.number(2)?, arguments.number(3)?],
+            spacing: [arguments.thousandths(1)?, arguments.thousandths(2)?, arguments.thousandths(3)?],
             count: [arguments.whole(4)?, arguments.whole(5)?, arguments.whole(6)?],
         },
-        CommandName::ModifyGspd => {
-            Command::ModifyGspd { percent: arguments.between(0, 0.0..=100.0, "percent from 0 to 100")? }
-        }
+        CommandName::ModifyGspd => Command::ModifyGspd {
+            percent: arguments.between(0, 0.0..=100.0, "percent from 0 to 100", Grid::PERCENT)?,
+        },
         CommandName::RewriteData => Command::RewriteData {
             register: arguments.register(0)?,
             value: arguments.whole(1)?,
             savable: arguments.flag(2)?,
         },
         CommandName::RewriteDataList => arguments.register_list()?,
-        CommandName::ModifyAccDec => Command::ModifyAccDec {
-            acceleration: arguments.between(0, 0.001..=60.0, "seconds from 0.001 to 60")?,
-            deceleration: arguments.between(1, 0.001..=60.0, "seconds from 0.001 to 60")?,
-        },
+        CommandName::ModifyAccDec => {
+            Command::ModifyAccDec { acceleration: arguments.ramp(0)?, deceleration: arguments.ramp(1)? }
+        }
         CommandName::SwitchTool => Command::SwitchTool { tool: arguments.whole(0)? },
         CommandName::ModifyTool => Command::ModifyTool {
             tool: arguments.whole(0)?,
             offset: [
-                arguments.number(1)?,
-                arguments.number(2)?,
-                arguments.number(3)?,
-                arguments.number(4)?,
-                arguments.number(5)?,
-                arguments.number(6)?,
+                arguments.thousandths(1)?,
+                arguments.thousandths(2)?,
+                arguments.thousandths(3)?,
+                arguments.thousandths(4)?,
+                arguments.thousandths(5)?,
+                arguments.thousandths(6)?,
             ],
         },
         CommandName::SwitchCoordinate => Command::SwitchCoordinate { workbench: arguments.whole(0)? },
@@ -156,18 +156,29 @@ impl Arguments<'_> {
         }
     }
 
-    fn number(&self, index: usize) -> Result<f64, String> {
-        self.between(index, -1e6..=1e6, "a number of mm or degrees")
+    fn thousandths(&self, index: usize) -> Result<f64, String> {
+        self.between(index, -1e6..=1e6, "a number of mm or degrees", Grid::THOUSANDTHS)
     }
 
+    fn ramp(&self, index: usize) -> Result<f64, String> {
+        self.between(index, 0.001..=60.0, "seconds from 0.001 to 60", Grid::MILLISECONDS)
+    }
+
+    /// A number that the wire can carry as it is.
     fn between(
         &self,
         index: usize,
         range: std::ops::RangeInclusive<f64>,
         wanted: &str,
+        grid: Grid,
     ) -> Result<f64, String> {
         let value = self.word(index).parse::<f64>().ok().filter(|value| range.contains(value));
-        value.ok_or_else(|| self.wrong(index, wanted))
+        let value = value.ok_or_else(|| self.wrong(index, wanted))?;
+        match grid.step(value) {
+            Ok(_) => Ok(value),
+            Err(Some(nearest)) => Err(self.wrong(index, &format!("{}; nearest: {nearest}", grid.wanted()))),
+            Err(None) => Err(self.wrong(index, wanted)),
+        }
     }
 
     fn register(&self, index: usize) -> Result<RegisterIndex, String> {
@@ -277,6 +288,24 @@ mod tests {
             read_words("modifyGSPD 500"),
             Err("percent is `500`, but has to be percent from 0 to 100".to_owned())
         );
+        for (between_two_steps, says) in [
+            (
+                "modifyGSPD 5.55",
+                "percent is `5.55`, but has to be in steps of 0.1 percent; nearest: 5.5 or 5.6",
+            ),
+            (
+                "modifyTool 1 0.0004 0 0 0 0 0",
+                "x is `0.0004`, but has to be in steps of 0.001; nearest: 0 or 0.001",
+            ),
+            ("modifyAccDec 0.25 0.2505", "but has to be in steps of 0.001 seconds; nearest: 0.25 or 0.251"),
+            (
+                "modifyStackData 0 1 1 0.0001 2 2 2",
+                "dz is `0.0001`, but has to be in steps of 0.001; nearest",
+            ),
+        ] {
+            let error = read_words(between_two_steps).unwrap_err();
+            assert!(error.contains(says), "{error}");
+        }
         assert_eq!(
             read_words("modifyOutput 0 32 1"),
             Err("point is `32`, but has to be a whole number from 0 to 31".to_owned())

@@ -3,6 +3,7 @@
 mod signals;
 
 use r6_proto::AxisMask;
+use r6_proto::grid::Grid;
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{
     BlendLevel, Coordinates, CurveMove, Manner, Move, PathSpeed, StopOnSignal, Workbench,
@@ -242,7 +243,7 @@ impl Step {
         Ok(Manner {
             mask: Some(mask),
             speed: Some(speed),
-            delay: Some(seconds("delay", self.delay.unwrap_or(0.0))?),
+            delay: Some(seconds("delay", self.delay.unwrap_or(0.0), Grid::TENTHS_OF_A_SECOND)?),
             smooth: Some(blend),
             tool: self.tool,
             coord: self.work_frame,
@@ -275,12 +276,11 @@ fn required<T>(key: &str, value: Option<T>) -> Result<T, String> {
     value.ok_or_else(|| format!("`{key}` is missing"))
 }
 
-fn seconds(key: &str, value: f64) -> Result<f64, String> {
-    if (0.0..=86_400.0).contains(&value) {
-        Ok(value)
-    } else {
-        Err(format!("`{key}` has to be seconds from 0 to 86400"))
+fn seconds(key: &str, value: f64, grid: Grid) -> Result<f64, String> {
+    if !(0.0..=86_400.0).contains(&value) {
+        return Err(format!("`{key}` has to be seconds from 0 to 86400"));
     }
+    units::on_grid(grid, value).map_err(|wrong| format!("`{key}` is {value}: {wrong}"))
 }
 
 fn up_to(key: &str, value: u8, last: u8) -> Result<u8, String> {
@@ -374,6 +374,18 @@ mod tests {
     fn wrong_steps_say_what_is_wrong() {
         for (text, wrong) in [
             ("do=\"workbench\"\nnumber=1\nspeed=5", "`speed` means nothing here; this step has: number"),
+            (
+                "do=\"axis-move\"\nto=[1]\nspeed=5.55",
+                "`speed` is 5.55: it has to be in steps of 0.1 percent; nearest: 5.5 or 5.6",
+            ),
+            (
+                "do=\"axis-move\"\nto=[1]\nspeed=5\ndelay=0.25",
+                "`delay` is 0.25: it has to be in steps of 0.1 seconds; nearest: 0.2 or 0.3",
+            ),
+            (
+                "do=\"wait\"\nseconds=0.01",
+                "`seconds` is 0.01: it has to be in steps of 0.1 seconds; nearest: 0 or 0.1",
+            ),
             ("do=\"axis-move\"\nto=[1]\nspeed=0", "`speed` is 0: it has to be percent from 0.1 to 100"),
             ("do=\"axis-move\"\nto=[1]", "`speed` is missing"),
             ("do=\"axis-move\"\nto=[nan]\nspeed=1", "`to` has NaN, which is no coordinate"),

@@ -241,7 +241,7 @@ mod tests {
     fn what_is_wrong_is_told_with_its_place_and_the_nearest_word() {
         for (text, at, what, advice) in [
             ("max_sped = 20", 0, "there is no limit `max_sped`", Some("nearest: `max_speed`")),
-            ("max_speed = 0", 12, "`max_speed` has to be percent, from 0.001 to 100", None),
+            ("max_speed = 0", 12, "`max_speed` has to be percent, from 0.1 to 100 in steps of 0.1", None),
             ("max_speed = \"20\"", 12, "`max_speed` has to be a number", None),
             ("max_speed = nan", 12, "`max_speed` has to be a number", None),
             (

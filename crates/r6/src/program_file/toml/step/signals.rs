@@ -1,5 +1,6 @@
 //! Steps about signals: waits and outputs.
 
+use r6_proto::grid::Grid;
 use r6_proto::io_point::{IoPoint, PairMask, PointKind};
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{
@@ -16,7 +17,7 @@ impl Step {
             return Ok(Action::Wait(Wait {
                 source: WaitSource::Time,
                 condition: WaitCondition::Off,
-                limit: seconds("seconds", time)?,
+                limit: seconds("seconds", time, Grid::TENTHS_OF_A_SECOND)?,
                 unlimited: false,
             }));
         }
@@ -31,7 +32,7 @@ impl Step {
             UntilWord::Rising => WaitCondition::RisingEdge,
             UntilWord::Falling => WaitCondition::FallingEdge,
         };
-        let limit = seconds("limit", self.limit.unwrap_or(0.0))?;
+        let limit = seconds("limit", self.limit.unwrap_or(0.0), Grid::TENTHS_OF_A_SECOND)?;
         Ok(Action::Wait(Wait { source, condition, limit, unlimited: self.limit.is_none() }))
     }
 
@@ -91,14 +92,19 @@ impl Step {
         let point = up_to("point", point, 32)?;
         let Some(pulse) = self.pulse else {
             let on = required("on", self.on)?;
-            let delay = seconds("delay", self.delay.unwrap_or(0.0))?;
+            let delay = seconds("delay", self.delay.unwrap_or(0.0), Grid::MILLISECONDS)?;
             return Ok(Action::Output(Output { kind, point, on, delay }));
         };
         if kind != OutputKind::Y || self.delay.is_some() {
             return Err("`pulse` is for kind \"y\" and goes without `delay`".to_owned());
         }
         let on = self.on.unwrap_or(true);
-        Ok(Action::Output(Output { kind: OutputKind::TimedY, point, on, delay: seconds("pulse", pulse)? }))
+        Ok(Action::Output(Output {
+            kind: OutputKind::TimedY,
+            point,
+            on,
+            delay: seconds("pulse", pulse, Grid::MILLISECONDS)?,
+        }))
     }
 
     /// Many outputs of one board.
