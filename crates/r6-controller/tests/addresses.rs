@@ -39,7 +39,7 @@ fn address_counter_n() {
     assert_eq!(pendant.value("counter-2"), json!(["2", "20", "7"]));
     let mut legacy = Cell::with_profile("legacy");
     legacy.send(r#"{"reqType":"command","cmdData":["modifyCounter","2","7","20"]}"#);
-    assert!(legacy.frame().unwrap().contains(r#""cmdReply":["ok"]"#));
+    assert!(legacy.frame().unwrap().contains(r#""cmdReply":["modifyCounter","ok"]"#));
     assert_eq!(legacy.text("counter-2"), "counter2[2][T:20][C:7]");
 }
 
