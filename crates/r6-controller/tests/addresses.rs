@@ -50,7 +50,7 @@ fn address_cur_mode() {
     cell.ok(&["actionStop"]);
     assert_eq!(cell.text("curMode"), "2");
     cell.ok(&["actionSingleCycle"]);
-    assert_eq!(cell.text("curMode"), "2", "a single cycle of nothing is over at once");
+    assert_eq!(cell.text("curMode"), "9", "a single cycle waits for a list");
 }
 
 #[test]

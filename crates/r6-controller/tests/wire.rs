@@ -226,7 +226,7 @@ fn wrong_fields_are_refused_as_far_as_the_protocol_lets_us() {
 fn thousands_of_wrong_words_are_counted_not_explained() {
     let mut cell = Cell::new();
     let words = vec!["\"axis9\""; 5000].join(",");
-    let reply = cell.ask(format!(r#"{{"reqType":"query","queryAddr":[{words}]}}"#));
+    let reply = cell.ask(format!(r#"{{"dsID":"HCRemoteMonitor","reqType":"query","queryAddr":[{words}]}}"#));
     assert!(reply.contains(r#""queryData":[]"#));
     let log = cell.log();
     assert!(log.contains("and 4992 more of the kind"), "{log}");
