@@ -69,7 +69,7 @@ impl<'m> Answers<'m> {
             Address::CurAccount => data.text(&machine.account),
             Address::Origin => data.flag(machine.homed),
             Address::MoldList => data.texts(machine.library.names()),
-            Address::IsMoving => data.flag(machine.is_moving()),
+            Address::IsMoving => data.flag(machine.tells_moving()),
             Address::Addr(register) => data.integer(machine.registers.get(&register).copied().unwrap_or(0)),
             Address::RemoteCmdLen => data.integer(i64::try_from(machine.list.len()).unwrap_or(i64::MAX)),
             Address::ToolCoord => {

@@ -216,6 +216,7 @@ impl Controller {
     /// A connection has ended.
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.connections.remove(&id);
+        self.log.forget(self.machine.now(), id);
         self.cameras.disconnect(id);
         if let Some(breakage) = &mut self.breakage {
             breakage.disconnect(id);
@@ -231,6 +232,7 @@ impl Controller {
         match self.connections.get_mut(&id) {
             Some(connection) if connection.service == Service::Served && !connection.opened => {
                 connection.service = Service::Wedged;
+                self.log.forget(self.machine.now(), id);
                 connection.session = ServerSession::new(LIMITS);
             }
             Some(_) | None => self.disconnect(id),
@@ -288,9 +290,10 @@ impl Controller {
         for (id, connection) in &mut self.connections {
             let (inbox, _) = connection.session.split();
             if let Some(error) = inbox.handle_timeout(now) {
-                self.log.add(now, Some(*id), Level::Warning, format!("{error}; not answered"));
+                self.log.warn(now, *id, format!("{error}; not answered"));
             }
         }
+        self.log.handle_timeout(now);
         self.collect_machine_events();
     }
 
@@ -299,7 +302,8 @@ impl Controller {
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Instant> {
         let sessions = self.connections.values().filter_map(|connection| connection.session.poll_timeout());
-        sessions.chain(self.machine.next_event()).chain(self.next_of_scenario()).min()
+        let rest = [self.machine.next_event(), self.next_of_scenario(), self.log.poll_timeout()];
+        sessions.chain(rest.into_iter().flatten()).min()
     }
 
     /// The next frame for a connection, to be written as one piece.

@@ -11,10 +11,12 @@ mod halt;
 mod hand;
 mod kept;
 mod loading;
+mod lone_curve;
 mod look_ahead;
 mod order;
 mod panel;
 mod program;
+mod signal_stop;
 mod watchdog;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -23,7 +25,6 @@ use std::time::Duration;
 use r6_proto::AXES;
 use r6_proto::address::RegisterIndex;
 use r6_proto::message::Point;
-use r6_proto::message::instruction::StopOnSignal;
 use r6_proto::time::Instant;
 
 pub use buttons::NotTaken;
@@ -131,7 +132,9 @@ pub struct Machine {
     /// Action 51: path speed in mm/s for linear moves without a speed of their own.
     pub(crate) path_speed: Option<f64>,
     /// Action 52: the input that stops the motion.
-    pub(crate) stop_signal: Option<StopOnSignal>,
+    signal_watch: signal_stop::SignalWatch,
+    /// What the present run of the list has had so far.
+    list_run: lone_curve::ListRun,
     /// Outputs to be set back: when, which, to what.
     pub(crate) pulses: Vec<(Instant, OutputPoint, bool)>,
     /// Where the program is.
@@ -226,7 +229,8 @@ impl Machine {
             emergency_stop: false,
             start_needed: false,
             path_speed: None,
-            stop_signal: None,
+            signal_watch: signal_stop::SignalWatch::default(),
+            list_run: lone_curve::ListRun::default(),
             pulses: Vec::new(),
             program: ProgramRun::default(),
             photos: VecDeque::new(),
@@ -354,10 +358,18 @@ impl Machine {
         r6_motion::kinematics::world(&self.model, axes, &self.frames())
     }
 
-    /// Whether `isMoving` is 1: a move is under way, its delay included.
+    /// Whether a move is under way, its delay included.
     #[must_use]
     pub fn is_moving(&self) -> bool {
         self.run_under_way().is_some()
+    }
+
+    /// What `isMoving` tells: a move is under way. Whether that includes its delay is a setting of the profile.
+    #[must_use]
+    pub fn tells_moving(&self) -> bool {
+        self.run_under_way().is_some_and(|run| {
+            self.profile.moving_in_delay || !run.movement.stands_first(run.seconds(self.now))
+        })
     }
 
     /// What moves the arm: a step, or a person.

@@ -11,15 +11,22 @@
 //! add_rcc_ack_ms = 25
 //! ```
 
+mod choices;
+mod file;
+
 use std::fmt;
 use std::time::Duration;
 
 use r6_motion::Turning;
 use r6_proto::address::{ADDRESSES, Ports};
-use r6_proto::dialect::{CommandReplyForm, CounterForm, Dialect, KeyOrder, ReplyType};
+use r6_proto::dialect::Dialect;
 use r6_proto::message::command::COMMANDS;
 use r6_proto::{Address, CommandName, Port};
-use serde::Deserialize;
+
+pub use choices::{
+    IdleSingleCycle, LoneCurve, MissingOneshot, PathSpeedAnswer, ReplaceInMotion, SignalStop, StopButton,
+    StopMode, Unarmed,
+};
 
 /// Everything that differs between firmwares: how replies are written, what exists, how it behaves, what it takes.
 ///
@@ -54,8 +61,23 @@ pub struct Profile {
     pub add_rcc_unarmed: Unarmed,
     /// What an AddRCC that replaces the list in mid-motion does. Reported, unit A: alarm 200.
     pub replace_in_motion: ReplaceInMotion,
-    /// Which way round a line or curve turns the tool to a target more than half a turn away in U, V or W.
+    /// Which way round a line or curve of the remote list turns the tool to a target more than half a turn away in U, V or W.
+    /// Reported: U told +180 where it read −180 was a whole turn of the wrist. Steps of a taught program take the shortest way.
     pub turning: Turning,
+    /// What a curve (action 17) does that has no line (action 10) before it. Reported: answered ok, not executed.
+    pub lone_curve: LoneCurve,
+    /// What AddRCC answers to a list with a line behind a path speed (actions 51, 10). Reported, unit B: `err`, though it ran.
+    pub path_speed_answer: PathSpeedAnswer,
+    /// When the signal of action 52 stops a move. Manual 6.1.4: its status; nobody reports which it is.
+    pub signal_stop: SignalStop,
+    /// Whether the watch of action 52 goes on when its list has ended or was replaced. Manual 6.1.4: until `isUse` 0.
+    pub signal_stop_outlives_list: bool,
+    /// What an instruction without `oneshot` is. Chosen.
+    pub oneshot_missing: MissingOneshot,
+    /// Whether `isMoving` is 1 while a move stands still for its `delay`. Manual 4.1.1 #21: 0 is "at rest".
+    pub moving_in_delay: bool,
+    /// What `actionSingleCycle` does while a program waits for remote commands and the list is empty. Chosen.
+    pub idle_single_cycle: IdleSingleCycle,
     /// The most connections that are served; further ones are accepted and never answered. Chosen.
     pub max_connections: usize,
     /// Whether a heartbreak is answered. Nobody knows; chosen: no.
@@ -81,49 +103,6 @@ pub struct Profile {
     pub counter_target_writable: bool,
     /// Whether `modifyOutput` reaches M (manual 4.2.1 #8: not yet on the pendant's port).
     pub m_output_writable: bool,
-}
-
-/// What AddRCC does while no program waits for remote commands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Unarmed {
-    /// It is answered with `err` and dropped.
-    Refuse,
-    /// It is neither answered nor executed.
-    Silent,
-    /// In automatic it starts by itself (reported, unit B); elsewhere it is refused.
-    Arm,
-}
-
-/// What an AddRCC that replaces the list in mid-motion does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ReplaceInMotion {
-    /// Alarm 200; the arm stops.
-    Alarm200,
-    /// The arm goes over to the new list without a stop, where its first step is a move that can be gone to in mid-move;
-    /// else it stops and goes on with the new list.
-    TakeOver,
-}
-
-/// The mode after `actionStop`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum StopMode {
-    /// 2: automatic, not running.
-    Auto,
-    /// 3: stop.
-    Stop,
-}
-
-/// What the first press of the stop button does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum StopButton {
-    /// The cycle is finished; a second press stops at once.
-    FinishCycle,
-    /// The arm stops at once.
-    AtOnce,
 }
 
 impl Profile {
@@ -164,7 +143,15 @@ impl Profile {
             add_rcc_ack_spread: Duration::from_millis(2),
             add_rcc_unarmed: Unarmed::Refuse,
             replace_in_motion: ReplaceInMotion::Alarm200,
-            turning: Turning::Shortest,
+            turning: Turning::AsTold,
+            lone_curve: LoneCurve::Skip,
+            // Unit B's list ran although it was refused; this is unit A's firmware, and of that nobody reports it.
+            path_speed_answer: PathSpeedAnswer::Ok,
+            signal_stop: SignalStop::Level,
+            signal_stop_outlives_list: true,
+            oneshot_missing: MissingOneshot::Keep,
+            moving_in_delay: false,
+            idle_single_cycle: IdleSingleCycle::Wait,
             max_connections: 8,
             answers_heartbreak: false,
             accepts_heartbreak_command: false,
@@ -205,6 +192,7 @@ impl Profile {
             add_rcc_ack: Duration::ZERO,
             add_rcc_ack_spread: Duration::ZERO,
             replace_in_motion: ReplaceInMotion::TakeOver,
+            lone_curve: LoneCurve::Run,
             counter_target_writable: port == Port::Pendant,
             m_output_writable: port == Port::Mainboard,
             ..Self::hc1()
@@ -226,8 +214,7 @@ impl Profile {
     /// # Errors
     /// [`ProfileError`] names the line, the setting and what it has to be.
     pub fn from_toml(text: &str) -> Result<Self, ProfileError> {
-        let file: ProfileFile = toml::from_str(text).map_err(|error| ProfileError(error.to_string()))?;
-        file.apply()
+        file::read(text)
     }
 
     /// Whether a query for this address gets a value.
@@ -260,158 +247,10 @@ impl fmt::Display for ProfileError {
 
 impl std::error::Error for ProfileError {}
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ProfileFile {
-    base: Option<String>,
-    name: Option<String>,
-    version: Option<String>,
-    port: Option<PortWord>,
-    key_order: Option<KeyOrderWord>,
-    reply_type: Option<ReplyTypeWord>,
-    command_reply: Option<CommandReplyWord>,
-    echo_pack_id: Option<bool>,
-    echo_query_addr: Option<bool>,
-    counter_form: Option<CounterWord>,
-    unsupported_addresses: Option<Vec<String>>,
-    unsupported_commands: Option<Vec<String>>,
-    unsupported_actions: Option<Vec<i64>>,
-    checks_arguments: Option<bool>,
-    /// 0: no limit.
-    add_rcc_silent_over: Option<usize>,
-    /// 0: no limit.
-    add_rcc_reset_over: Option<usize>,
-    add_rcc_ack_ms: Option<u64>,
-    add_rcc_ack_spread_ms: Option<u64>,
-    add_rcc_unarmed: Option<Unarmed>,
-    replace_in_motion: Option<ReplaceInMotion>,
-    turning: Option<TurningWord>,
-    max_connections: Option<usize>,
-    answers_heartbreak: Option<bool>,
-    says_virtual: Option<bool>,
-    accepts_heartbreak_command: Option<bool>,
-    heartbeat_timeout_ms: Option<u64>,
-    heartbeat_alarm: Option<u32>,
-    action_stop_ms: Option<u64>,
-    action_stop_alarm: Option<u32>,
-    action_stop_mode: Option<StopMode>,
-    action_pause_ms: Option<u64>,
-    stop_button: Option<StopButton>,
-    counter_target_writable: Option<bool>,
-    m_output_writable: Option<bool>,
-}
-
-/// Declares the words that a file uses for a closed set of `r6-proto`, which knows no serde.
-macro_rules! words {
-    ($name:ident => $target:ty { $($word:ident => $value:expr),+ $(,)? }) => {
-        #[derive(Clone, Copy, Deserialize)]
-        #[serde(rename_all = "kebab-case")]
-        enum $name { $($word),+ }
-
-        impl From<$name> for $target {
-            fn from(word: $name) -> Self {
-                match word { $($name::$word => $value),+ }
-            }
-        }
-    };
-}
-
-words!(TurningWord => Turning { Shortest => Turning::Shortest, AsTold => Turning::AsTold });
-words!(PortWord => Port { Mainboard => Port::Mainboard, Pendant => Port::Pendant });
-words!(KeyOrderWord => KeyOrder { Alphabetical => KeyOrder::Alphabetical, Manual => KeyOrder::Manual });
-words!(ReplyTypeWord => ReplyType {
-    AsSent => ReplyType::AsSent,
-    Templates => ReplyType::Templates,
-    Echo => ReplyType::Echo,
-});
-words!(CommandReplyWord => CommandReplyForm {
-    Verdict => CommandReplyForm::Verdict,
-    NameAndVerdict => CommandReplyForm::NameAndVerdict,
-});
-words!(CounterWord => CounterForm {
-    Numbers => CounterForm::Numbers,
-    Texts => CounterForm::Texts,
-    OldText => CounterForm::OldText,
-});
-
-/// Overwrites a setting where the file has one.
-fn set<T>(setting: &mut T, value: Option<impl Into<T>>) {
-    if let Some(value) = value {
-        *setting = value.into();
-    }
-}
-
-fn set_ms(setting: &mut Duration, value: Option<u64>) {
-    set(setting, value.map(Duration::from_millis));
-}
-
-impl ProfileFile {
-    fn apply(self) -> Result<Profile, ProfileError> {
-        let base = self.base.as_deref().unwrap_or("hc1");
-        let mut profile = Profile::named(base).ok_or_else(|| unknown("base", base, Profile::names()))?;
-        set(&mut profile.name, self.name);
-        set(&mut profile.version, self.version);
-        set(&mut profile.port, self.port);
-        set(&mut profile.dialect.key_order, self.key_order);
-        set(&mut profile.dialect.reply_type, self.reply_type);
-        set(&mut profile.dialect.command_reply, self.command_reply);
-        set(&mut profile.dialect.echo_pack_id, self.echo_pack_id);
-        set(&mut profile.dialect.echo_query_addr, self.echo_query_addr);
-        set(&mut profile.dialect.counter, self.counter_form);
-        if let Some(names) = &self.unsupported_addresses {
-            for name in names {
-                if !ADDRESSES.iter().any(|row| row.name == name) {
-                    return Err(unknown("unsupported_addresses", name, ADDRESSES.map(|row| row.name)));
-                }
-            }
-        }
-        if let Some(words) = &self.unsupported_commands {
-            for word in words {
-                if CommandName::exact(word.as_bytes()).is_none() {
-                    return Err(unknown("unsupported_commands", word, COMMANDS.map(|row| row.word)));
-                }
-            }
-        }
-        set(&mut profile.unsupported_addresses, self.unsupported_addresses);
-        set(&mut profile.unsupported_commands, self.unsupported_commands);
-        set(&mut profile.unsupported_actions, self.unsupported_actions);
-        set(&mut profile.checks_arguments, self.checks_arguments);
-        let limit = |bytes: usize| (bytes > 0).then_some(bytes);
-        set(&mut profile.add_rcc_silent_over, self.add_rcc_silent_over.map(limit));
-        set(&mut profile.add_rcc_reset_over, self.add_rcc_reset_over.map(limit));
-        set_ms(&mut profile.add_rcc_ack, self.add_rcc_ack_ms);
-        set_ms(&mut profile.add_rcc_ack_spread, self.add_rcc_ack_spread_ms);
-        set(&mut profile.add_rcc_unarmed, self.add_rcc_unarmed);
-        set(&mut profile.replace_in_motion, self.replace_in_motion);
-        set(&mut profile.turning, self.turning);
-        set(&mut profile.max_connections, self.max_connections);
-        set(&mut profile.answers_heartbreak, self.answers_heartbreak);
-        set(&mut profile.dialect.says_virtual, self.says_virtual);
-        set(&mut profile.accepts_heartbreak_command, self.accepts_heartbreak_command);
-        set_ms(&mut profile.heartbeat_timeout, self.heartbeat_timeout_ms);
-        set(&mut profile.heartbeat_alarm, self.heartbeat_alarm);
-        set_ms(&mut profile.action_stop_time, self.action_stop_ms);
-        set(&mut profile.action_stop_alarm, self.action_stop_alarm);
-        set(&mut profile.action_stop_mode, self.action_stop_mode);
-        set_ms(&mut profile.action_pause_time, self.action_pause_ms);
-        set(&mut profile.stop_button, self.stop_button);
-        set(&mut profile.counter_target_writable, self.counter_target_writable);
-        set(&mut profile.m_output_writable, self.m_output_writable);
-        Ok(profile)
-    }
-}
-
-fn unknown(setting: &str, word: &str, known: impl IntoIterator<Item = &'static str>) -> ProfileError {
-    let known: Vec<_> = known.into_iter().collect();
-    let nearest = r6_proto::nearest(word, known.iter().copied());
-    ProfileError(match nearest {
-        Some(near) => format!("{setting}: `{word}` is not known; nearest: `{near}`"),
-        None => format!("{setting}: `{word}` is not known; there are: {}", known.join(", ")),
-    })
-}
-
 #[cfg(test)]
 mod tests {
+    use r6_proto::dialect::KeyOrder;
+
     use super::*;
 
     #[test]
@@ -447,6 +286,8 @@ mod tests {
         assert!(error.contains("max_conections") && error.contains("max_connections"), "{error}");
         let error = Profile::from_toml("base = \"hc2\"").unwrap_err().to_string();
         assert_eq!(error, "base: `hc2` is not known; nearest: `hc1`");
+        let error = Profile::from_toml("max_connections = 0").unwrap_err().to_string();
+        assert!(error.starts_with("max_connections: 0 ") && error.contains("1 or more"), "{error}");
         let error = Profile::from_toml("unsupported_commands = [\"actoinStop\"]").unwrap_err().to_string();
         assert!(error.contains("nearest: `actionStop`"), "{error}");
     }

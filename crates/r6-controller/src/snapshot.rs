@@ -66,7 +66,7 @@ impl ControllerSnapshot {
             alarm: machine.alarm,
             emergency_stop: machine.emergency_stop,
             homed: machine.homed,
-            moving: machine.is_moving(),
+            moving: machine.tells_moving(),
             program: machine.mold.clone(),
             programs: machine.library.names().map(str::to_owned).collect(),
             list_length: machine.list.len(),

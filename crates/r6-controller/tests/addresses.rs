@@ -39,7 +39,7 @@ fn address_counter_n() {
     assert_eq!(pendant.value("counter-2"), json!(["2", "20", "7"]));
     let mut legacy = Cell::with_profile("legacy");
     legacy.send(r#"{"reqType":"command","cmdData":["modifyCounter","2","7","20"]}"#);
-    assert!(legacy.frame().unwrap().contains(r#""cmdReply":["ok"]"#));
+    assert!(legacy.frame().unwrap().contains(r#""cmdReply":["modifyCounter","ok"]"#));
     assert_eq!(legacy.text("counter-2"), "counter2[2][T:20][C:7]");
 }
 
@@ -50,7 +50,7 @@ fn address_cur_mode() {
     cell.ok(&["actionStop"]);
     assert_eq!(cell.text("curMode"), "2");
     cell.ok(&["actionSingleCycle"]);
-    assert_eq!(cell.text("curMode"), "2", "a single cycle of nothing is over at once");
+    assert_eq!(cell.text("curMode"), "9", "a single cycle waits for a list");
 }
 
 #[test]

@@ -51,7 +51,10 @@ fn instruction_4_waits_for_its_delay() {
     step["delay"] = json!("1.0");
     cell.run_ok(&json!([step]));
     cell.pass(0.98);
-    assert_eq!(cell.query(&["axis-0", "isMoving"]), [json!("0.000000"), json!("1")]);
+    assert_eq!(
+        cell.query(&["axis-0", "isMoving", "RemoteCmdLen"]),
+        [json!("0.000000"), json!("0"), json!("1")]
+    );
     cell.pass(10.0);
     assert_eq!(cell.text("axis-0"), "10.000000");
 }
@@ -132,7 +135,8 @@ fn instruction_17_goes_through_the_middle() {
         step[format!("m{n}_p")] = json!(format!("{:.6}", value + offset));
     }
     cell.ok(&["modifyGSPD", "100"]);
-    cell.run_ok(&json!([step]));
+    // A curve needs a line before it in its list: here one to where the tool is.
+    cell.run_ok(&json!([linear_move(start, 5.0), step]));
     let mut farthest: f64 = 0.0;
     for _ in 0..180 {
         cell.pass(0.1);
@@ -500,6 +504,11 @@ fn a_step_is_told_in_its_own_workbench() {
         cell.run_ok(&json!([axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 0.0], 100.0)]));
         cell.pass(5.0);
         let from = cell.world();
+        if action == "17" {
+            // A curve needs a line before it in its list.
+            cell.run_ok(&json!([linear_move(from, 5.0)]));
+            cell.pass(5.0);
+        }
         let on_bench: [f64; 6] =
             std::array::from_fn(|n| from[n] - bench.get(n).unwrap_or(&0.0) + if n == 1 { 30.0 } else { 0.0 });
         let mut step = linear_move(on_bench, 5.0);
@@ -525,7 +534,7 @@ fn a_step_is_told_in_its_own_workbench() {
             step = axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 5.0], 50.0);
             step["coord"] = json!("2");
         }
-        cell.run_ok(&json!([step]));
+        cell.append_ok(&json!([step]));
         cell.pass(20.0);
         if action == "4" {
             assert_near(cell.axes(), [0.0, -20.0, 10.0, 0.0, 40.0, 5.0], 1e-6);

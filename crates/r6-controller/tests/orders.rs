@@ -30,7 +30,9 @@ fn turned_to(profile: &str, j6: f64, angle: usize, told: impl Fn(f64) -> f64) ->
 /// A real unit's wrist went the long way when it was told U +180 where it read −180 (reported). The profile decides.
 #[test]
 fn the_profile_says_which_way_round_the_wrist_turns() {
-    const AS_TOLD: &str = "turning = \"as-told\"";
+    // What was seen is what `hc1` does.
+    const AS_TOLD: &str = "";
+    const SHORTEST: &str = "turning = \"shortest\"";
     #[track_caller]
     fn turns(seen: (f64, String), by: f64) {
         // The tool is tilted, so the other axes turn a little too, and W is not quite what J6 is.
@@ -39,14 +41,14 @@ fn the_profile_says_which_way_round_the_wrist_turns() {
     let whole_turn_less = |u: f64| u - 360.0 * u.signum();
     for side in [1.0, -1.0] {
         // From W = 100 to −100 there is room for either way: 160 degrees through 180, 200 through 0.
-        turns(turned_to("", 80.0 * side, 5, |w| -w), -160.0 * side);
+        turns(turned_to(SHORTEST, 80.0 * side, 5, |w| -w), -160.0 * side);
         turns(turned_to(AS_TOLD, 80.0 * side, 5, |w| -w), 200.0 * side);
         // From 175 to −175 the long way is further than J6 can turn.
-        turns(turned_to("", 5.0 * side, 5, |w| -w), -10.0 * side);
+        turns(turned_to(SHORTEST, 5.0 * side, 5, |w| -w), -10.0 * side);
         let end_of_j6 = if side > 0.0 { "135" } else { "145" };
         assert_eq!(turned_to(AS_TOLD, 5.0 * side, 5, |w| -w), (0.0, end_of_j6.to_owned()));
         // The same place of U told a whole turn on: a turn that no arm can do.
-        turns(turned_to("", 80.0 * side, 3, whole_turn_less), 0.0);
+        turns(turned_to(SHORTEST, 80.0 * side, 3, whole_turn_less), 0.0);
         assert_ne!(turned_to(AS_TOLD, 80.0 * side, 3, whole_turn_less).1, "0");
     }
 }

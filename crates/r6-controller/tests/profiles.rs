@@ -56,6 +56,24 @@ fn the_example_of_the_page_works() {
     );
 }
 
+/// The page's other examples: what is reported of unit B, and the replies that the manual prints for old firmware.
+#[test]
+fn the_other_examples_of_the_page_work() {
+    let examples: Vec<_> = PAGE
+        .split("```toml")
+        .skip(2)
+        .map(|rest| Profile::from_toml(rest.split("```").next().unwrap()).unwrap())
+        .collect();
+    let [unit_b, manual] = &examples[..] else { panic!("{} examples", examples.len()) };
+    assert_eq!((unit_b.name.as_str(), unit_b.action_stop_alarm), ("unit-b", 42));
+    let mut cell = Cell::with(manual.clone(), StartState::Waiting);
+    for (word, reply) in [("actionStop", r#"["ok"]"#), ("actionStopp", r#"[""]"#)] {
+        let asked = format!(r#"{{"dsID":"HCRemoteMonitor","cmdType":"command","cmdData":["{word}"]}}"#);
+        let replied = format!(r#"{{"dsID":"HCRemoteMonitor","cmdType":"command","cmdReply":{reply}}}"#);
+        assert_eq!(cell.ask(asked), replied);
+    }
+}
+
 /// A reply that says that no real controller sent it: only where somebody asked for it.
 #[test]
 fn replies_say_that_they_are_virtual() {

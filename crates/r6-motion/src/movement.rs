@@ -207,6 +207,12 @@ impl Movement {
         self.pace.when(self.last().ends()).unwrap_or_else(|| self.pace.settles())
     }
 
+    /// Whether the arm still stands for the move's delay, `seconds` after the start. A move without a delay never does.
+    #[must_use]
+    pub fn stands_first(&self, seconds: f64) -> bool {
+        self.tail.is_none() && self.pace.time(since_start(seconds)) < self.first.starts
+    }
+
     /// Whether it ends at the end of its path; a halted one does only when that came first.
     #[must_use]
     pub fn reaches_end(&self) -> bool {

@@ -84,11 +84,12 @@ impl Dialect {
         says_virtual: false,
     };
 
-    /// Before 2.0.2.1 / 1.6.4.
+    /// Before 2.0.2.1 / 1.6.4, as captured from unit E: `cmdEcho` with the command's name. Manual 4.2 prints `command` with the bare
+    /// verdict for that time ([`ReplyType::AsSent`], [`CommandReplyForm::Verdict`]); `cmdEcho` with the bare verdict was never seen.
     pub const LEGACY: Self = Self {
         key_order: KeyOrder::Manual,
         reply_type: ReplyType::Echo,
-        command_reply: CommandReplyForm::Verdict,
+        command_reply: CommandReplyForm::NameAndVerdict,
         echo_pack_id: false,
         echo_query_addr: false,
         counter: CounterForm::OldText,

@@ -252,6 +252,9 @@ pub struct AddRcc<'a> {
     pub instructions: &'a [Instruction],
     /// Whether the frame had the shape of 2020 (`dsData`, `xpos` …).
     pub shape_2020: bool,
+    /// Which instructions have no `oneshot`, counted from 0, in order: they are read as with `oneshot` 0. Those of unknown actions
+    /// are not among them.
+    pub without_oneshot: &'a [u32],
     bytes: &'a [u8],
     fields: &'a [(Node, Node)],
 }

@@ -2,7 +2,7 @@
 //! value that it cannot have.
 
 use r6_proto::axis::{AxisIndex, AxisMask};
-use r6_proto::dialect::{Dialect, DsIdForm, Envelope};
+use r6_proto::dialect::{CommandReplyForm, Dialect, DsIdForm, Envelope};
 use r6_proto::error::FieldError;
 use r6_proto::message::command::Outcome;
 use r6_proto::message::instruction::{
@@ -626,6 +626,14 @@ fn instruction_oneshot() {
         assert_eq!(oneshot(&format!(",\"oneshot\":{form}")), Ok(read), "{form}");
     }
     assert_eq!(oneshot(""), Ok(false));
+    // Which ones have none is told besides: a firmware may take it otherwise.
+    let steps = r#"{"action":"800","cnt_id":"0"},{"action":"800","cnt_id":"0","oneshot":"0"},{"action":"800","cnt_id":"0"}"#;
+    for (steps, without) in [(steps, &[0, 2][..]), (r#"{"action":"800","cnt_id":"0","oneshot":"1"}"#, &[])] {
+        look(&format!(r#"{{"reqType":"AddRCC","instructions":[{steps}]}}"#), |message| {
+            let Body::AddRcc(list) = message.body else { panic!("{message:?}") };
+            assert_eq!(list.without_oneshot, without);
+        });
+    }
     refuses(
         r#""action":"800","cnt_id":"0","oneshot":"1""#,
         "oneshot",
@@ -1273,12 +1281,18 @@ const COMMAND: &str = r#"{"dsID":"d","reqType":"command","packID":"9","cmdData":
 
 #[test]
 fn reply_dialect_old() {
-    let ok = verdict(Dialect::LEGACY, COMMAND, "actionStop", Verdict::Ok);
-    assert_eq!(ok, r#"{"dsID":"d","reqType":"cmdEcho","cmdReply":["ok"]}"#);
+    // As manual 4.2 prints it, with the type as it was sent; `cmdEcho` was captured with the command's name.
+    let manual = Dialect {
+        reply_type: Dialect::HC1.reply_type,
+        command_reply: CommandReplyForm::Verdict,
+        ..Dialect::LEGACY
+    };
+    let ok = verdict(manual, COMMAND, "actionStop", Verdict::Ok);
+    assert_eq!(ok, r#"{"dsID":"d","reqType":"command","cmdReply":["ok"]}"#);
     assert_eq!(outcome(&ok), (None, Outcome::Ok));
     for refused in [Verdict::Err("no such thing"), Verdict::BareErr] {
-        let refused = verdict(Dialect::LEGACY, COMMAND, "actionStop", refused);
-        assert_eq!(refused, r#"{"dsID":"d","reqType":"cmdEcho","cmdReply":[""]}"#);
+        let refused = verdict(manual, COMMAND, "actionStop", refused);
+        assert_eq!(refused, r#"{"dsID":"d","reqType":"command","cmdReply":[""]}"#);
         assert_eq!(outcome(&refused), (None, Outcome::Refused(None)));
     }
     // The manual's comment can be read as a bare text, too.
@@ -1287,8 +1301,10 @@ fn reply_dialect_old() {
     assert_eq!(outcome(r#"{"reqType":"command","cmdReply":[]}"#), (None, Outcome::Refused(None)));
     // AddRCC was always named.
     let list = r#"{"dsID":"d","reqType":"AddRCC","instructions":[]}"#;
-    let ok = verdict(Dialect::LEGACY, list, "AddRCC", Verdict::Ok);
-    assert_eq!(ok, r#"{"dsID":"d","reqType":"command","cmdReply":["AddRCC","ok"]}"#);
+    for (dialect, word) in [(Dialect::LEGACY, "command"), (manual, "AddRCC")] {
+        let ok = verdict(dialect, list, "AddRCC", Verdict::Ok);
+        assert_eq!(ok, format!(r#"{{"dsID":"d","reqType":"{word}","cmdReply":["AddRCC","ok"]}}"#));
+    }
 }
 
 #[test]
@@ -1366,8 +1382,7 @@ fn cmd_echo() {
     assert_eq!(outcome(captured), (Some("modifyOutput".to_owned()), Outcome::Ok));
     assert_eq!(outcome(&captured.replace("cmdType", "reqType")).1, Outcome::Ok);
     let request = r#"{"dsID":"HCRemoteMonitor","cmdType":"command","cmdData":["modifyOutput","0","1","1"]}"#;
-    let named = Dialect { command_reply: Dialect::HC1.command_reply, ..Dialect::LEGACY };
-    assert_eq!(verdict(named, request, "modifyOutput", Verdict::Ok), captured);
+    assert_eq!(verdict(Dialect::LEGACY, request, "modifyOutput", Verdict::Ok), captured);
     look(r#"{"cmdType":"cmdEcho","cmdData":["actionStop"]}"#, |message| {
         let Body::Rejected(rejection) = message.body else { panic!("{message:?}") };
         check_error(rejection.error, "cmdReply", None, "a list of words");

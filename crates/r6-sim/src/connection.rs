@@ -200,7 +200,7 @@ async fn write<W: Wire>(stream: &mut W, bytes: &[u8]) -> io::Result<()> {
 
 /// Closes our half, and waits a little for the peer to close its own: a socket that is dropped with bytes that nobody read
 /// would be reset.
-async fn hang_up<W: Wire>(stream: &mut W, input: &mut [u8]) {
+pub(crate) async fn hang_up<W: Wire>(stream: &mut W, input: &mut [u8]) {
     let end = async {
         stream.shutdown().await?;
         while stream.read(input).await? > 0 {}

@@ -13,6 +13,7 @@
 mod convert;
 mod dto;
 mod guard;
+mod in_json;
 mod problem;
 mod routes;
 mod server;

@@ -82,7 +82,7 @@ async fn every_action_does_something() {
         (json!({"do": "turn_key", "key": "auto"}), "mode", json!(2)),
         (json!({"do": "press", "button": "start"}), "mode", json!(7)),
         (json!({"do": "press", "button": "pause"}), "mode", json!(2)),
-        (json!({"do": "press", "button": "single_cycle"}), "mode", json!(2)),
+        (json!({"do": "press", "button": "single_cycle"}), "mode", json!(9)),
         (json!({"do": "press", "button": "single_step"}), "mode", json!(2)),
         (json!({"do": "turn_key", "key": "stop"}), "mode", json!(3)),
         (json!({"do": "turn_key", "key": "manual"}), "mode", json!(1)),

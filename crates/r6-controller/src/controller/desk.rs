@@ -1,8 +1,11 @@
 //! Where the messages of one connection are dealt with.
 
+use std::borrow::Cow;
+
 use r6_proto::RequestType;
+use r6_proto::dialect::DsIdForm;
 use r6_proto::message::{
-    AddPoints, AddRcc, Body, CommandWords, Header, Instruction, Message, Query, Rejection,
+    Action, AddPoints, AddRcc, Body, CommandWords, Header, Instruction, Message, Query, Rejection,
 };
 use r6_proto::reply::{ReplyWriter, Verdict};
 use r6_proto::server::{Inbox, InputError, Outbox};
@@ -15,7 +18,7 @@ use crate::answer::Answers;
 use crate::fault::IgnoredStop;
 use crate::log::{Level, Log};
 use crate::machine::{Machine, NotTaken};
-use crate::profile::Profile;
+use crate::profile::{MissingOneshot, PathSpeedAnswer, Profile};
 use crate::scenario::LateList;
 
 /// How many oddities of one message are explained, each with its nearest right word.
@@ -91,7 +94,7 @@ impl<'c> Desk<'c> {
     }
 
     fn warn(&mut self, text: String) {
-        self.log.add(self.now, Some(self.id), Level::Warning, text);
+        self.log.warn(self.now, self.id, text);
     }
 
     /// Malformed input gets silence and a log line.
@@ -105,6 +108,9 @@ impl<'c> Desk<'c> {
             *asked = Asked { frame: message.frame().to_vec(), request: request_of(&message.body) };
         }
         let header = &message.header;
+        if let Some(request) = request_of(&message.body) {
+            self.check_ds_id(header, request);
+        }
         if self.strikes.task_dead {
             if matches!(message.body, Body::Heartbreak) {
                 self.machine.watchdog.feed(self.now);
@@ -129,6 +135,27 @@ impl<'c> Desk<'c> {
                 self.warn("a reply came, but a controller asks nothing; not answered".to_owned());
             }
         }
+    }
+
+    /// Tells of a `dsID` that is not the one of such a request, once for each connection. What real controllers do with it is not known:
+    /// the request is dealt with as any other.
+    fn check_ds_id(&mut self, header: &Header<'_>, request: RequestType) {
+        let right = [DsIdForm::Long, DsIdForm::Short].map(|form| form.ds_id(request));
+        let sent = header.ds_id.map(|sent| sent.text());
+        if sent.as_ref().is_some_and(|sent| right.iter().any(|right| *right == &**sent)) {
+            return;
+        }
+        if !self.log.is_first_ds_id(self.id) {
+            return;
+        }
+        let sent = header
+            .ds_id
+            .map_or_else(|| "no `dsID`".to_owned(), |sent| format!("`dsID` is `{}`", sent.text()));
+        let [long, short] = right;
+        let right = if long == short { format!("`{long}`") } else { format!("`{long}` or `{short}`") };
+        self.warn(format!(
+            "{request}: {sent}, and should be {right}: a real controller may not answer; not told again on this connection"
+        ));
     }
 
     /// Lets `write` append a reply, unless the request had no type (manual 5.2, 6: no reply without it).
@@ -241,7 +268,7 @@ impl<'c> Desk<'c> {
             return;
         }
         for step in list.instructions {
-            if let r6_proto::message::Action::Unknown(unknown) = &step.action {
+            if let Action::Unknown(unknown) = &step.action {
                 self.warn(format!("AddRCC refused: action {} is not known", unknown.number()));
                 self.verdict(&message.header, RequestType::AddRcc, "AddRCC", Verdict::BareErr, outbox);
                 return;
@@ -253,7 +280,16 @@ impl<'c> Desk<'c> {
             self.info(format!("a list is taken {delay:?} later, and not answered: fault late-list"));
             return;
         }
-        let verdict = match self.take_instructions(list.empty_list.unwrap_or(false), list.instructions) {
+        let steps = self.with_oneshot(list);
+        let verdict = match self.take_instructions(list.empty_list.unwrap_or(false), &steps) {
+            Ok(()) if self.answers_err_to(&steps) => {
+                let count = steps.len();
+                self.warn(format!(
+                    "AddRCC: {count} instructions answered err, and executed: a linear move stands behind a path speed (actions 51, \
+                     10), as reported of one unit"
+                ));
+                Verdict::BareErr
+            }
             Ok(()) => {
                 let how = if list.empty_list == Some(true) { "replaced" } else { "appended to" };
                 let count = match list.instructions.len() {
@@ -273,6 +309,39 @@ impl<'c> Desk<'c> {
             }
         };
         self.verdict(&message.header, RequestType::AddRcc, "AddRCC", verdict, outbox);
+    }
+
+    /// The instructions, with what this firmware takes one without `oneshot` for.
+    fn with_oneshot<'l>(&mut self, list: &AddRcc<'l>) -> Cow<'l, [Instruction]> {
+        let mut steps = Cow::Borrowed(list.instructions);
+        let numbers = list.without_oneshot.iter().map(|index| index + 1);
+        let (is_oneshot, taken) = match self.machine.profile.oneshot_missing {
+            MissingOneshot::Keep => (false, "0: it stays, and the list runs again and again"),
+            MissingOneshot::Remove => (true, "1: it is removed once it has run"),
+        };
+        self.explain(
+            numbers.map(|number| format!("instruction {number} has no `oneshot`: taken as {taken}")),
+        );
+        for index in list.without_oneshot {
+            let index = usize::try_from(*index).unwrap_or(usize::MAX);
+            if let Some(step) = steps.to_mut().get_mut(index) {
+                step.oneshot = is_oneshot;
+            }
+        }
+        steps
+    }
+
+    /// Whether a list that was taken is answered with `err` all the same.
+    fn answers_err_to(&self, steps: &[Instruction]) -> bool {
+        let is_line = |step: &Instruction| matches!(step.action, Action::LinearMove(_));
+        let has_line_behind_path_speed = || {
+            let mut rest = steps.iter().skip_while(|step| !matches!(step.action, Action::PathSpeed(_)));
+            rest.any(is_line)
+        };
+        match self.machine.profile.path_speed_answer {
+            PathSpeedAnswer::Ok => false,
+            PathSpeedAnswer::Err => has_line_behind_path_speed(),
+        }
     }
 
     /// What the log says besides of something that was answered with ok.

@@ -29,11 +29,12 @@ impl Controller {
     }
 
     /// When somebody has been silent for too long: a heartbreak or a signal is missed, a frame stays incomplete. What a
-    /// scenario has happen at a time of its own counts too: nobody waits for it.
+    /// scenario has happen at a time of its own counts too, and what the log has to tell then: nobody waits for them.
     #[must_use]
     pub fn next_silence(&self) -> Option<Instant> {
         let sessions = self.connections.values().filter_map(|connection| connection.session.poll_timeout());
-        sessions.chain(self.machine.next_silence()).chain(self.next_of_scenario()).min()
+        let rest = [self.machine.next_silence(), self.next_of_scenario(), self.log.poll_timeout()];
+        sessions.chain(rest.into_iter().flatten()).min()
     }
 
     /// Brings the controller to a point in time at once: nobody had the time to say anything in between, so nobody's

@@ -139,7 +139,7 @@ impl Machine {
         let ran = self.mode.may_run();
         self.halt(self.profile.action_stop_time, AfterHalt::Rewind);
         self.cycle_started = None;
-        self.stop_signal = None;
+        self.end_signal_watch();
         if ran {
             self.last_pass = false;
             self.mode = self.mode_after_stop();
@@ -244,10 +244,10 @@ impl Machine {
             };
             if in_motion && !clears && self.profile.replace_in_motion == ReplaceInMotion::Alarm200 {
                 self.raise(200, "AddRCC replaced the list in mid-motion".to_owned());
-                self.list.clear();
+                self.clear_list();
                 return Err(NotTaken::Refused("the list was replaced in mid-motion: alarm 200"));
             }
-            self.list.clear();
+            self.clear_list();
         }
         self.list.append(instructions).map_err(|_| NO_ROOM)?;
         // What a program does meanwhile is no concern of the remote list.
@@ -262,6 +262,13 @@ impl Machine {
         }
         self.run_list();
         Ok(())
+    }
+
+    /// Empties the list for another one: a run of it is over.
+    pub(super) fn clear_list(&mut self) {
+        self.list.clear();
+        self.begin_list_run();
+        self.end_signal_watch_of_list();
     }
 
     fn arm_by_itself(&mut self) -> Result<(), NotTaken> {

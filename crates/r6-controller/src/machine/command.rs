@@ -111,7 +111,7 @@ impl Machine {
         }
         // The other program begins at its beginning, with a list of its own.
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
-        self.list.clear();
+        self.clear_list();
         self.cycle_started = None;
         mold.clone_into(&mut self.mold);
         self.use_program(program);

@@ -3,9 +3,7 @@
 use std::time::Duration;
 
 use r6_proto::alarm::AlarmCode;
-use r6_proto::message::instruction::{
-    Output, OutputKind, PathSpeed, StopOnSignal, Wait, WaitCondition, WaitSource,
-};
+use r6_proto::message::instruction::{Output, OutputKind, PathSpeed, Wait, WaitCondition, WaitSource};
 use r6_proto::message::{Action, Instruction};
 use r6_proto::time::Instant;
 
@@ -291,18 +289,23 @@ impl Machine {
     /// Begins a step; leaves the machine idle if the step took no time.
     pub(super) fn begin(&mut self, step: &Instruction) -> Result<(), (u32, String)> {
         match &step.action {
+            Action::CurveMove(_) if self.is_lone_curve(&step.action) => {
+                self.tell_lone_curve(step);
+                Ok(())
+            }
             Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_) => {
                 let told = Told { path_speed: self.path_speed, bench: self.bench };
                 let Some(order) = self.order(&step.action, &self.axes, told)? else { return Ok(()) };
                 let movement = Movement::plan(&self.model, &self.axes, &order.step, &order.conditions)
                     .map_err(plan_failed)?;
+                self.move_begins(&step.action);
                 self.activity = Activity::Moving(Run::new(movement, self.now, order.blend));
-                self.check_stop_signal();
+                self.check_signal_stop();
                 Ok(())
             }
             Action::PathSpeed(speed) => self.set_path_speed(speed),
             Action::StopOnSignal(stop) => {
-                self.stop_signal = stop.in_use.then_some(*stop);
+                self.watch_signal(stop);
                 Ok(())
             }
             Action::Wait(wait) => {
@@ -372,15 +375,7 @@ impl Machine {
                 self.run_list();
             }
         }
-        self.check_stop_signal();
-    }
-
-    /// Stops the present move where the signal of action 52 is there.
-    pub(super) fn check_stop_signal(&mut self) {
-        let Some(StopOnSignal { input, on, .. }) = self.stop_signal else { return };
-        if self.io.input(input) == on && matches!(self.activity, Activity::Moving(_)) {
-            self.halt(self.profile.action_stop_time, AfterHalt::NextStep);
-        }
+        self.check_signal_stop();
     }
 
     /// The program stops running, without an alarm.

@@ -52,6 +52,9 @@ impl Machine {
             // It raises its alarm when its turn comes, with the arm at rest.
             return;
         };
+        if let Some(action) = self.steps().ahead(ahead).map(|step| step.action) {
+            self.move_begins(&action);
+        }
         let between: Vec<_> = (1..ahead).filter_map(|step| self.steps().ahead(step).copied()).collect();
         self.activity = Activity::Moving(run.joined_by(movement, ahead, order.blend));
         self.begin_at_once(&between);
@@ -84,6 +87,9 @@ impl Machine {
         let Ok(Some(movement)) = run.movement.take_over(seconds, &order.step, &order.conditions) else {
             return false;
         };
+        if let Some(action) = self.steps().ahead(ahead).map(|step| step.action) {
+            self.move_begins(&action);
+        }
         self.activity = Activity::Moving(Run::new(movement, self.now, order.blend));
         self.cycle_started = Some(self.now);
         self.pass_started = self.now;
@@ -103,7 +109,7 @@ impl Machine {
                 return;
             }
         }
-        self.check_stop_signal();
+        self.check_signal_stop();
     }
 
     /// The next move, if nothing but steps that take no time lies before it, and how many steps ahead it is; the first
@@ -118,6 +124,8 @@ impl Machine {
                 Action::StopOnSignal(_) | Action::BoardOutput(_) => {}
                 Action::Output(output) if output.kind == OutputKind::TimedY || output.delay <= 0.0 => {}
                 Action::Output(_) | Action::Wait(_) | Action::Unknown(_) => return None,
+                // The arm stops before it, and then stays.
+                Action::CurveMove(_) if self.is_lone_curve(action) => return None,
                 Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_) => {
                     let order = self.order(action, from, told).ok()??;
                     return (order.step.delay <= 0.0).then_some((ahead, order));

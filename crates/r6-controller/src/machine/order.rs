@@ -8,7 +8,7 @@ use r6_proto::{AXES, AxisIndex};
 
 use super::execution::plan_failed;
 use super::{MAX_FRAMES, Machine};
-use r6_motion::{Axes, Blend, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Pose};
+use r6_motion::{Axes, Blend, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Pose, Turning};
 
 /// A move, what it is planned under, and how the corner after it is rounded.
 #[derive(Clone, Copy, Debug)]
@@ -62,7 +62,8 @@ impl Machine {
             global: self.global_speed,
             ramps: self.ramps,
             frames: self.frames_of(manner.tool.unwrap_or(self.tool), manner.coord.unwrap_or(told.bench)),
-            turning: self.profile.turning,
+            // Reported of what a PC sends. The points of a taught program are taught by hand: they hold axes.
+            turning: if self.is_remote() { self.profile.turning } else { Turning::Shortest },
         };
         let blend = Blend::new(manner.smooth.map_or(0, |level| level.level()));
         Ok(Some(Order { step, conditions, blend }))

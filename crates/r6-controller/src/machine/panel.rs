@@ -85,7 +85,7 @@ impl Machine {
         self.start_needed = true;
         self.halt(self.profile.action_stop_time, AfterHalt::Rewind);
         self.cycle_started = None;
-        self.stop_signal = None;
+        self.end_signal_watch();
         self.last_pass = false;
         if self.mode.may_run() {
             self.mode = self.mode_after_stop();

@@ -17,6 +17,7 @@ use r6_proto::{OperationMode, RegisterIndex};
 use super::Machine;
 use super::execution::{Activity, SHORTEST_PASS};
 use crate::instruction_list::{After, InstructionList};
+use crate::profile::IdleSingleCycle;
 use crate::program::{Change, Condition, Program, Step};
 use crate::saved::MAX_COUNTERS;
 
@@ -128,6 +129,7 @@ impl Machine {
     /// Remote commands were carried out and none is left.
     pub(super) fn remote_is_over(&mut self) {
         self.program.remote_ran = true;
+        self.end_signal_watch_of_list();
     }
 
     /// The program goes on from its first step once nothing is under way.
@@ -150,6 +152,7 @@ impl Machine {
     pub(super) fn begin_anew_if_asked(&mut self) {
         if self.program.begin_anew {
             self.program.restart();
+            self.begin_list_run();
         }
     }
 
@@ -206,12 +209,21 @@ impl Machine {
             return true;
         }
         self.program.last_round = None;
-        if self.last_pass {
-            self.leave_running("single cycle: nothing to run");
+        if self.last_pass && !self.awaits_list_of_single_cycle() {
+            self.leave_running("the program has ended: nothing to run");
         } else if self.mode == OperationMode::SingleStep {
             self.leave_running("single step: nothing to run");
         }
         false
+    }
+
+    /// A single cycle that has to run a list first.
+    fn awaits_list_of_single_cycle(&self) -> bool {
+        self.mode == OperationMode::SingleCycle
+            && match self.profile.idle_single_cycle {
+                IdleSingleCycle::Wait => true,
+                IdleSingleCycle::End => false,
+            }
     }
 
     /// The last step of a program is over: back to the one that called it, or the cycle is over.

@@ -1,5 +1,6 @@
 //! What no frame can bring about: no command defines a workbench, so every one that a client can name is the base.
 
+use r6_motion::Turning;
 use r6_motion::kinematics::forward;
 use r6_proto::message::instruction::{BlendLevel, Coordinates, Manner, Move, Workbench};
 use r6_proto::message::{Action, Instruction};
@@ -95,6 +96,8 @@ fn a_workbench_between_two_lines_counts_for_the_second_round_the_corner() {
 fn a_list_that_takes_over_begins_a_pass_of_its_own() {
     let mut machine = machine();
     machine.profile.replace_in_motion = ReplaceInMotion::TakeOver;
+    // W reads ±180 here. Which of the two is rounding, and told as it is the other one would be a whole turn.
+    machine.profile.turning = Turning::Shortest;
     let from = tool_at(&machine);
     machine.add_instructions(true, &[line(Pose { y: from.y + 100.0, ..from }, None, 0)]).unwrap();
     pass(&mut machine, 0.5);

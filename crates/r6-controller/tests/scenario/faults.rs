@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::common::{Cell, axis_move};
 use crate::{cell, seeded};
 
-const ASK: &str = r#"{"reqType":"query","packID":"5","queryAddr":["version","axisNum","origin"]}"#;
+const ASK: &str = r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"5","queryAddr":["version","axisNum","origin"]}"#;
 
 fn fault(word: &str, more: &str) -> String {
     format!("[[fault]]\nfault = \"{word}\"\n{more}\n")

@@ -131,6 +131,8 @@ fn a_delay_stands_still_first() {
     assert!(movement.state_at(1.6).axis_speeds[0] > 1.0);
     assert!(movement.duration() > 1.5 && !movement.state_at(movement.duration() - 1e-6).done);
     assert!(movement.state_at(movement.duration()).done);
+    assert!(movement.stands_first(0.0) && movement.stands_first(1.4) && !movement.stands_first(1.6));
+    assert!(!plan(&Axes::ZERO, &Move { delay: 0.0, ..order }, 1.0).stands_first(0.0));
     // Halted while waiting, it still owes the rest of the wait.
     let going_on = movement.halt(1.0, STOP_SECONDS).resume(100.0, 1.0).unwrap();
     assert!((going_on.duration() - (movement.duration() - 1.0)).abs() < 1e-9);

@@ -361,6 +361,7 @@ impl Decoder {
             empty_list: empty_list(),
             instructions: self.lists.found_instructions(),
             shape_2020,
+            without_oneshot: self.lists.found_without_oneshot(),
             bytes,
             fields: self.lists.found_fields(),
         };

@@ -232,7 +232,8 @@ impl FieldSet {
         Ok(())
     }
 
-    fn at(&self, slot: usize) -> Option<(Node, Node)> {
+    /// The key and the value of a member, where it is there.
+    pub fn at(&self, slot: usize) -> Option<(Node, Node)> {
         if self.present & 1 << slot == 0 { None } else { self.members.get(slot).copied() }
     }
 

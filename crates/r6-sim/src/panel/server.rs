@@ -1,28 +1,36 @@
 //! The panel's listener and its connections.
 
+use std::net::IpAddr;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use axum::Router;
 use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
-use tokio::task::JoinSet;
+use tokio::task::{AbortHandle, JoinSet};
 use tracing::{debug, warn};
 
+use super::in_json::InJson;
 use super::routes;
+use crate::connection::hang_up;
 use crate::handle::ControllerHandle;
 
-/// How many connections are open at once; more wait until one ends. A person and a few scripts need one each.
+/// How many connections are open at once. A person and a few scripts need one each.
 const MAX_CONNECTIONS: usize = 64;
 
-/// How long a connection may be silent before its next request is there.
-const HEAD_TIME: Duration = Duration::from_secs(10);
+/// How many of them one address may have: others keep room beside a machine that opens connections without end.
+const MAX_OF_ONE_PEER: usize = 32;
+
+/// How long the head of a request may take, from when the connection is open or the request before has its answer. Clients send it
+/// as one piece.
+const HEAD_TIME: Duration = Duration::from_secs(2);
 
 /// The longest head of a request, and what is read at once.
-const MAX_HEAD_BYTES: usize = 16 * 1024;
+pub(super) const MAX_HEAD_BYTES: usize = 16 * 1024;
 
 /// Serves the panel for as long as it is polled.
 pub(crate) async fn serve(listener: TcpListener, controllers: Vec<ControllerHandle>) {
@@ -34,20 +42,10 @@ pub(crate) async fn serve(listener: TcpListener, controllers: Vec<ControllerHand
         }
     };
     let router = routes::router(controllers.into(), address);
-    let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
-    let mut connections = JoinSet::new();
+    let mut guests = Guests::default();
     loop {
-        // It is never closed.
-        let Ok(permit) = Arc::clone(&room).acquire_owned().await else { return };
-        while connections.try_join_next().is_some() {}
         match listener.accept().await {
-            Ok((stream, _)) => {
-                let router = router.clone();
-                connections.spawn(async move {
-                    converse(stream, router).await;
-                    drop(permit);
-                });
-            }
+            Ok((stream, peer)) => guests.admit(peer.ip(), stream, router.clone()),
             Err(error) => {
                 // Most likely too many open files: give the connections a moment to end.
                 warn!(panel = %address, %error, "a connection could not be accepted");
@@ -57,14 +55,76 @@ pub(crate) async fn serve(listener: TcpListener, controllers: Vec<ControllerHand
     }
 }
 
-async fn converse(stream: TcpStream, router: Router) {
+/// The connections that are open, the oldest first.
+///
+/// A new one never waits: whoever presses the emergency stop must not stand behind requests that do not come to their end. Where there
+/// is no room, the oldest one goes that is answering nothing, else the oldest: of the same address where that has too many, else of the
+/// address that has most.
+#[derive(Default)]
+struct Guests {
+    open: Vec<Guest>,
+    tasks: JoinSet<()>,
+}
+
+struct Guest {
+    peer: IpAddr,
+    /// A request is there, and its answer is not.
+    answers: Arc<AtomicBool>,
+    task: AbortHandle,
+}
+
+impl Guests {
+    fn admit(&mut self, peer: IpAddr, stream: TcpStream, router: Router) {
+        while self.tasks.try_join_next().is_some() {}
+        self.open.retain(|guest| !guest.task.is_finished());
+        if let Some(at) = self.who_goes(peer) {
+            self.open.remove(at).task.abort();
+        }
+        let answers = Arc::new(AtomicBool::new(false));
+        let task = self.tasks.spawn(converse(stream, router, Arc::clone(&answers)));
+        self.open.push(Guest { peer, answers, task });
+    }
+
+    /// Which one makes room for a connection of this address, if one has to.
+    fn who_goes(&self, peer: IpAddr) -> Option<usize> {
+        let of = |peer| self.open.iter().filter(|guest| guest.peer == peer).count();
+        let crowd = if of(peer) >= MAX_OF_ONE_PEER {
+            peer
+        } else if self.open.len() >= MAX_CONNECTIONS {
+            self.open.iter().map(|guest| guest.peer).max_by_key(|peer| of(*peer))?
+        } else {
+            return None;
+        };
+        let of_crowd = || self.open.iter().enumerate().filter(|(_, guest)| guest.peer == crowd);
+        let idle = of_crowd().find(|(_, guest)| !guest.answers.load(Ordering::Relaxed));
+        idle.or_else(|| of_crowd().next()).map(|(at, _)| at)
+    }
+}
+
+async fn converse(stream: TcpStream, router: Router, answers: Arc<AtomicBool>) {
+    let router = TowerToHyperService::new(router);
+    let service = service_fn(|request| {
+        answers.store(true, Ordering::Relaxed);
+        let answer = router.call(request);
+        let answers = &answers;
+        async move {
+            let answer = answer.await;
+            answers.store(false, Ordering::Relaxed);
+            answer
+        }
+    });
+    let mut stream = InJson::new(stream);
     let served = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_TIME)
         .max_buf_size(MAX_HEAD_BYTES)
-        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router))
+        .serve_connection(TokioIo::new(&mut stream), service)
         .await;
     if let Err(error) = served {
         debug!(%error, "a connection of the panel was lost");
+        if stream.has_refused() {
+            // What the peer still sends is read, else it would lose the answer.
+            hang_up(&mut stream.into_inner(), &mut [0; 1024]).await;
+        }
     }
 }

@@ -3,7 +3,7 @@
 use crate::error::{FieldError, JsonError};
 use crate::json::Cursor;
 use crate::message::extra::{ExtraKind, ExtraNode, Place};
-use crate::message::fields::{FieldSet, FieldsView, excerpt};
+use crate::message::fields::{FieldSet, Fields, FieldsView, excerpt};
 use crate::message::instruction::{Action, Instruction, UnknownAction};
 use crate::message::vision::{Point, PointSet};
 use crate::value::{Kind, Node, Span, Value};
@@ -15,6 +15,8 @@ type Checked = Result<(), FieldError>;
 #[derive(Debug, Default)]
 pub(super) struct Lists {
     instructions: Vec<Instruction>,
+    /// Which of them have no `oneshot`, in order.
+    without_oneshot: Vec<u32>,
     /// The members of unknown actions.
     fields: Vec<(Node, Node)>,
     sets: Vec<PointSet>,
@@ -36,6 +38,7 @@ impl Lists {
 
     fn clear_instructions(&mut self) {
         self.instructions.clear();
+        self.without_oneshot.clear();
         self.fields.clear();
         self.items = 0;
         self.instructions_checked = None;
@@ -50,6 +53,10 @@ impl Lists {
 
     pub fn found_instructions(&self) -> &[Instruction] {
         &self.instructions
+    }
+
+    pub fn found_without_oneshot(&self) -> &[u32] {
+        &self.without_oneshot
     }
 
     pub fn found_fields(&self) -> &[(Node, Node)] {
@@ -135,6 +142,9 @@ impl Lists {
             match Instruction::from_fields(&mut view) {
                 Ok(Some(instruction)) => {
                     extras.extend(out_of_place(&view));
+                    if self.set.at(Fields::ONESHOT).is_none() {
+                        self.without_oneshot.push(number(self.instructions.len()));
+                    }
                     self.instructions.push(instruction);
                 }
                 Ok(None) => {

@@ -1,0 +1,50 @@
+//! The watch of action 52: an input that stops the present move.
+
+use r6_proto::message::instruction::StopOnSignal;
+
+use super::Machine;
+use super::execution::Activity;
+use super::halt::AfterHalt;
+use crate::profile::SignalStop;
+
+/// The input that is watched, if any.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct SignalWatch {
+    watched: Option<StopOnSignal>,
+    /// Its level when it was last looked at: every change of a point is looked at.
+    level: bool,
+}
+
+impl Machine {
+    /// Begins a watch, or ends the present one (`isUse` 0).
+    pub(super) fn watch_signal(&mut self, stop: &StopOnSignal) {
+        self.signal_watch =
+            SignalWatch { watched: stop.in_use.then_some(*stop), level: self.io.input(stop.input) };
+    }
+
+    /// Ends the watch.
+    pub(super) fn end_signal_watch(&mut self) {
+        self.signal_watch = SignalWatch::default();
+    }
+
+    /// The list has ended, or another takes its place.
+    pub(super) fn end_signal_watch_of_list(&mut self) {
+        if !self.profile.signal_stop_outlives_list {
+            self.end_signal_watch();
+        }
+    }
+
+    /// Stops the present move where the signal says so: called whenever a point has changed or a move has begun.
+    pub(super) fn check_signal_stop(&mut self) {
+        let Some(StopOnSignal { input, on, .. }) = self.signal_watch.watched else { return };
+        let level = self.io.input(input);
+        let before = std::mem::replace(&mut self.signal_watch.level, level);
+        let stops = match self.profile.signal_stop {
+            SignalStop::Level => level == on,
+            SignalStop::Edge => level == on && before != on,
+        };
+        if stops && matches!(self.activity, Activity::Moving(_)) {
+            self.halt(self.profile.action_stop_time, AfterHalt::NextStep);
+        }
+    }
+}
