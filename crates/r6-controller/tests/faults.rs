@@ -151,6 +151,9 @@ classes! {
     points: "C8-io";
     frozen_values: "C9-frozen-values";
     programs: "C10-program-overwritten";
+    ignored_stops: "E1-stop-ignored";
+    dwells: "E2-dwell";
+    late_lists: "E4-late-list";
     bad_json: "P1-bad-json";
     bad_fields: "P2-bad-field";
     pack_ids: "P3-bad-pack-id", "P3-late-reply";

@@ -66,7 +66,8 @@ impl Felt {
         {
             record.strikes(class);
         }
-        let is_masters = std::mem::replace(&mut self.master_speaks, text == "scenario: another master speaks");
+        let is_masters =
+            std::mem::replace(&mut self.master_speaks, text == "scenario: another master speaks");
         if is_masters && text.starts_with("AddRCC: 0 instructions, list replaced") && moves {
             record.strikes(Class::E5);
         }

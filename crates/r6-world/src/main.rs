@@ -180,7 +180,8 @@ fn many(wanted: &Wanted) -> ExitCode {
         println!("{}", report::table(done, &tally));
     }
     let never = world::never_seen(&tally);
-    let incomplete = wanted.seeds >= ENOUGH_SEEDS && wanted.trap.is_none() && failures.is_empty() && !never.is_empty();
+    let incomplete =
+        wanted.seeds >= ENOUGH_SEEDS && wanted.trap.is_none() && failures.is_empty() && !never.is_empty();
     if incomplete {
         println!("never seen in {done} seeds: {}", never.join(", "));
     }

@@ -94,8 +94,7 @@ impl Work {
 
     /// Stops the arm as soon as the connection is deaf, where it becomes so while the arm moves.
     async fn stop_when_deaf(&mut self, handle: MotionHandle, steps: &[i64]) {
-        let is_deaf =
-            || self.shared.state().floors[self.plan.robot].felt.is_in_force("half-open");
+        let is_deaf = || self.shared.state().floors[self.plan.robot].felt.is_in_force("half-open");
         for _ in 0..400 {
             if is_deaf() {
                 break;
@@ -113,7 +112,10 @@ impl Work {
             sleep(STOPS_WITHIN).await;
             let heard = self.shared.state().floors[self.plan.robot].last_stop();
             self.shared.check(Promise::Soon, heard >= asked, || {
-                format!("client-{}: a stop asked for at {asked:?}, the last that was heard at {heard:?}", self.index)
+                format!(
+                    "client-{}: a stop asked for at {asked:?}, the last that was heard at {heard:?}",
+                    self.index
+                )
             });
         });
         self.note_stop(stopped.as_ref().ok().map(|report| report.confirmed));

@@ -61,9 +61,13 @@ impl Work {
         let base = 1 + i64::try_from(self.place()).unwrap_or(0) * MOST_STEPS;
         let trap = self.shared.plan.trap;
         // In one list, so that nothing in the middle of a path can be what was not carried out.
-        let most = if trap == Some(Class::P10) { 3 } else { 12 };
+        let most = match trap {
+            Some(Class::P10) => 3,
+            Some(Class::E5) => 24,
+            _ => 12,
+        };
         let count = i64::try_from(3 + self.random.below(most)).unwrap_or(3);
-        let with_tool = trap.is_some() && self.random.strikes(0.5);
+        let with_tool = trap.is_some() && self.random.strikes(0.7);
         let first = {
             let mut state = self.shared.state();
             let line = &mut state.lines[self.index];
@@ -99,7 +103,9 @@ impl Work {
         }
         let options = match trap {
             Some(Class::P10) => RunOptions::default(),
-            _ => RunOptions { frame_instructions: 1 + self.random.below(4), room: 6, ..RunOptions::default() },
+            _ => {
+                RunOptions { frame_instructions: 1 + self.random.below(4), room: 6, ..RunOptions::default() }
+            }
         };
         let run = self.shared.state().lines[self.index].run_begins(now(), &steps);
         // A step that moves nothing has no number.

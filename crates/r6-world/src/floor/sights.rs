@@ -62,7 +62,10 @@ impl Floor {
             let place = *place.get_or_insert(sight.axes);
             let stands = place == sight.axes;
             record.check(Promise::Stopped, at, stands, || {
-                format!("{} stands since {since:?}, they say: it went from {place:?} to {:?}", self.name, sight.axes)
+                format!(
+                    "{} stands since {since:?}, they say: it went from {place:?} to {:?}",
+                    self.name, sight.axes
+                )
             });
         }
         if let Some(since) = self.rests {

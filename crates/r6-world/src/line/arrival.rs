@@ -70,10 +70,11 @@ impl Line {
         if self.connections.iter().all(|connection| connection.robot == self.robot) {
             return record.check(Promise::Fresh, at, true, String::new);
         }
-        let is_own = self.connections.iter().rev().filter(|connection| connection.robot == self.robot).any(|own| {
-            let frames = own.since(since.saturating_sub(SKEW));
-            frames.iter().rev().any(|(_, _, frame)| tells(frame, &wanted, reading))
-        });
+        let is_own =
+            self.connections.iter().rev().filter(|connection| connection.robot == self.robot).any(|own| {
+                let frames = own.since(since.saturating_sub(SKEW));
+                frames.iter().rev().any(|(_, _, frame)| tells(frame, &wanted, reading))
+            });
         record.check(Promise::Fresh, at, is_own || !supported, || {
             format!("{wanted} is {reading} they say of robot-{}, and only another robot said so", self.robot)
         });

@@ -80,7 +80,11 @@ impl Plan {
             }
             Class::E2 => {
                 faults.push(task(TaskFault::Dwell { rest: ms(250) + random.up_to(ms(1000)) }));
-                client.mishap = random.strikes(0.5).then_some(Mishap::Stopped);
+                client.mishap = random.strikes(0.3).then_some(Mishap::Stopped);
+                if random.strikes(0.6) {
+                    // It does not tell how many instructions are left.
+                    robot.profile = "r6-host";
+                }
             }
             Class::E3 => {
                 for turn in 0..3 {
