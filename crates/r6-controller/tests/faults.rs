@@ -84,6 +84,7 @@ fn run(name: &str, seed: u64) -> World {
     (world.client.trusts_bytes, world.other.trusts_bytes) = (!noisy, !noisy);
     let trusted = !shifted && !noisy;
     (world.client.trusts_values, world.other.trusts_values) = (trusted, trusted);
+    world.client.blends = name != "E2-dwell";
     world.run_to(end + Duration::from_secs(7));
     (world.client.trusts_values, world.other.trusts_values) = (true, true);
     world.make_ready();
