@@ -18,9 +18,9 @@ run: ## Build r6 for release and start virtual controllers: r6 up ARGS
 test: ## Run every check: format, lints, docs, dependencies, tests
 	@tools/test
 
-sim: ## Break clients, controllers, cameras and disks in one process: SEEDS=1000 [FROM=1] [JOBS=cores] [MARKDOWN=1], or all of one: SEED=7 (dev profile)
+sim: ## Break clients, controllers, cameras and disks in one process: SEEDS=1000 [FROM=1] [JOBS=cores] [MARKDOWN=1] [TRAP=all], or all of one: SEED=7 (dev profile)
 	@$(CARGO) build --locked --package r6-world
-	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MARKDOWN),--markdown)
+	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MARKDOWN),--markdown) $(if $(TRAP),--trap $(TRAP))
 
 bench: ## Measure r6 beside others, as ratios; ARGS="round-trip codec" chooses rows, without it docs/BENCHMARKS.md is written (wants redis-server and tools/python/run)
 	@$(CARGO) build --profile bench --locked --package r6-bench

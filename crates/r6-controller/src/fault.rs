@@ -191,17 +191,17 @@ pub enum IgnoredStop {
     Ok,
     /// `actionStop` is answered with `err`.
     Err,
-    /// `actionStop`, `actionPause` and `stopButton` are answered with ok.
+    /// `actionStop`, `actionPause`, `stopButton` and clearing the list are answered with ok.
     Every,
 }
 
 impl IgnoredStop {
-    /// Whether a command of this word has no effect.
+    /// Whether a command of this word has no effect; `AddRCC` stands for clearing the list.
     #[must_use]
     pub fn concerns(self, word: &str) -> bool {
         match self {
             Self::Ok | Self::Err => word == "actionStop",
-            Self::Every => ["actionStop", "actionPause", "stopButton"].contains(&word),
+            Self::Every => ["actionStop", "actionPause", "stopButton", "AddRCC"].contains(&word),
         }
     }
 }

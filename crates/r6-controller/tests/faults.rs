@@ -84,6 +84,7 @@ fn run(name: &str, seed: u64) -> World {
     (world.client.trusts_bytes, world.other.trusts_bytes) = (!noisy, !noisy);
     let trusted = !shifted && !noisy;
     (world.client.trusts_values, world.other.trusts_values) = (trusted, trusted);
+    world.client.blends = name != "E2-dwell";
     world.run_to(end + Duration::from_secs(7));
     (world.client.trusts_values, world.other.trusts_values) = (true, true);
     world.make_ready();
@@ -151,6 +152,9 @@ classes! {
     points: "C8-io";
     frozen_values: "C9-frozen-values";
     programs: "C10-program-overwritten";
+    ignored_stops: "E1-stop-ignored";
+    dwells: "E2-dwell";
+    late_lists: "E4-late-list";
     bad_json: "P1-bad-json";
     bad_fields: "P2-bad-field";
     pack_ids: "P3-bad-pack-id", "P3-late-reply";

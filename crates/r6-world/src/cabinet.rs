@@ -4,7 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use r6_controller::{Button, Key, PanelAction, Profile};
+use r6_controller::profile::Unarmed;
+use r6_controller::{Button, Key, Library, PanelAction, Profile};
 use r6_sim::{Camera, ControllerHandle, SimSettings, Simulation};
 use tokio::task::JoinHandle;
 use tokio::time::sleep;
@@ -14,7 +15,7 @@ use crate::fault::{Class, Promise};
 use crate::felt::class_of_deed;
 use crate::floor::Door;
 use crate::kept::STATE;
-use crate::plan::rest_of;
+use crate::plan::{DWELLS, DWELLS_TEXT, rest_of};
 use crate::shared::{Shared, State, now};
 use crate::wire::{CAMERA_PORT, PORT, Served};
 
@@ -60,8 +61,14 @@ async fn start(shared: &Shared, robot: usize) -> Result<Simulation, Box<dyn std:
         // Whoever finds another one at the address can see it.
         profile.version = format!("{}-{robot}", profile.version);
     }
+    if plan.arms_itself {
+        profile.add_rcc_unarmed = Unarmed::Arm;
+    }
+    let mut library = Library::default();
+    library.load(DWELLS, DWELLS_TEXT).map_err(|error| error.to_string())?;
     let settings = SimSettings {
         profile,
+        library,
         mold: plan.program.to_owned(),
         scenario: Some(Arc::new(scenario)),
         seed: plan.seed.wrapping_add(u64::try_from(at.as_nanos()).unwrap_or(0)),

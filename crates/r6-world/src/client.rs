@@ -61,7 +61,7 @@ pub async fn run(shared: Shared, index: usize) -> turmoil::Result {
     };
     let random = Random::new(plan.seed);
     let work = Work { shared: shared.clone(), index, robot, plan, random };
-    let watching = tokio::spawn(work.part(1).watch());
+    let watching = work.plan.watches.then(|| tokio::spawn(work.part(1).watch()));
     let asking = tokio::spawn(work.part(2).ask());
     let writing = tokio::spawn(work.part(3).write());
     let keeping = tokio::spawn(work.part(4).keep());
@@ -83,7 +83,9 @@ pub async fn run(shared: Shared, index: usize) -> turmoil::Result {
     shared.check(Promise::Recovery, problem.is_none(), || {
         format!("client-{index}, since {begun:?}: {}", problem.unwrap_or_default())
     });
-    watching.abort();
+    if let Some(watching) = watching {
+        watching.abort();
+    }
     work.sum_up();
     shared.state().lines[index].is_well = true;
     std::future::pending().await

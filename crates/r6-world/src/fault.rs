@@ -105,6 +105,10 @@ pub const PROMISES: [(Promise, &str); 19] = {
     ]
 };
 
+/// Promises that the client does not keep yet in worlds where anything goes wrong: there they are counted and end no world. In a world with
+/// one trap ([`crate::plan::TRAPS`]) every promise counts.
+pub const NOT_YET: [Promise; 1] = [Promise::Fresh];
+
 impl Class {
     /// Its place in [`CLASSES`].
     #[must_use]

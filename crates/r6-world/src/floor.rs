@@ -175,7 +175,8 @@ impl Floor {
 
     /// The only program that commands it was told that it stands: nothing that left before may move it now.
     pub fn is_told_to_stand(&mut self, at: Duration) {
-        self.told = Some((at + SKEW, None));
+        // It may be seen to stand when it is not quite at rest.
+        self.told = Some((at.max(self.last_stop + STOPS_WITHIN), None));
     }
 
     /// When it was told to stop last.
@@ -247,7 +248,8 @@ impl Floor {
             "AddRCC refused: an instruction in the middle",
             "switchMold",
         ];
-        let takes = text.starts_with("AddRCC: ") && !text.starts_with("AddRCC: 0 ");
+        let takes =
+            text.starts_with("AddRCC: ") && !text.starts_with("AddRCC: 0 ") && text.contains(" instruction");
         self.taken += u64::from(takes);
         let is_done = !text.contains("not carried out");
         if is_done && (takes || STARTS.iter().any(|start| text.starts_with(start))) {

@@ -44,9 +44,9 @@ struct Wanted {
     /// How many at the same time; as many as there are cores where it is not said.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=64))]
     jobs: Option<u16>,
-    /// Worlds in which one class alone goes wrong: E1 to E8.
+    /// Worlds in which one class alone goes wrong: E1 to E8, P10; `all`: each seed has one of them.
     #[arg(long, value_name = "CLASS", value_parser = trap_of)]
-    trap: Option<Class>,
+    trap: Option<Trap>,
     /// Of one seed, only the outcome.
     #[arg(long)]
     quiet: bool,
@@ -55,15 +55,29 @@ struct Wanted {
     markdown: bool,
 }
 
-/// The class of this name, if a world can have it alone.
-fn trap_of(name: &str) -> Result<Class, String> {
+/// What goes wrong alone.
+#[derive(Clone, Copy, Debug)]
+enum Trap {
+    One(Class),
+    /// One after the other, by the seed.
+    Each,
+}
+
+fn trap_of(name: &str) -> Result<Trap, String> {
+    if name == "all" {
+        return Ok(Trap::Each);
+    }
     let found = TRAPS.into_iter().find(|class| format!("{class:?}") == name);
-    found.ok_or_else(|| format!("one of {TRAPS:?}"))
+    found.map(Trap::One).ok_or_else(|| format!("`all`, or one of {TRAPS:?}"))
 }
 
 /// The plan of a seed.
-fn plan_of(seed: u64, trap: Option<Class>) -> Plan {
-    trap.map_or_else(|| Plan::of(seed), |class| Plan::trapped(class, seed))
+fn plan_of(seed: u64, trap: Option<Trap>) -> Plan {
+    match trap {
+        None => Plan::of(seed),
+        Some(Trap::One(class)) => Plan::trapped(class, seed),
+        Some(Trap::Each) => Plan::any_trap(seed),
+    }
 }
 
 fn main() -> ExitCode {
@@ -92,7 +106,7 @@ fn one(plan: Plan, aloud: bool) -> ExitCode {
 }
 
 /// Runs a seed, and some twice.
-fn run(seed: u64, trap: Option<Class>) -> Outcome {
+fn run(seed: u64, trap: Option<Trap>) -> Outcome {
     let mut outcome = world::run_plan(plan_of(seed, trap), false);
     if seed.is_multiple_of(TWICE_EVERY) && outcome.violation.is_none() {
         let again = world::run_plan(plan_of(seed, trap), false);

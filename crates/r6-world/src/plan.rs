@@ -11,7 +11,7 @@ use r6_controller::scenario::Scenario;
 
 use crate::fault::Class;
 use draw::Draw;
-pub use trap::TRAPS;
+pub use trap::{DWELLS, DWELLS_TEXT, TRAPS};
 
 /// Nothing goes wrong before all have connected.
 const CALM: Duration = Duration::from_secs(2);
@@ -42,6 +42,8 @@ pub struct RobotPlan {
     pub tells_values: bool,
     /// Whether what it acknowledges is done.
     pub does_what_it_says: bool,
+    /// Whether a list sets it in motion where no program waits for one (unit B).
+    pub arms_itself: bool,
 }
 
 /// A client's program.
@@ -63,11 +65,19 @@ pub struct ClientPlan {
     pub drops: bool,
     /// What befalls its motions.
     pub mishap: Option<Mishap>,
+    /// Whether it has a subscription.
+    pub watches: bool,
+    /// Whether it asks for values.
+    pub asks: bool,
 }
 
 /// What befalls the motions of a client's program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mishap {
+    /// Each is stopped, at some time.
+    Stopped,
+    /// It streams nothing: it stops what others have set in motion.
+    StopsOthers,
     /// It stops the arm as soon as its connection has gone deaf (E3).
     StopsWhenDeaf,
     /// Its own output fails, and it ends with that (E7).

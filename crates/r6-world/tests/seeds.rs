@@ -29,8 +29,9 @@ fn hold(seeds: impl IntoIterator<Item = u64>) -> Tally {
 #[test]
 fn every_fault_is_felt() {
     let mut never = world::never_seen(&hold(FEEL));
-    // Whoever compares two runs of a seed counts this one.
-    never.retain(|name| name != "I9");
+    // Whoever compares two runs of a seed counts I9; the others belong to worlds with one trap (`traps.rs`).
+    let elsewhere = |name: &str| name == "I9" || ["Owned", "Soon"].contains(&name) || name.starts_with('E');
+    never.retain(|name| !elsewhere(name));
     assert!(never.is_empty(), "{never:?}");
 }
 

@@ -213,7 +213,7 @@ impl<'c> Desk<'c> {
         let word = words.word();
         let ignored = self.strikes.stop_ignored.filter(|how| how.concerns(&word));
         if let Some(how) = ignored {
-            return self.ignore_stop(header, &word, how, outbox);
+            return self.ignore(header, RequestType::Command, &word, how, outbox);
         }
         let done = if self.strikes.not_executed { Ok(()) } else { self.machine.execute(words) };
         match done {
@@ -232,13 +232,20 @@ impl<'c> Desk<'c> {
     }
 
     /// A stop is answered, and the arm goes on.
-    fn ignore_stop(&mut self, header: &Header<'_>, word: &str, how: IgnoredStop, outbox: &mut Outbox) {
+    fn ignore(
+        &mut self,
+        header: &Header<'_>,
+        request: RequestType,
+        word: &str,
+        how: IgnoredStop,
+        outbox: &mut Outbox,
+    ) {
         let (told, verdict) = match how {
             IgnoredStop::Err => ("err", Verdict::BareErr),
             IgnoredStop::Ok | IgnoredStop::Every => ("ok", Verdict::Ok),
         };
         self.info(format!("{word}: answered {told} and not carried out (fault stop-ignored)"));
-        self.verdict(header, RequestType::Command, word, verdict, outbox);
+        self.verdict(header, request, word, verdict, outbox);
     }
 
     fn heartbreak(&mut self, header: &Header<'_>, outbox: &mut Outbox) {
@@ -273,6 +280,11 @@ impl<'c> Desk<'c> {
                 self.verdict(&message.header, RequestType::AddRcc, "AddRCC", Verdict::BareErr, outbox);
                 return;
             }
+        }
+        let clears = list.instructions.is_empty() && list.empty_list == Some(true);
+        if clears && self.strikes.stop_ignored.is_some_and(|how| how.concerns("AddRCC")) {
+            let how = IgnoredStop::Every;
+            return self.ignore(&message.header, RequestType::AddRcc, "AddRCC", how, outbox);
         }
         if let Some(delay) = self.strikes.late_list.filter(|_| !list.instructions.is_empty()) {
             let (replace, steps) = (list.empty_list.unwrap_or(false), list.instructions.to_vec());

@@ -59,7 +59,7 @@ pub enum Activity {
         /// When it runs out.
         until: Option<Instant>,
     },
-    /// A pass that took no time: the next one begins a little later.
+    /// A pass that took no time, or a point that the arm dwells at: what is next begins later.
     Resting {
         /// When.
         until: Instant,

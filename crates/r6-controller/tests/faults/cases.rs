@@ -7,7 +7,7 @@ use crate::world::World;
 pub type Felt = fn(&World) -> bool;
 
 /// Each scenario with what shows that its fault was felt.
-pub const CASES: [(&str, Felt); 37] = [
+pub const CASES: [(&str, Felt); 40] = [
     ("C1-keys", cases::keys),
     ("C2-emergency-stop", cases::emergency_stops),
     ("C3-alarms", cases::alarms),
@@ -18,6 +18,13 @@ pub const CASES: [(&str, Felt); 37] = [
     ("C8-io", cases::points),
     ("C9-frozen-values", cases::frozen_values),
     ("C10-program-overwritten", cases::programs),
+    ("E1-stop-ignored", |world| world.log.iter().any(|line| line.contains("(fault stop-ignored)"))),
+    ("E2-dwell", |world| world.log.iter().any(|line| line.contains("(fault dwell)"))),
+    ("E4-late-list", |world| {
+        let late = world.log.iter().filter(|line| line.contains("late (fault late-list)")).count();
+        late > 0
+            && world.client.motions.iter().any(|one| one.verdict.is_none() && world.visits(one.target) == 1)
+    }),
     ("P1-bad-json", |world| world.client.seen.broken > 10),
     ("P2-bad-field", |world| world.client.seen.rejected > 3),
     ("P3-bad-pack-id", |world| world.client.seen.strays("unknown packID") > 10),

@@ -107,6 +107,8 @@ pub struct Client {
     /// Whether bytes come as they were sent: not over a noisy link.
     pub trusts_bytes: bool,
     pub connected: bool,
+    /// Whether its motions go through the place on their way without a stop.
+    pub blends: bool,
     now: Instant,
 }
 
@@ -130,6 +132,7 @@ impl Client {
             trusts_values: true,
             trusts_bytes: true,
             connected: true,
+            blends: true,
             now,
         }
     }
@@ -225,7 +228,7 @@ impl Client {
             }),
         };
         self.motions.push(Motion { target, half, verdict: None });
-        let steps = [step(half, BlendLevel::new(5)), step(target, None)];
+        let steps = [step(half, BlendLevel::new(5).filter(|_| self.blends)), step(target, None)];
         self.ask(now, Asked::Motion(number), &Request::AddRcc { empty_list: false, instructions: &steps });
     }
 

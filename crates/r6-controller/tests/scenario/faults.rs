@@ -225,6 +225,71 @@ fn lists_and_commands() {
 }
 
 #[test]
+fn a_stop_that_is_ignored_is_answered_and_the_arm_goes_on() {
+    for (kind, words, verdict, j1) in [
+        ("ok", ["actionStop", "actionStop"], "ok", 10.0),
+        ("err", ["actionStop", "actionStop"], "err", 10.0),
+        ("every", ["actionPause", "stopButton"], "ok", 10.0),
+    ] {
+        let mut cell = cell(&fault("stop-ignored", &format!("kind = \"{kind}\"\nfor = 10")));
+        cell.run_ok(&json!([axis_move([10.0; 6], 90.0)]));
+        for word in words {
+            assert_eq!(cell.command(&[word]), [word, verdict], "{kind}");
+        }
+        cell.pass(5.0);
+        assert_eq!(cell.number("axis-0"), j1, "{kind}");
+    }
+    let mut cell = cell(&fault("stop-ignored", "kind = \"ok\"\nfor = 10"));
+    cell.run_ok(&json!([axis_move([10.0; 6], 90.0)]));
+    cell.ok(&["actionPause"]);
+    cell.pass(5.0);
+    assert!(cell.number("axis-0") < 10.0, "other means work");
+}
+
+#[test]
+fn clearing_the_list_is_ignored_with_every_stop() {
+    for (kind, left) in [("every", "1"), ("ok", "0")] {
+        let mut cell =
+            cell(&(fault("list-frozen", "for = 10") + &fault("stop-ignored", &format!("kind = \"{kind}\""))));
+        cell.run_ok(&json!([axis_move([10.0; 6], 90.0)]));
+        cell.run_ok(&json!([]));
+        assert_eq!(cell.text("RemoteCmdLen"), left, "{kind}");
+    }
+}
+
+#[test]
+fn the_arm_dwells_between_two_moves_and_not_after_the_last() {
+    let mut cell = cell(&fault("dwell", "rest = 2"));
+    cell.run_ok(&json!([axis_move([5.0; 6], 90.0), axis_move([0.0; 6], 90.0)]));
+    cell.pass(2.0);
+    let stands = (cell.text("RemoteCmdLen"), cell.text("isMoving"), cell.number("axis-0"));
+    assert_eq!(stands, ("1".to_owned(), "0".to_owned(), 5.0));
+    cell.pass(4.0);
+    assert_eq!((cell.text("RemoteCmdLen"), cell.number("axis-0")), ("0".to_owned(), 0.0));
+}
+
+#[test]
+fn a_late_list_is_taken_after_it_was_cleared() {
+    let mut cell = cell(&fault("late-list", "delay = 3\nfor = 1"));
+    cell.add_rcc("1", &json!([axis_move([5.0; 6], 90.0)]));
+    cell.pass(1.5);
+    assert_eq!(cell.frame(), None);
+    assert_eq!(cell.text("RemoteCmdLen"), "0");
+    cell.run_ok(&json!([]));
+    cell.pass(4.0);
+    assert_eq!(cell.number("axis-0"), 5.0);
+}
+
+#[test]
+fn a_late_list_is_lost_with_the_mains() {
+    let cut = "[[at]]\ntime = 1\ndo = \"power-cut\"\nfor = 0.5\n";
+    let mut cell = cell(&(fault("late-list", "delay = 3\nfor = 0.9") + cut));
+    cell.add_rcc("1", &json!([axis_move([5.0; 6], 90.0)]));
+    cell.pass(6.0);
+    assert_eq!(cell.controller.snapshot(cell.now).axes[0], 0.0);
+}
+
+#[test]
 fn a_frozen_list_goes_on_when_it_is_over() {
     let mut cell = cell(&fault("list-frozen", "for = 10"));
     cell.run_ok(&json!([axis_move([5.0; 6], 90.0)]));

@@ -47,6 +47,7 @@ fn every_fault_is_read_and_says_its_word() {
             "bad-field" => "kind = \"missing\"",
             "bad-pack-id" => "kind = \"wrong\"",
             "bad-list" => "kind = \"short\"",
+            "stop-ignored" => "kind = \"every\"",
             _ => "",
         };
         let scenario = read(&format!("[[fault]]\nfault = \"{word}\"\n{kind}"));

@@ -13,6 +13,9 @@ use crate::shared::{State, now};
 /// A path of the longest is carried out within this time, or something stops it.
 const ENDS_WITHIN: u64 = 40_000;
 
+/// What was in doubt when a stop was confirmed shows itself within this time.
+const LATEST: Duration = Duration::from_millis(4200);
+
 /// A stop takes effect within this time where the first connection is deaf.
 const STOPS_WITHIN: Duration = Duration::from_millis(1500);
 
@@ -31,6 +34,13 @@ impl Work {
                 let begun = self.bounded("a motion", robot.run(motion, options)).await;
                 if let Ok(handle) = begun {
                     self.stop_when_deaf(handle, steps).await;
+                }
+            }
+            // Streams nothing.
+            Mishap::StopsOthers => {}
+            Mishap::Stopped => {
+                if let Ok(handle) = self.bounded("a motion", robot.run(motion, options)).await {
+                    self.stop_it(handle).await;
                 }
             }
             Mishap::OutputFails => {
@@ -59,10 +69,33 @@ impl Work {
         }
     }
 
+    /// Stops what is in motion, and looks at the arm for long enough to see what follows.
+    pub(super) async fn stop_others(&mut self) {
+        self.start().await;
+        sleep(ms(100) + self.random.up_to(ms(2500))).await;
+        let stopped = self.bounded("a stop", self.robot.stop()).await;
+        self.note_stop(stopped.as_ref().ok().map(|report| report.confirmed));
+        sleep(LATEST).await;
+    }
+
+    /// Stops a motion at some time, by its handle or past it, and looks at the arm for long enough to see what follows.
+    async fn stop_it(&mut self, handle: MotionHandle) {
+        sleep(ms(30) + self.random.up_to(ms(2500))).await;
+        let stopped = if self.random.strikes(0.5) {
+            self.bounded("a stop", handle.stop()).await
+        } else {
+            let stopped = self.bounded("a stop", self.robot.stop()).await;
+            drop(self.bounded("a motion", handle.finished()).await);
+            stopped
+        };
+        self.note_stop(stopped.as_ref().ok().map(|report| report.confirmed));
+        sleep(LATEST).await;
+    }
+
     /// Stops the arm as soon as the connection is deaf, where it becomes so while the arm moves.
     async fn stop_when_deaf(&mut self, handle: MotionHandle, steps: &[i64]) {
         let is_deaf = || self.shared.state().floors[self.plan.robot].felt.is_in_force("half-open");
-        for _ in 0..100 {
+        for _ in 0..400 {
             if is_deaf() {
                 break;
             }

@@ -1,11 +1,14 @@
 //! What a program does with the arm: paths that are streamed, targets that are followed, stops, and places that cannot be reached.
 
 use r6_client::units::{AxisPosition, Degrees, Percent};
-use r6_client::{Command, FollowOptions, Motion, MotionHandle, OperationMode, RunOptions, StepState, Unmet};
+use r6_client::{
+    Command, FollowOptions, Motion, MotionHandle, OperationMode, RunOptions, StepState, Unmet, WaitOptions,
+};
 use tokio::time::{sleep, timeout};
 
 use super::{Work, ms};
-use crate::fault::Promise;
+use crate::fault::{Class, Promise};
+use crate::plan::Mishap;
 use crate::shared::{State, now};
 
 /// Steps that one client numbers at most: a thousandth of a degree of J2 each.
@@ -24,6 +27,9 @@ impl Work {
     }
 
     async fn move_once(&mut self) {
+        if self.plan.mishap == Some(Mishap::StopsOthers) {
+            return self.stop_others().await;
+        }
         let robot = self.robot.clone();
         if self.random.strikes(0.1) {
             return self.send_without_a_look().await;
@@ -53,7 +59,15 @@ impl Work {
     /// A path of new steps.
     fn path(&mut self) -> Option<(Vec<i64>, Motion)> {
         let base = 1 + i64::try_from(self.place()).unwrap_or(0) * MOST_STEPS;
-        let count = i64::try_from(3 + self.random.below(12)).unwrap_or(3);
+        let trap = self.shared.plan.trap;
+        // In one list, so that nothing in the middle of a path can be what was not carried out.
+        let most = match trap {
+            Some(Class::P10) => 3,
+            Some(Class::E5) => 24,
+            _ => 12,
+        };
+        let count = i64::try_from(3 + self.random.below(most)).unwrap_or(3);
+        let with_tool = trap.is_some() && self.random.strikes(0.7);
         let first = {
             let mut state = self.shared.state();
             let line = &mut state.lines[self.index];
@@ -74,17 +88,33 @@ impl Work {
             if self.random.strikes(0.3) {
                 motion = motion.blend(5);
             }
+            if with_tool {
+                motion = motion.tool(1);
+            }
         }
         Some((steps, motion))
     }
 
     async fn stream(&mut self) {
-        let Some((steps, motion)) = self.path() else { return };
-        let options =
-            RunOptions { frame_instructions: 1 + self.random.below(4), room: 6, ..RunOptions::default() };
+        let Some((steps, mut motion)) = self.path() else { return };
+        let trap = self.shared.plan.trap;
+        if trap == Some(Class::P10) && self.random.strikes(0.5) {
+            motion = motion.workbench(0);
+        }
+        let options = match trap {
+            Some(Class::P10) => RunOptions::default(),
+            _ => {
+                RunOptions { frame_instructions: 1 + self.random.below(4), room: 6, ..RunOptions::default() }
+            }
+        };
         let run = self.shared.state().lines[self.index].run_begins(now(), &steps);
+        // A step that moves nothing has no number.
+        let unnumbered = u32::from(trap == Some(Class::P10));
+        self.shared.state().lines[self.index].unnumbered += unnumbered;
         let robot = self.robot.clone();
-        if let Some(mishap) = self.plan.mishap {
+        if trap == Some(Class::E6) && self.random.strikes(0.4) {
+            self.send_and_wait(&motion, &steps).await;
+        } else if let Some(mishap) = self.plan.mishap {
             self.run_into(mishap, &motion, options, &steps).await;
         } else {
             let begun = self.perhaps("a motion", robot.run(&motion, options)).await;
@@ -93,7 +123,29 @@ impl Work {
             }
         }
         sleep(ms(HANDED_OVER)).await;
-        self.shared.state().lines[self.index].run_ends(run);
+        let mut state = self.shared.state();
+        state.lines[self.index].unnumbered -= unnumbered;
+        state.lines[self.index].run_ends(run);
+    }
+
+    /// Sends a list as it is, and waits until it is done.
+    async fn send_and_wait(&mut self, motion: &Motion, steps: &[i64]) {
+        let (Ok(instructions), robot) = (motion.instructions(), self.robot.clone()) else { return };
+        if !matches!(self.bounded("a look", robot.status()).await, Ok(status) if status.is_ready()) {
+            return;
+        }
+        let list = instructions.get(..instructions.len().min(6)).unwrap_or_default();
+        if self.bounded("a list", robot.add_rcc(true, list.to_vec())).await.is_err() {
+            return;
+        }
+        let options = WaitOptions { timeout: ms(30_000), ..WaitOptions::default() };
+        if let Ok(done) = self.bounded("the end of a list", robot.wait_until_done(options)).await {
+            let sent = steps.get(..list.len()).unwrap_or_default();
+            let is_whole = self.shared.state().floors[self.plan.robot].has_done(sent);
+            self.shared.check(Promise::Whole, is_whole, || {
+                format!("client-{}: {sent:?} are done, they say: moved {}", self.index, done.moved)
+            });
+        }
     }
 
     /// Lets a motion come to its end, stops it, drops it, or has it go at another speed.
@@ -185,10 +237,8 @@ impl Work {
         let State { record, floors, .. } = &mut *state;
         record.tally.stops[usize::from(confirmed != Some(true))] += 1;
         if confirmed == Some(true) {
-            floors[self.plan.robot].stands(at);
-            if self.is_alone() {
-                floors[self.plan.robot].is_told_to_stand(at);
-            }
+            let floor = &mut floors[self.plan.robot];
+            if self.is_alone() { floor.is_told_to_stand(at) } else { floor.stands(at) }
         }
     }
 

@@ -66,7 +66,7 @@ impl Work {
     /// Asks for values, other ones each time.
     pub(super) async fn ask(mut self) {
         let mut round: usize = 0;
-        while !self.is_over() {
+        while self.plan.asks && !self.is_over() {
             let first = round % 3;
             let asked: Vec<_> = AxisIndex::ALL
                 .into_iter()

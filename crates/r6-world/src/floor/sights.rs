@@ -23,9 +23,6 @@ const MOST_ACCELERATION: f64 = 2.0 * 2.0 / 0.078;
 
 const MOST_JERK: f64 = 2.0 * 8.0 / (0.078 * 0.078);
 
-/// An arm that was seen to stand has this far to go at most, degrees: the last of its brake.
-const STANDS_WITHIN: f64 = 0.05;
-
 /// The machine at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight {
@@ -63,7 +60,7 @@ impl Floor {
             && at > *since
         {
             let place = *place.get_or_insert(sight.axes);
-            let stands = place.iter().zip(sight.axes).all(|(was, is)| (was - is).abs() <= STANDS_WITHIN);
+            let stands = place == sight.axes;
             record.check(Promise::Stopped, at, stands, || {
                 format!(
                     "{} stands since {since:?}, they say: it went from {place:?} to {:?}",

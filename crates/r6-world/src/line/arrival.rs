@@ -104,6 +104,8 @@ mod tests {
             moves: false,
             drops: false,
             mishap: None,
+            watches: true,
+            asks: true,
         };
         let (mut line, mut record) = (Line::new(&plan), Record::new(false));
         let number = line.connected(0, Duration::ZERO, &mut record);

@@ -57,6 +57,7 @@ impl Draw<'_> {
             looked_at: self.pick(&[ms(3), ms(5), ms(10)]),
             tells_values: true,
             does_what_it_says: true,
+            arms_itself: false,
         };
         self.plan.robots.push(robot);
         if profile != "hc1" {
@@ -94,6 +95,8 @@ impl Draw<'_> {
             moves: self.random.strikes(0.8),
             drops: self.random.strikes(0.4),
             mishap: None,
+            watches: true,
+            asks: true,
         };
         if client.drops {
             self.plan.classes.push(Class::K1);

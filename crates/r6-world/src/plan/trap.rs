@@ -10,8 +10,18 @@ use super::{Blow, CALM, ClientPlan, Mishap, Plan, RobotPlan, ms};
 use crate::fault::Class;
 
 /// The classes that a world can have as its only one.
-pub const TRAPS: [Class; 8] =
-    [Class::E1, Class::E2, Class::E3, Class::E4, Class::E5, Class::E6, Class::E7, Class::E8];
+pub const TRAPS: [Class; 9] =
+    [Class::E1, Class::E2, Class::E3, Class::E4, Class::E5, Class::E6, Class::E7, Class::E8, Class::P10];
+
+/// The name of a program that runs by itself and stands in between, as one that waits for inputs.
+pub const DWELLS: &str = "dwells";
+
+/// That program.
+pub const DWELLS_TEXT: &str = "\
+[[step]]\ndo = \"axis-move\"\nto = [25, -3, 4, 0, 5, 0]\nspeed = 40\n\
+[[step]]\ndo = \"wait\"\nseconds = 0.3\n\
+[[step]]\ndo = \"axis-move\"\nto = [0, -1, 4, 0, 5, 0]\nspeed = 40\n\
+[[step]]\ndo = \"wait\"\nseconds = 0.8\n";
 
 /// What clears the list of whoever sent it.
 const CLEAR: &[u8] = b"{\"reqType\":\"AddRCC\",\"emptyList\":\"1\",\"instructions\":[]}";
@@ -21,7 +31,7 @@ impl Plan {
     #[must_use]
     pub fn trapped(class: Class, seed: u64) -> Self {
         let mut random = Random::new(seed ^ 0x7472_6170_7065_6421);
-        let over = CALM + ms(9000) + random.up_to(ms(4000));
+        let over = CALM + ms(14_000) + random.up_to(ms(4000));
         let mut plan = Self {
             seed,
             latency: ms(2) + random.up_to(ms(10)),
@@ -42,6 +52,14 @@ impl Plan {
         plan
     }
 
+    /// A world with the trap whose turn it is.
+    #[must_use]
+    pub fn any_trap(seed: u64) -> Self {
+        let count = u64::try_from(TRAPS.len()).unwrap_or(1);
+        let turn = usize::try_from(seed % count).unwrap_or(0);
+        Self::trapped(TRAPS[turn], seed)
+    }
+
     fn set(&mut self, class: Class, random: &mut Random) {
         let (from, lasts) = (CALM, self.over - CALM);
         let task = |fault| Window { fault: Fault::Task(fault), from, lasts: Some(lasts), chance: 1.0 };
@@ -53,17 +71,34 @@ impl Plan {
                 faults.push(task(TaskFault::StopIgnored(how)));
                 // The arm stands in between, for longer than two looks.
                 faults.push(task(TaskFault::Dwell { rest: ms(250) + random.up_to(ms(100)) }));
+                client.mishap = Some(Mishap::Stopped);
+                if random.strikes(0.5) {
+                    // It runs by itself, and stands in between.
+                    robot.program = DWELLS;
+                    client.mishap = Some(Mishap::StopsOthers);
+                }
             }
-            Class::E2 => faults.push(task(TaskFault::Dwell { rest: ms(250) + random.up_to(ms(1000)) })),
+            Class::E2 => {
+                faults.push(task(TaskFault::Dwell { rest: ms(250) + random.up_to(ms(1000)) }));
+                client.mishap = random.strikes(0.3).then_some(Mishap::Stopped);
+                if random.strikes(0.6) {
+                    // It does not tell how many instructions are left.
+                    robot.profile = "r6-host";
+                }
+            }
             Class::E3 => {
-                let from = CALM + random.up_to(ms(4000));
-                let fault = Fault::Link(LinkFault::HalfOpen);
-                faults.push(Window { fault, from, lasts: Some(ms(200)), chance: 1.0 });
+                for turn in 0..3 {
+                    let from = CALM + ms(turn * 4500) + random.up_to(ms(2000));
+                    let fault = Fault::Link(LinkFault::HalfOpen);
+                    faults.push(Window { fault, from, lasts: Some(ms(200)), chance: 1.0 });
+                }
                 client.mishap = Some(Mishap::StopsWhenDeaf);
             }
             Class::E4 => {
                 let delay = client.patience + ms(200) + random.up_to(ms(1500));
                 faults.push(Window { chance: 0.3, ..task(TaskFault::LateList { delay }) });
+                robot.arms_itself = true;
+                client.mishap = random.strikes(0.7).then_some(Mishap::Stopped);
             }
             Class::E5 => {
                 for _ in 0..4 + random.below(6) {
@@ -74,6 +109,9 @@ impl Plan {
                 }
             }
             Class::E6 => {
+                // What it is told by values would be seen first.
+                let turn = random.below(3);
+                (client.watches, client.asks) = (turn == 0, turn == 1);
                 let mut at = CALM + random.up_to(ms(1500));
                 while at + ms(4000) < self.over {
                     let back = at + ms(800) + random.up_to(ms(2500));
@@ -84,6 +122,11 @@ impl Plan {
             }
             Class::E7 => client.mishap = Some(Mishap::OutputFails),
             Class::E8 => client.mishap = Some(Mishap::Interrupted),
+            Class::P10 => {
+                // Commands are few; what counts is a list.
+                faults.push(Window { chance: 0.3, ..task(TaskFault::NotExecuted) });
+                (client.watches, client.asks) = (false, false);
+            }
             _ => {}
         }
     }
@@ -101,6 +144,7 @@ fn robot_of(random: &mut Random) -> RobotPlan {
         looked_at: ms(3),
         tells_values: true,
         does_what_it_says: true,
+        arms_itself: random.strikes(0.5),
     }
 }
 
@@ -114,6 +158,8 @@ fn client_of(robot: usize, random: &mut Random) -> ClientPlan {
         moves: true,
         drops: false,
         mishap: None,
+        watches: true,
+        asks: true,
     }
 }
 
