@@ -40,7 +40,7 @@ use crate::connect::Connect;
 use crate::error::{NotSent, RequestError};
 use crate::{
     Accepted, CameraSet, Cause, Done, Envelope, Identity, LinkQuality, Motion, MotionError, NotSubscribed,
-    QueryResult, RobotSettings, RunOptions, Status, StopReport, WaitError, WaitOptions,
+    QueryResult, RobotSettings, RunOptions, Status, StopReport, StopsUnderWay, WaitError, WaitOptions,
 };
 
 /// A handle on one controller. Clones share one connection; dropping the last one, and what was made with it, closes it in
@@ -51,8 +51,8 @@ pub struct Robot {
     connection: Arc<Connection>,
 }
 
-/// How long a connection waits for the stop of its last motion: a stop takes five seconds at most.
-const LAST_STOP: Duration = Duration::from_secs(6);
+/// How long a connection waits for the stop of its last motion: as long as a stop takes, and a moment for what follows it.
+const LAST_STOP: Duration = StopsUnderWay::WITHIN.saturating_add(Duration::from_secs(1));
 
 /// What all handles of a connection share.
 struct Connection {
@@ -128,7 +128,7 @@ impl Robot {
         &self.robot
     }
 
-    /// As [`crate::Robot::close`]: at once, whatever other clones are doing.
+    /// As [`crate::Robot::close`], whatever other clones are doing; only a stop that is under way is waited for.
     pub fn close(self) {
         self.engine().block_on(self.robot.clone().close());
     }

@@ -113,11 +113,13 @@ impl Robot {
         Ok(Self { lanes: Arc::new(lanes), guard: None })
     }
 
-    /// Ends the connection for all clones and waits until it is closed, half a second at most.
+    /// Ends the connection for all clones and waits until it is closed, half a second at most. A stop that is under way is waited
+    /// for before, 15 s at most.
     ///
     /// Dropping the last clone does the same in the background; use this where the runtime ends right after.
     /// Other clones' later requests are not sent ([`NotSent::Closed`]).
     pub async fn close(self) {
+        self.stop_under_way().await;
         let (done, closed) = oneshot::channel();
         if self.lanes.urgent.send(Urgent::Close(done)).await.is_ok() {
             closed.await.ok();

@@ -30,14 +30,14 @@ const READ_EVERY: Duration = Duration::from_millis(50);
 const PAUSE_AFTER_FAILURE: Duration = Duration::from_millis(250);
 
 /// How long a stop may take in all: [`CONFIRM_WITHIN`], and then the time of some replies to clear the list and to look.
-const STOP_WITHIN: Duration = Duration::from_secs(15);
+pub(crate) const STOP_WITHIN: Duration = Duration::from_secs(15);
 
 /// The stops over one connection.
 #[derive(Debug, Default)]
 pub(crate) struct Stopping {
-    under_way: usize,
+    pub(crate) under_way: usize,
     /// What became of the last one of those that began while none was under way, or later.
-    last: Option<Result<StopReport, RequestError>>,
+    pub(crate) last: Option<Result<StopReport, RequestError>>,
 }
 
 impl Stopping {
