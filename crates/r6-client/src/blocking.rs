@@ -39,8 +39,9 @@ pub use self::watch::{PushedReceiver, Subscription};
 use crate::connect::Connect;
 use crate::error::{NotSent, RequestError};
 use crate::{
-    Accepted, CameraSet, Cause, Done, Envelope, Identity, LinkQuality, Motion, MotionError, NotSubscribed,
-    QueryResult, RobotSettings, RunOptions, Status, StopReport, WaitError, WaitOptions,
+    Accepted, CameraSet, Cause, Closed, Done, Envelope, Identity, LinkQuality, Motion, MotionError,
+    NotSubscribed, QueryResult, RobotSettings, RunOptions, Status, StopReport, StopsUnderWay, WaitError,
+    WaitOptions,
 };
 
 /// A handle on one controller. Clones share one connection; dropping the last one, and what was made with it, closes it in
@@ -51,8 +52,8 @@ pub struct Robot {
     connection: Arc<Connection>,
 }
 
-/// How long a connection waits for the stop of its last motion: a stop takes five seconds at most.
-const LAST_STOP: Duration = Duration::from_secs(6);
+/// How long a connection waits for the stop of its last motion: as long as a stop takes, and a moment for what follows it.
+const LAST_STOP: Duration = StopsUnderWay::WITHIN.saturating_add(Duration::from_secs(1));
 
 /// What all handles of a connection share.
 struct Connection {
@@ -64,10 +65,20 @@ impl Drop for Connection {
     fn drop(&mut self) {
         // Inside a runtime nothing can be waited for; then the engine's thread does the same.
         if Handle::try_current().is_err() {
-            self.engine.block_on(async {
-                // A motion whose handle asked for a stop when it is dropped is being stopped now.
-                timeout(LAST_STOP, self.robot.nothing_streams()).await.ok();
-                self.robot.clone().close().await;
+            let robot = self.robot.clone();
+            // A motion whose handle asked for a stop when it is dropped is being stopped now.
+            let over =
+                self.engine.block_on(async { timeout(LAST_STOP, robot.nothing_streams()).await.is_ok() });
+            if over {
+                self.engine.block_on(robot.close());
+                return;
+            }
+            // A motion whose handle was dropped goes on to its end; the engine's thread drives it while this program lives.
+            let engine = self.engine.clone();
+            self.engine.handle().spawn(async move {
+                robot.nothing_streams().await;
+                robot.close().await;
+                drop(engine);
             });
         }
     }
@@ -128,9 +139,9 @@ impl Robot {
         &self.robot
     }
 
-    /// As [`crate::Robot::close`]: at once, whatever other clones are doing.
-    pub fn close(self) {
-        self.engine().block_on(self.robot.clone().close());
+    /// As [`crate::Robot::close`], whatever other clones are doing; only a stop that is under way is waited for.
+    pub fn close(self) -> Closed {
+        self.engine().block_on(self.robot.clone().close())
     }
 
     /// As [`crate::Robot::address`].

@@ -23,6 +23,7 @@ pub mod blocking;
 mod board;
 mod camera;
 mod clock;
+mod closing;
 mod connect;
 mod discover;
 mod doubt;
@@ -54,6 +55,7 @@ mod subscription;
 pub mod units;
 
 pub use camera::{PhotosEnded, Shot};
+pub use closing::StopsUnderWay;
 pub use connect::{Connect, DEFAULT_PORT};
 pub use discover::{Discovered, discover};
 pub use error::{Effect, Invalid, NotSent, OutcomeUnknown, Refused, RequestError, Sent};

@@ -51,9 +51,9 @@ pub(crate) const STOP_WITHIN: Duration = Duration::from_secs(15);
 /// The stops over one connection.
 #[derive(Debug, Default)]
 pub(crate) struct Stopping {
-    under_way: usize,
+    pub(crate) under_way: usize,
     /// What became of the last one of those that began while none was under way, or later.
-    last: Option<Result<StopReport, RequestError>>,
+    pub(crate) last: Option<Result<StopReport, RequestError>>,
 }
 
 impl Stopping {

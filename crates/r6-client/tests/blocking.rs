@@ -10,6 +10,7 @@ use r6_client::units::{AxisPosition, Percent};
 use r6_client::{
     Heartbeat, Motion, NotSent, Pushed, Quality, RequestError, RobotSettings, RunOptions, StepState,
 };
+use r6_controller::Scenario;
 use r6_proto::message::PhotoAnswer;
 use r6_proto::{Address, Command, RegisterIndex};
 use r6_sim::{Clock, VirtualController};
@@ -221,6 +222,55 @@ fn robots_share_an_engine() {
     for robot in &robots {
         assert_eq!(robot.query(&[Address::CurMode]).unwrap().integer(Address::CurMode), Some(7));
     }
+}
+
+/// A slow link keeps the stop of the other thread under way.
+#[test]
+fn closing_waits_for_the_stop_of_another_thread() {
+    let scenario = "[[fault]]\nfault = \"latency\"\nto_controller = 0.1\nto_client = 0.1\n";
+    let controller =
+        VirtualController::builder().scenario(Scenario::read(scenario).unwrap()).start_blocking().unwrap();
+    let robot = connect(&controller, RobotSettings::default());
+    let handle = robot.run(&motion([150.0, -150.0, 150.0]), RunOptions::default()).unwrap();
+    assert!(handle.step(1).unwrap().started());
+    let (other, stops) = (robot.clone(), robot.as_async().stops_under_way());
+    let stopping = thread::spawn(move || other.stop());
+    until("the stop is under way", || stops.any());
+    robot.close();
+    let report = stopping.join().unwrap().unwrap();
+    assert!(report.confirmed, "{report}");
+    let state = controller.handle().snapshot();
+    assert!(!state.moving && state.list_length == 0, "{state:?}");
+    drop(handle);
+}
+
+#[test]
+fn events_end_with_the_handle_whatever_else_lives() {
+    let (_controller, robot) = cell();
+    let subscription = robot.subscribe(&[Address::CurMode], Duration::from_secs(3600)).unwrap();
+    let mut pushed = robot.pushed();
+    let (told, ended) = mpsc::channel();
+    let waiting = thread::spawn(move || {
+        let left = pushed.by_ref().count();
+        told.send((left, pushed.recv_within(PATIENCE))).unwrap();
+    });
+    robot.close();
+    let (_left, last) = ended.recv_timeout(PATIENCE).unwrap();
+    assert!(last.is_err(), "{last:?}");
+    waiting.join().unwrap();
+    drop(subscription);
+}
+
+#[test]
+fn the_stops_under_way_are_gone_with_the_connection() {
+    let (_controller, robot) = cell();
+    let mut stops = robot.as_async().stops_under_way();
+    assert!(!stops.any() && !stops.are_gone());
+    assert!(robot.stop().unwrap().confirmed);
+    let report = robot.engine().block_on(stops.over()).unwrap().unwrap();
+    assert!(report.confirmed, "{report}");
+    robot.close();
+    until("the connection is gone", || stops.are_gone());
 }
 
 /// It can be dropped, not used, where a runtime runs.

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use r6_proto::message::Command as Sent;
 use r6_proto::{CommandName, RegisterIndex};
 
+use crate::pickling::Reduced;
 use crate::units::Percent;
 
 /// A command with its arguments.
@@ -122,6 +123,10 @@ impl Command {
     #[getter]
     fn meaning(&self) -> &'static str {
         self.name().info().meaning
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Reduced<'py> {
+        self.reduced(py)
     }
 
     fn __repr__(&self) -> String {

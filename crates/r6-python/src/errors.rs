@@ -31,6 +31,11 @@ fn errors(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     Ok(ERRORS.get_or_try_init(py, || PyModule::import(py, "r6._errors").map(Bound::unbind))?.bind(py))
 }
 
+/// One of the classes.
+pub fn error_class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    errors(py)?.getattr(name)
+}
+
 /// Imports them, as `record::load` does what they need.
 pub fn load(py: Python<'_>) -> PyResult<()> {
     errors(py).map(drop)

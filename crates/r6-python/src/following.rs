@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use r6_client::{Cause, FollowOptions, Followed, MotionError, Progress, Robot, TargetSender};
 use tokio::sync::watch;
 
+use crate::closing::stopping;
 use crate::convert;
 use crate::errors::raise;
 use crate::handle::Streaming;
@@ -66,7 +67,7 @@ impl FollowCore {
     }
 
     /// No other target comes; waits until the arm stands.
-    fn finished(&self) -> PyResult<Operation> {
+    pub fn finished(&self) -> PyResult<Operation> {
         let parts = self.parts.here()?;
         parts.target.lock().unwrap_or_else(PoisonError::into_inner).take();
         let mut outcome = parts.outcome.clone();
@@ -84,10 +85,8 @@ impl FollowCore {
     }
 
     /// Ends it and stops the arm, whoever gives up waiting for it.
-    fn stop(&self) -> PyResult<Operation> {
-        let robot = self.parts.here()?.robot.clone();
-        let stopping = async move { robot.stop().await };
-        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)).going_on())
+    pub fn stop(&self) -> PyResult<Operation> {
+        Ok(stopping(self.parts.here()?.robot.clone()))
     }
 
     /// Ends it; the arm finishes the step or two in its list.

@@ -10,9 +10,11 @@ use tokio::sync::watch;
 use tokio::task::AbortHandle;
 use tokio::time::timeout;
 
+use crate::closing::stopping;
 use crate::convert::{self, seconds};
 use crate::errors::raise;
 use crate::operation::Operation;
+use crate::pickling::Reduced;
 use crate::process::Kept;
 
 /// How far a motion is.
@@ -59,6 +61,10 @@ impl Progress {
 
     fn step(&self, step: usize) -> PyResult<&'static str> {
         self.0.step(step).map(state_word).ok_or_else(|| no_such_step(step, self.0.total))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Reduced<'py> {
+        self.reduced(py)
     }
 
     fn __repr__(&self) -> String {
@@ -191,7 +197,7 @@ impl MotionCore {
         self.step_is(step, |state| state == StepState::Done)
     }
 
-    fn finished(&self) -> PyResult<Operation> {
+    pub fn finished(&self) -> PyResult<Operation> {
         let parts = self.parts.here()?;
         let (mut outcome, progress) = (parts.outcome.clone(), parts.progress.clone());
         let waiting = async move {
@@ -216,10 +222,8 @@ impl MotionCore {
     }
 
     /// Ends the streaming and stops the arm, whoever gives up waiting for it.
-    fn stop(&self) -> PyResult<Operation> {
-        let robot = self.parts.here()?.robot.clone();
-        let stopping = async move { robot.stop().await };
-        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)).going_on())
+    pub fn stop(&self) -> PyResult<Operation> {
+        Ok(stopping(self.parts.here()?.robot.clone()))
     }
 
     /// Ends the streaming; the arm goes on, or is stopped, as `stop_on_drop` says.

@@ -5,13 +5,18 @@
 //! until the process is gone.
 
 use std::cell::Cell;
+use std::io::{self, Write as _};
+use std::pin::pin;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use r6_client::StopsUnderWay;
+use tokio::time::timeout;
 
+use crate::operation::SIGNALS_EVERY;
 use crate::process::{self, Process};
 
 /// How long the end waits for threads that are on their way back. They only have to make a result.
@@ -57,6 +62,9 @@ pub fn released<T: Send>(py: Python<'_>, wait: impl FnOnce() -> T + Send) -> (T,
 #[pyfunction]
 pub fn ending(py: Python<'_>) {
     let process = Process::started(py);
+    if let Some(process) = process {
+        wait_for_stops(py, process);
+    }
     py.detach(|| {
         ENDS_IT.set(true);
         ENDING.store(true, Ordering::SeqCst);
@@ -68,6 +76,48 @@ pub fn ending(py: Python<'_>) {
             thread::yield_now();
         }
     });
+}
+
+/// Waits until no stop is under way any more, and says of each that was not confirmed that it was not. A signal ends the waiting.
+fn wait_for_stops(py: Python<'_>, process: &Process) {
+    let stops = process.stops_under_way();
+    if stops.is_empty() && !process.owes() {
+        return;
+    }
+    let over = async {
+        let mut reports = Vec::new();
+        for mut stops in stops {
+            reports.extend(stops.over().await);
+        }
+        // What was asked for and has not begun to stop yet, and the connections that are closed after it.
+        timeout(StopsUnderWay::WITHIN, process.nothing_owed()).await.ok();
+        reports
+    };
+    let mut over = pin!(over);
+    let begun = Instant::now();
+    loop {
+        let waiting = || process.engine().block_on(async { timeout(SIGNALS_EVERY, over.as_mut()).await });
+        match py.detach(waiting) {
+            Ok(reports) => {
+                let failed = reports.iter().filter_map(|report| match report {
+                    Ok(report) if report.confirmed => None,
+                    Ok(report) => Some(report.to_string()),
+                    Err(error) => Some(error.to_string()),
+                });
+                return failed.for_each(|failed| say(&failed));
+            }
+            Err(_elapsed) if py.check_signals().is_err() => {
+                let not_confirmed = StopsUnderWay::not_confirmed(begun.elapsed());
+                return say(&not_confirmed.to_string());
+            }
+            Err(_elapsed) => {}
+        }
+    }
+}
+
+/// A last line. Where nothing can be written any more, nobody reads it.
+fn say(text: &str) {
+    writeln!(io::stderr(), "r6: the program ends: {text}").ok();
 }
 
 /// This is the child of a fork, with one thread: for `os.register_at_fork`.

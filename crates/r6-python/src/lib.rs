@@ -4,6 +4,7 @@
 //! Whatever takes time is an `Operation` (`operation.rs`), made by `robot.rs`, `handle.rs` and `subscription.rs`. The Python
 //! half (`python/r6`) waits for it: `Robot` in the calling thread, `AsyncRobot` through asyncio.
 
+mod block;
 mod closing;
 mod command;
 mod convert;
@@ -14,8 +15,10 @@ mod handle;
 mod interpreter;
 mod listening;
 mod motion;
+mod numbers;
 mod operation;
 mod photos;
+mod pickling;
 mod points;
 mod process;
 mod record;
@@ -23,8 +26,10 @@ mod registers;
 mod robot;
 mod settings;
 mod simulator;
+mod starting;
 mod subscription;
 mod tables;
+mod told;
 mod units;
 
 use pyo3::prelude::*;
@@ -43,6 +48,8 @@ mod _r6 {
     }
 
     #[pymodule_export]
+    use crate::block::Block;
+    #[pymodule_export]
     use crate::command::Command;
     #[pymodule_export]
     use crate::envelope::Envelope;
@@ -59,6 +66,8 @@ mod _r6 {
     #[pymodule_export]
     use crate::photos::PhotosCore;
     #[pymodule_export]
+    use crate::pickling::remade;
+    #[pymodule_export]
     use crate::registers::{from_thousandths, to_thousandths};
     #[pymodule_export]
     use crate::robot::RobotCore;
@@ -67,9 +76,13 @@ mod _r6 {
     #[pymodule_export]
     use crate::simulator::Simulator;
     #[pymodule_export]
+    use crate::starting::Starting;
+    #[pymodule_export]
     use crate::subscription::{PushedCore, SubscriptionCore};
     #[pymodule_export]
     use crate::tables::{addresses, alarm, models, profiles};
+    #[pymodule_export]
+    use crate::told::told;
     #[pymodule_export]
     use crate::units::{AxisMask, AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Percent, Pose};
 }

@@ -8,8 +8,9 @@ use r6_client::{OutputKind, StepError, WaitCondition};
 
 use crate::convert::{seconds, word};
 use crate::errors::{Raise, raise};
+use crate::numbers::rows;
 use crate::points::{output, outputs, source};
-use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg, rows};
+use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg};
 
 /// Moves, outputs and waits in their order. Each method adds a step, or changes the last one, and returns the motion.
 #[pyclass(module = "r6._r6")]

@@ -11,12 +11,13 @@ use pyo3::prelude::*;
 use tokio::task::AbortHandle;
 use tokio::time::timeout;
 
-use crate::interpreter;
-use crate::process::{Errand, Held, Kept, Process, made_before_the_fork};
+use crate::interpreter::{self, Back};
+use crate::process::{Errand, Held, Kept, Owed, Process, Unheard, made_before_the_fork};
+use crate::told;
 
 /// How often a thread that waits asks whether a signal has come. Ctrl-C is felt within this time, and a reply, which
 /// takes a real controller 20 ms, is not disturbed by it.
-const SIGNALS_EVERY: Duration = Duration::from_millis(50);
+pub const SIGNALS_EVERY: Duration = Duration::from_millis(50);
 
 /// Makes the Python object of a result, with the interpreter at hand.
 pub type Made = Box<dyn for<'py> FnOnce(Python<'py>) -> PyResult<Bound<'py, PyAny>> + Send>;
@@ -27,14 +28,36 @@ type Running = Pin<Box<dyn Future<Output = Made> + Send>>;
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Operation {
     work: Kept<Mutex<Option<Work>>>,
-    /// Whether it goes on when nobody waits any more.
-    goes_on: bool,
+    /// What to tell whoever gives up waiting, where it goes on all the same.
+    goes_on: Option<&'static str>,
 }
+
+/// A stop whose waiting was given up.
+pub const STOP_GOES_ON: &str = "the stop goes on and was not confirmed before this: closing the robot, and the end of the program, wait for it";
 
 /// What is to be done, and the Python objects that its result needs.
 struct Work {
     running: Running,
     held: Held,
+    /// Held until it has ended, where the end of the program waits for it.
+    owed: Option<Owed>,
+    unheard: Option<Unheard>,
+}
+
+/// How waiting for an operation ended.
+pub enum Waited<'py> {
+    /// With what it gives, or its error.
+    Made(PyResult<Bound<'py, PyAny>>),
+    /// With what the handler of a signal raised.
+    Raised(PyErr),
+}
+
+/// What an operation gave that was waited for through all signals.
+pub struct Insisted<'py> {
+    /// What it gives, or its error.
+    pub outcome: PyResult<Bound<'py, PyAny>>,
+    /// What the handler of the last signal raised meanwhile.
+    pub raised: Option<PyErr>,
 }
 
 impl Operation {
@@ -55,19 +78,101 @@ impl Operation {
             });
             made
         };
-        let work = Work { running: Box::pin(running), held };
-        Self { work: Kept::new(Mutex::new(Some(work))), goes_on: false }
+        let work = Work { running: Box::pin(running), held, owed: None, unheard: None };
+        Self { work: Kept::new(Mutex::new(Some(work))), goes_on: None }
     }
 
-    /// The same, but once begun it goes on to its end, whoever gives up waiting: for what must not be taken back, as a stop.
+    /// The same, but once begun it goes on to its end, whoever gives up waiting, and the end of the program waits for it: for what must
+    /// not be taken back, as a stop. Whoever gives up waiting is told this.
     #[must_use]
-    pub fn going_on(self) -> Self {
-        Self { goes_on: true, ..self }
+    pub fn going_on(self, told: &'static str) -> Self {
+        Self { goes_on: Some(told), ..self }
     }
 
-    fn begin(&self) -> PyResult<Work> {
+    /// The same; if nobody can be told of its end, because an event loop was closed, this is done.
+    #[must_use]
+    pub fn or_unheard(self, unheard: Unheard) -> Self {
+        if let Ok(work) = self.work.here()
+            && let Some(work) = work.lock().unwrap_or_else(PoisonError::into_inner).as_mut()
+        {
+            work.unheard = Some(unheard);
+        }
+        self
+    }
+
+    fn begin(&self, process: &'static Process) -> PyResult<Work> {
         let work = self.work.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
-        work.ok_or_else(begun)
+        let work = work.ok_or_else(begun)?;
+        Ok(Work { owed: self.goes_on.map(|_| Owed::by(process)), ..work })
+    }
+
+    /// If it has not begun, it never will.
+    pub fn never(&self) {
+        if let Ok(work) = self.work.here() {
+            drop(work.lock().unwrap_or_else(PoisonError::into_inner).take());
+        }
+    }
+
+    /// Waits with the interpreter released, until it has ended or a signal handler raises, as that of Ctrl-C does.
+    pub fn waited<'py>(&self, py: Python<'py>) -> PyResult<Waited<'py>> {
+        self.work.here()?;
+        let process = Process::current(py)?;
+        let mut work = self.begin(process)?;
+        loop {
+            if let Some((made, _back)) = work.some_time(py, process) {
+                return Ok(Waited::Made(made(py)));
+            }
+            let signalled = py.check_signals();
+            if !process.is_here(py) {
+                // A signal handler has forked, and this is the child.
+                std::mem::forget(work);
+                return Ok(Waited::Raised(signalled.err().unwrap_or_else(made_before_the_fork)));
+            }
+            if let Err(raised) = signalled {
+                if let Some(told) = self.goes_on {
+                    told::note(raised.value(py), told);
+                    process.engine().handle().spawn(Begun { process, tell: None, work: Some(work) });
+                }
+                return Ok(Waited::Raised(raised));
+            }
+        }
+    }
+
+    /// Waits to its end, whatever signals come: for a stop, which takes [`r6_client::StopsUnderWay::WITHIN`] at most.
+    pub fn insist<'py>(&self, py: Python<'py>) -> PyResult<Insisted<'py>> {
+        self.work.here()?;
+        let process = Process::current(py)?;
+        let mut work = self.begin(process)?;
+        let mut raised: Option<PyErr> = None;
+        loop {
+            let made = work.some_time(py, process);
+            // Also where it has ended: a signal that waits would come through in the Python code that makes the result.
+            let signalled = py.check_signals();
+            if !process.is_here(py) {
+                std::mem::forget(work);
+                return Err(signalled.err().unwrap_or_else(made_before_the_fork));
+            }
+            if let Err(error) = signalled {
+                if let Some(before) = &raised {
+                    told::in_the_course_of(py, &error, before.value(py))?;
+                }
+                raised = Some(error);
+            }
+            if let Some((made, _back)) = made {
+                return Ok(Insisted { outcome: made(py), raised });
+            }
+        }
+    }
+}
+
+impl Work {
+    /// Waits until it has ended, no longer than signals may wait. The way back is to be held open until the result is made: that runs
+    /// Python code.
+    fn some_time(&mut self, py: Python<'_>, process: &Process) -> Option<(Made, Back)> {
+        let running = &mut self.running;
+        let waiting = || process.engine().block_on(async { timeout(SIGNALS_EVERY, running).await });
+        let (waited, back) = interpreter::released(py, waiting);
+        waited.ok().map(|made| (made, back))
     }
 }
 
@@ -78,30 +183,10 @@ fn begun() -> PyErr {
 #[pymethods]
 impl Operation {
     /// Waits with the interpreter released. A signal handler that raises, as Ctrl-C does, ends the waiting.
-    fn wait<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.work.here()?;
-        let process = Process::current(py)?;
-        let mut work = self.begin()?;
-        loop {
-            let running = &mut work.running;
-            let waiting = || process.engine().block_on(async { timeout(SIGNALS_EVERY, running).await });
-            // The way back is held open until the result is made: that runs Python code.
-            let (waited, _back) = interpreter::released(py, waiting);
-            if let Ok(made) = waited {
-                return made(py);
-            }
-            let signalled = py.check_signals();
-            if !process.is_here(py) {
-                // A signal handler has forked, and this is the child.
-                std::mem::forget(work);
-                return Err(signalled.err().unwrap_or_else(made_before_the_fork));
-            }
-            if let Err(raised) = signalled {
-                if self.goes_on {
-                    process.engine().handle().spawn(Begun { process, tell: None, work: Some(work) });
-                }
-                return Err(raised);
-            }
+    pub fn wait<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        match self.waited(py)? {
+            Waited::Made(made) => made,
+            Waited::Raised(raised) => Err(raised),
         }
     }
 
@@ -109,9 +194,10 @@ impl Operation {
     fn start(&self, py: Python<'_>, tell: Py<PyAny>) -> PyResult<Started> {
         self.work.here()?;
         let process = Process::current(py)?;
-        let work = Some(self.begin()?);
+        let work = Some(self.begin(process)?);
         let task = process.engine().handle().spawn(Begun { process, tell: Some(tell), work });
-        Ok(Started { task: Kept::new((!self.goes_on).then(|| task.abort_handle())) })
+        let task = Kept::new(self.goes_on.is_none().then(|| task.abort_handle()));
+        Ok(Started { task, goes_on: self.goes_on })
     }
 }
 
@@ -127,10 +213,11 @@ struct Begun {
 impl Begun {
     /// Hands on what needs the interpreter.
     fn end(&mut self, made: Option<Made>) {
-        if let Some(Work { running, held }) = self.work.take() {
+        if let Some(Work { running, held, owed, unheard }) = self.work.take() {
             // A request that has not left is taken back by this, and must not wait for the interpreter.
             drop(running);
-            self.process.run(Errand { tell: self.tell.take(), made, held });
+            drop(owed);
+            self.process.run(Errand { tell: self.tell.take(), made, held, unheard });
         }
     }
 }
@@ -158,6 +245,9 @@ impl Drop for Begun {
 pub struct Started {
     /// `None` if it goes on to its end.
     task: Kept<Option<AbortHandle>>,
+    /// What to tell whoever gives up waiting for it, where it goes on all the same.
+    #[pyo3(get)]
+    goes_on: Option<&'static str>,
 }
 
 #[pymethods]

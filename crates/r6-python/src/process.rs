@@ -9,7 +9,9 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
 use crate::operation::Made;
+use r6_client::StopsUnderWay;
 use r6_client::blocking::Engine;
+use tokio::sync::watch;
 
 /// What serves the robots of one process. It lives as long as the process.
 pub struct Process {
@@ -17,6 +19,10 @@ pub struct Process {
     errands: mpsc::Sender<Option<Errand>>,
     /// The thread that tells asyncio, until the interpreter ends.
     telling: Mutex<Option<JoinHandle<()>>>,
+    /// Operations that go on whoever gives up waiting, and that the end of the program waits for.
+    owed: watch::Sender<usize>,
+    /// The stops of each connection that was made.
+    stops: Mutex<Vec<StopsUnderWay>>,
     /// A fork leaves the threads behind: whatever belongs to them is of no use in the child.
     id: u32,
     here: Here,
@@ -34,7 +40,12 @@ pub struct Errand {
     pub made: Option<Made>,
     /// What is dropped then.
     pub held: Held,
+    /// What is done if it cannot be told: the event loop is closed.
+    pub unheard: Option<Unheard>,
 }
+
+/// What is done where nobody hears of a result.
+pub type Unheard = Box<dyn FnOnce() + Send>;
 
 /// Whoever has this has the interpreter too, and does not let it go meanwhile. A fork from Python needs the interpreter, so that no
 /// child finds it locked.
@@ -83,7 +94,9 @@ impl Process {
         let telling =
             thread::Builder::new().name("r6 asyncio".to_owned()).spawn(move || tell_asyncio(&to_run))?;
         let telling = Mutex::new(Some(telling));
-        Ok(Self { engine: Engine::start()?, errands, telling, id: std::process::id(), here: Here::now() })
+        let (owed, stops) = (watch::Sender::default(), Mutex::default());
+        let (id, here) = (std::process::id(), Here::now());
+        Ok(Self { engine: Engine::start()?, errands, telling, owed, stops, id, here })
     }
 
     /// The engine.
@@ -95,6 +108,30 @@ impl Process {
     pub fn run(&self, errand: Errand) {
         // The thread ends with the interpreter; then nobody waits any more.
         let _ = self.errands.send(Some(errand));
+    }
+
+    /// Keeps the stops of a connection in mind, until it is gone.
+    pub fn connected(&self, stops: StopsUnderWay) {
+        let mut known = self.stops.lock().unwrap_or_else(PoisonError::into_inner);
+        known.retain(|stops| !stops.are_gone());
+        known.push(stops);
+    }
+
+    /// The stops that are under way now, whoever asked for them.
+    pub fn stops_under_way(&self) -> Vec<StopsUnderWay> {
+        let known = self.stops.lock().unwrap_or_else(PoisonError::into_inner);
+        known.iter().filter(|stops| stops.any()).cloned().collect()
+    }
+
+    /// Ends once nothing is owed any more.
+    pub async fn nothing_owed(&self) {
+        // The sender is here.
+        self.owed.subscribe().wait_for(|owed| *owed == 0).await.ok();
+    }
+
+    /// Whether something goes on that the end of the program waits for.
+    pub fn owes(&self) -> bool {
+        *self.owed.borrow() > 0
     }
 
     /// Ends the thread that tells asyncio: what it was given is told before.
@@ -115,6 +152,23 @@ impl Process {
     }
 }
 
+/// Something that the end of the program waits for; over when this is dropped.
+pub struct Owed(&'static Process);
+
+impl Owed {
+    /// By this process.
+    pub fn by(process: &'static Process) -> Self {
+        process.owed.send_modify(|owed| *owed += 1);
+        Self(process)
+    }
+}
+
+impl Drop for Owed {
+    fn drop(&mut self) {
+        self.0.owed.send_modify(|owed| *owed = owed.saturating_sub(1));
+    }
+}
+
 /// Python is entered here and nowhere on the engine's threads: whoever holds the interpreter for long, a busy thread or
 /// a slow extension, must not hold up heartbeats, polls and paths.
 fn tell_asyncio(errands: &mpsc::Receiver<Option<Errand>>) {
@@ -125,14 +179,18 @@ fn tell_asyncio(errands: &mpsc::Receiver<Option<Errand>>) {
     }
 }
 
-fn run(py: Python<'_>, Errand { tell, made, held }: Errand) {
+fn run(py: Python<'_>, Errand { tell, made, held, unheard }: Errand) {
     if let (Some(tell), Some(made)) = (tell, made) {
         let told = match made(py) {
             Ok(value) => tell.call1(py, (py.None(), value)),
             Err(error) => tell.call1(py, (error, py.None())),
         };
         // A loop that was closed wants to know nothing.
-        drop(told);
+        if told.is_err()
+            && let Some(unheard) = unheard
+        {
+            unheard();
+        }
     }
     drop(held);
 }

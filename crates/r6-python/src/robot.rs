@@ -9,20 +9,20 @@ use r6_client::{CameraSet, OperationMode, RequestError, Robot, WaitOptions};
 use r6_proto::Address;
 use r6_proto::message::{Command as Sent, Instruction, PhotoAnswer};
 
-use crate::closing::StopOnDrop;
+use crate::closing::{Connection, stopping};
 use crate::command::Command;
 use crate::convert::{self, seconds};
 use crate::envelope::Envelope;
 use crate::errors::{Raise, raise};
 use crate::following::FollowCore;
-use crate::handle::MotionCore;
 use crate::listening::Target;
 use crate::motion::Motion;
-use crate::operation::Operation;
+use crate::operation::{Operation, STOP_GOES_ON};
 use crate::photos::{self, PhotosCore};
-use crate::process::Kept;
+use crate::process::{Kept, Process};
 use crate::registers;
 use crate::settings::{FollowOptions, RobotSettings, RunOptions};
+use crate::starting::Starting;
 use crate::subscription::{PushedCore, SubscriptionCore};
 
 /// A handle on one controller.
@@ -36,14 +36,14 @@ pub struct RobotCore {
 struct Handle {
     /// `None` once it was closed.
     robot: Mutex<Option<Robot>>,
-    /// Of the connection: `with_guard` shares it.
-    stop_on_drop: Arc<StopOnDrop>,
+    /// `with_guard` shares it.
+    connection: Arc<Connection>,
 }
 
 impl RobotCore {
-    fn new(robot: Robot, stop_on_drop: Arc<StopOnDrop>) -> Self {
+    fn new(robot: Robot, connection: Arc<Connection>) -> Self {
         let address = robot.address().to_owned();
-        Self { handle: Kept::new(Handle { robot: Mutex::new(Some(robot)), stop_on_drop }), address }
+        Self { handle: Kept::new(Handle { robot: Mutex::new(Some(robot)), connection }), address }
     }
 
     fn robot(&self, py: Python<'_>) -> PyResult<Robot> {
@@ -69,22 +69,28 @@ impl RobotCore {
         let settings = settings.map(|settings| settings.0.clone()).unwrap_or_default();
         let connecting = Target::of(address)?.connect(settings);
         Ok(Operation::new(connecting, |py, robot| {
-            Self::new(raise(py, robot)?, Arc::default()).into_bound_py_any(py)
+            let robot: Robot = raise(py, robot)?;
+            Process::current(py)?.connected(robot.stops_under_way());
+            Self::new(robot, Arc::default()).into_bound_py_any(py)
         }))
     }
 
-    /// Ends the connection for all handles of it, and first a motion that is to be stopped when it is dropped. Closing again
-    /// does nothing.
+    /// Ends the connection for all handles of it, and first a motion that is to be stopped when it is dropped; waits for a stop that
+    /// is under way. Closing again does nothing.
     fn close(&self) -> PyResult<Operation> {
         let handle = self.handle.here()?;
         let robot = handle.robot.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let stop_on_drop = Arc::clone(&handle.stop_on_drop);
+        let connection = Arc::clone(&handle.connection);
+        let goes_on = match &robot {
+            Some(robot) if robot.stops_under_way().any() => STOP_GOES_ON,
+            Some(_) | None => "closing goes on",
+        };
         let closing = async move {
             if let Some(robot) = robot {
-                stop_on_drop.close(robot).await;
+                connection.close(robot).await;
             }
         };
-        Ok(Operation::new(closing, |py, ()| py.None().into_bound_py_any(py)).going_on())
+        Ok(Operation::new(closing, |py, ()| py.None().into_bound_py_any(py)).going_on(goes_on))
     }
 
     #[pyo3(signature = (*addresses))]
@@ -111,7 +117,8 @@ impl RobotCore {
         let (robot, command) = (self.robot(py)?, command.0.clone());
         let stops = matches!(command, Sent::ActionStop | Sent::ActionPause | Sent::StopButton);
         let sending = self.accepted(async move { robot.command(command).await });
-        Ok(if stops { sending.going_on() } else { sending })
+        let goes_on = "whether it was accepted was not told before this: it is sent all the same";
+        Ok(if stops { sending.going_on(goes_on) } else { sending })
     }
 
     fn clear_list(&self, py: Python<'_>) -> PyResult<Operation> {
@@ -147,32 +154,20 @@ impl RobotCore {
     }
 
     fn stop(&self, py: Python<'_>) -> PyResult<Operation> {
-        let robot = self.robot(py)?;
-        let stopping = async move { robot.stop().await };
-        Ok(Operation::new(stopping, |py, report| convert::stop_report(py, &raise(py, report)?)).going_on())
+        Ok(stopping(self.robot(py)?))
     }
 
+    /// A motion on its way: nothing is begun by this.
     #[pyo3(signature = (motion, options=None))]
     fn run(
         &self,
         py: Python<'_>,
         motion: PyRef<'_, Motion>,
         options: Option<&RunOptions>,
-    ) -> PyResult<Operation> {
-        let robot = self.robot(py)?;
-        let motion = motion.0.clone();
-        let stop_on_drop = Arc::clone(&self.handle.here()?.stop_on_drop);
+    ) -> PyResult<Starting> {
         let options = options.map(|options| options.0).unwrap_or_default();
-        let starting = async move {
-            let handle = robot.run(&motion, options).await?;
-            if options.stop_on_drop {
-                stop_on_drop.add(handle.watch());
-            }
-            Ok(MotionCore::parts(robot, handle))
-        };
-        Ok(Operation::new(starting, |py, parts| {
-            MotionCore::new(raise::<_, r6_client::MotionError>(py, parts)?).into_bound_py_any(py)
-        }))
+        let connection = Arc::clone(&self.handle.here()?.connection);
+        Starting::new(py, self.robot(py)?, motion.0.clone(), options, connection)
     }
 
     /// Follows a target; begins at once and gives nothing to wait for.
@@ -235,7 +230,8 @@ impl RobotCore {
     }
 
     fn pushed(&self, py: Python<'_>) -> PyResult<PushedCore> {
-        Ok(PushedCore::new(self.robot(py)?.pushed()))
+        let closed = self.handle.here()?.connection.closed();
+        Ok(PushedCore::new(self.robot(py)?.pushed(), closed))
     }
 
     fn answer_photo(&self, py: Python<'_>, cam_id: i64, taken: bool) -> PyResult<Operation> {
@@ -274,8 +270,8 @@ impl RobotCore {
     }
 
     fn with_guard(&self, py: Python<'_>, envelope: &Envelope) -> PyResult<Self> {
-        let stop_on_drop = Arc::clone(&self.handle.here()?.stop_on_drop);
-        Ok(Self::new(self.robot(py)?.with_guard(envelope.0.clone()), stop_on_drop))
+        let connection = Arc::clone(&self.handle.here()?.connection);
+        Ok(Self::new(self.robot(py)?.with_guard(envelope.0.clone()), connection))
     }
 }
 

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
 use r6_client::{Heartbeat, OperationMode};
 use r6_proto::dialect::DsIdForm;
 use r6_proto::message::TypeKey;
@@ -78,12 +79,37 @@ impl RobotSettings {
         Ok(Self(settings))
     }
 
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> Keywords<'py> {
+        let r6_client::RobotSettings {
+            reply_timeout,
+            connect_timeout,
+            max_frame_bytes,
+            heartbeat,
+            liveness,
+            reconnect,
+            type_key,
+            ds_id,
+        } = &self.0;
+        let given = PyDict::new(py);
+        given.set_item("reply_timeout", reply_timeout.as_secs_f64())?;
+        given.set_item("connect_timeout", connect_timeout.as_secs_f64())?;
+        given.set_item("max_frame_bytes", max_frame_bytes)?;
+        if let Heartbeat::Managed { every } = heartbeat {
+            given.set_item("heartbeat", every.as_secs_f64())?;
+        }
+        given.set_item("suspect_after", liveness.suspect_after.as_secs_f64())?;
+        given.set_item("dead_after", liveness.dead_after.as_secs_f64())?;
+        given.set_item("reconnect_first_wait", reconnect.first_wait.as_secs_f64())?;
+        given.set_item("reconnect_cap", reconnect.cap.as_secs_f64())?;
+        given.set_item("reconnect_seed", reconnect.jitter_seed)?;
+        given.set_item("type_key", type_key.word())?;
+        given.set_item("ds_id", ds_id_word(*ds_id))?;
+        Ok((PyTuple::empty(py), given))
+    }
+
     fn __repr__(&self) -> String {
         let settings = &self.0;
-        let ds_id = match settings.ds_id {
-            DsIdForm::Long => "long",
-            DsIdForm::Short => "short",
-        };
+        let ds_id = ds_id_word(settings.ds_id);
         let heartbeat = match settings.heartbeat {
             Heartbeat::Off => "None".to_owned(),
             Heartbeat::Managed { every } => every.as_secs_f64().to_string(),
@@ -147,6 +173,33 @@ impl RunOptions {
         options.stop_on_failure = stop_on_failure.unwrap_or(options.stop_on_failure);
         options.stop_on_drop = stop_on_drop.unwrap_or(options.stop_on_drop);
         Ok(Self(options))
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> Keywords<'py> {
+        let r6_client::RunOptions {
+            interval,
+            frame_instructions,
+            room,
+            settle,
+            start_within,
+            stall_within,
+            idle_mode,
+            clear_leftover,
+            stop_on_failure,
+            stop_on_drop,
+        } = self.0;
+        let given = PyDict::new(py);
+        given.set_item("interval", interval.as_secs_f64())?;
+        given.set_item("frame_instructions", frame_instructions)?;
+        given.set_item("room", room)?;
+        given.set_item("settle", settle.as_secs_f64())?;
+        given.set_item("start_within", start_within.as_secs_f64())?;
+        given.set_item("stall_within", stall_within.as_secs_f64())?;
+        given.set_item("idle_mode", idle_mode.number())?;
+        given.set_item("clear_leftover", clear_leftover)?;
+        given.set_item("stop_on_failure", stop_on_failure)?;
+        given.set_item("stop_on_drop", stop_on_drop)?;
+        Ok((PyTuple::empty(py), given))
     }
 
     fn __repr__(&self) -> String {
@@ -220,6 +273,33 @@ impl FollowOptions {
         Ok(Self(options))
     }
 
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> Keywords<'py> {
+        let r6_client::FollowOptions {
+            interval,
+            speed,
+            smallest_step,
+            largest_step,
+            while_moving,
+            fresh_within,
+            start_within,
+            stall_within,
+            idle_mode,
+            stop_on_failure,
+        } = self.0;
+        let given = PyDict::new(py);
+        given.set_item("interval", interval.as_secs_f64())?;
+        given.set_item("speed", Percent(speed))?;
+        given.set_item("smallest_step", Degrees(smallest_step))?;
+        given.set_item("largest_step", Degrees(largest_step))?;
+        given.set_item("while_moving", while_moving)?;
+        given.set_item("fresh_within", fresh_within.as_secs_f64())?;
+        given.set_item("start_within", start_within.as_secs_f64())?;
+        given.set_item("stall_within", stall_within.as_secs_f64())?;
+        given.set_item("idle_mode", idle_mode.number())?;
+        given.set_item("stop_on_failure", stop_on_failure)?;
+        Ok((PyTuple::empty(py), given))
+    }
+
     fn __repr__(&self) -> String {
         let options = &self.0;
         repr(
@@ -234,6 +314,16 @@ impl FollowOptions {
                 ("stop_on_failure", flag(options.stop_on_failure)),
             ],
         )
+    }
+}
+
+/// What a value is made anew with: for pickle.
+type Keywords<'py> = PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)>;
+
+fn ds_id_word(form: DsIdForm) -> &'static str {
+    match form {
+        DsIdForm::Long => "long",
+        DsIdForm::Short => "short",
     }
 }
 

@@ -1,15 +1,16 @@
 //! What comes by itself: values that are read again and again, and what happens on the connection.
 
+use std::future;
 use std::sync::Arc;
 use std::time::Duration;
 
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::PyString;
-use r6_client::{Pushed, Subscription};
-use tokio::sync::Mutex;
+use r6_client::{Pushed, Snapshot, Subscription};
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::{Mutex, watch};
 use tokio::time::timeout;
 
 use crate::convert::{self, seconds};
@@ -22,15 +23,43 @@ use crate::record::Record;
 #[pyclass(frozen, module = "r6._r6")]
 pub struct SubscriptionCore {
     names: Arc<[Py<PyString>]>,
+    shared: Kept<Arc<Shared>>,
+}
+
+struct Shared {
     /// Locked while somebody waits for the next values. `None` once it was ended.
-    subscription: Kept<Arc<Mutex<Option<Subscription>>>>,
+    subscription: Mutex<Option<Subscription>>,
+    closed: watch::Sender<bool>,
+}
+
+impl Shared {
+    /// The next values; `None` once it was ended, or the robot closed.
+    async fn next(&self) -> Option<Snapshot> {
+        let next = async { self.subscription.lock().await.as_mut()?.next().await };
+        tokio::select! {
+            biased;
+            () = is_true(self.closed.subscribe()) => {}
+            snapshot = next => return snapshot,
+        }
+        // The last of those who waited has let go of it.
+        self.subscription.lock().await.take();
+        None
+    }
+}
+
+/// Ends once it is true; never, where nobody is left to say so.
+async fn is_true(mut told: watch::Receiver<bool>) {
+    if told.wait_for(|told| *told).await.is_err() {
+        future::pending().await
+    }
 }
 
 impl SubscriptionCore {
     /// The values under these names.
     pub fn new(names: Vec<Py<PyString>>, subscription: Subscription) -> Self {
-        let subscription = Kept::new(Arc::new(Mutex::new(Some(subscription))));
-        Self { names: names.into(), subscription }
+        let subscription = Mutex::new(Some(subscription));
+        let shared = Shared { subscription, closed: watch::Sender::new(false) };
+        Self { names: names.into(), shared: Kept::new(Arc::new(shared)) }
     }
 }
 
@@ -50,34 +79,30 @@ fn limit(timeout: Option<f64>) -> PyResult<Option<Duration>> {
 impl SubscriptionCore {
     /// The values as they are known now.
     fn latest(&self) -> PyResult<Operation> {
-        let (names, subscription) = (Arc::clone(&self.names), Arc::clone(self.subscription.here()?));
-        let looking = async move { subscription.lock().await.as_ref().map(Subscription::latest) };
+        let (names, shared) = (Arc::clone(&self.names), Arc::clone(self.shared.here()?));
+        let looking = async move { shared.subscription.lock().await.as_ref().map(Subscription::latest) };
         Ok(Operation::new(looking, move |py, snapshot| match snapshot {
             Some(snapshot) => convert::snapshot(py, &names, &snapshot),
             None => py.None().into_bound_py_any(py),
         }))
     }
 
-    /// The values once any was read again; `None` once the robot was closed.
+    /// The values once any was read again; `None` once it was ended, or the robot closed.
     fn next(&self, timeout: Option<f64>) -> PyResult<Operation> {
-        let (names, subscription) = (Arc::clone(&self.names), Arc::clone(self.subscription.here()?));
-        let limit = limit(timeout)?;
-        let waiting = within(limit, async move {
-            match subscription.lock().await.as_mut() {
-                Some(subscription) => subscription.next().await,
-                None => None,
-            }
-        });
+        let (names, shared) = (Arc::clone(&self.names), Arc::clone(self.shared.here()?));
+        let waiting = within(limit(timeout)?, async move { shared.next().await });
         Ok(Operation::new(waiting, move |py, snapshot| match snapshot.map_err(timed_out)? {
             Some(snapshot) => convert::snapshot(py, &names, &snapshot),
             None => py.None().into_bound_py_any(py),
         }))
     }
 
-    /// Ends it.
+    /// Ends it, and the waiting for its next values.
     fn close(&self) -> PyResult<()> {
-        // Whoever waits for the next values holds it, and drops it with the operation.
-        if let Ok(mut subscription) = self.subscription.here()?.try_lock() {
+        let shared = self.shared.here()?;
+        shared.closed.send_replace(true);
+        // Whoever waits for the next values holds it, and drops it as soon as it has heard of this.
+        if let Ok(mut subscription) = shared.subscription.try_lock() {
             subscription.take();
         }
         Ok(())
@@ -88,12 +113,14 @@ impl SubscriptionCore {
 #[pyclass(frozen, module = "r6._r6")]
 pub struct PushedCore {
     receiver: Kept<Arc<Mutex<Receiver<Pushed>>>>,
+    /// Whether the robot was closed. The sender of the events outlives that: a subscription keeps it.
+    closed: Kept<watch::Receiver<bool>>,
 }
 
 impl PushedCore {
-    /// From now on.
-    pub fn new(receiver: Receiver<Pushed>) -> Self {
-        Self { receiver: Kept::new(Arc::new(Mutex::new(receiver))) }
+    /// From now on, until it is closed.
+    pub fn new(receiver: Receiver<Pushed>, closed: watch::Receiver<bool>) -> Self {
+        Self { receiver: Kept::new(Arc::new(Mutex::new(receiver))), closed: Kept::new(closed) }
     }
 }
 
@@ -101,9 +128,15 @@ impl PushedCore {
 impl PushedCore {
     /// The next event; `None` once the robot was closed.
     fn next(&self, timeout: Option<f64>) -> PyResult<Operation> {
-        let receiver = Arc::clone(self.receiver.here()?);
-        let limit = limit(timeout)?;
-        let waiting = within(limit, async move { receiver.lock().await.recv().await });
+        let (receiver, closed) = (Arc::clone(self.receiver.here()?), self.closed.here()?.clone());
+        let waiting = within(limit(timeout)?, async move {
+            let mut receiver = receiver.lock().await;
+            tokio::select! {
+                biased;
+                event = receiver.recv() => event,
+                () = is_true(closed) => Err(RecvError::Closed),
+            }
+        });
         Ok(Operation::new(waiting, |py, event| match event.map_err(timed_out)? {
             Ok(event) => convert::pushed(py, event),
             Err(RecvError::Lagged(count)) => Record::new(py, "Missed")?.with("count", count)?.build(),

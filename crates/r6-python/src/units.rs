@@ -1,13 +1,16 @@
 //! Values with units: a mistake in the unit is a `TypeError`.
 
+use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::pyclass::CompareOp;
+use pyo3::types::PyTuple;
 use r6_client::AxisIndex;
 use r6_client::units;
 
 use crate::errors::raise;
-use crate::record::numpy;
+use crate::numbers::{number, row, whole};
+use crate::pickling::Reduced;
 
 /// An angle, degrees.
 #[pyclass(frozen, module = "r6._r6")]
@@ -32,8 +35,8 @@ pub struct MillimetresPerSecond(pub units::MillimetresPerSecond);
 #[pymethods]
 impl Degrees {
     #[new]
-    fn new(value: f64) -> Self {
-        Self(units::Degrees(value))
+    fn new(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self(units::Degrees(number(value)?)))
     }
 
     #[getter]
@@ -77,6 +80,10 @@ impl Degrees {
         hash(self.value())
     }
 
+    fn __getnewargs__(&self) -> (f64,) {
+        (self.value(),)
+    }
+
     fn __repr__(&self) -> String {
         format!("Degrees({:?})", self.value())
     }
@@ -89,8 +96,8 @@ impl Degrees {
 #[pymethods]
 impl Millimetres {
     #[new]
-    fn new(value: f64) -> Self {
-        Self(units::Millimetres(value))
+    fn new(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self(units::Millimetres(number(value)?)))
     }
 
     #[getter]
@@ -130,6 +137,10 @@ impl Millimetres {
         hash(self.value())
     }
 
+    fn __getnewargs__(&self) -> (f64,) {
+        (self.value(),)
+    }
+
     fn __repr__(&self) -> String {
         format!("Millimetres({:?})", self.value())
     }
@@ -139,11 +150,18 @@ impl Millimetres {
     }
 }
 
+impl Percent {
+    /// Of so many percent.
+    pub fn made(py: Python<'_>, value: f64) -> PyResult<Self> {
+        raise(py, units::Percent::new(value)).map(Self)
+    }
+}
+
 #[pymethods]
 impl Percent {
     #[new]
-    fn new(py: Python<'_>, value: f64) -> PyResult<Self> {
-        raise(py, units::Percent::new(value)).map(Self)
+    fn new(py: Python<'_>, value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Self::made(py, number(value)?)
     }
 
     #[getter]
@@ -157,6 +175,10 @@ impl Percent {
 
     fn __hash__(&self) -> u64 {
         hash(self.value())
+    }
+
+    fn __getnewargs__(&self) -> (f64,) {
+        (self.value(),)
     }
 
     fn __repr__(&self) -> String {
@@ -171,8 +193,8 @@ impl Percent {
 #[pymethods]
 impl MillimetresPerSecond {
     #[new]
-    fn new(py: Python<'_>, value: u32) -> PyResult<Self> {
-        raise(py, units::MillimetresPerSecond::new(value)).map(Self)
+    fn new(py: Python<'_>, value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        raise(py, units::MillimetresPerSecond::new(whole(value)?)).map(Self)
     }
 
     #[getter]
@@ -186,6 +208,11 @@ impl MillimetresPerSecond {
 
     fn __hash__(&self) -> u64 {
         hash(self.value())
+    }
+
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        // A whole number, as it was given.
+        PyTuple::new(py, [self.value().into_bound_py_any(py)?.call_method0("__int__")?])
     }
 
     fn __repr__(&self) -> String {
@@ -242,6 +269,10 @@ impl AxisMask {
         AxisIndex::new(number).is_some_and(|axis| r6_client::AxisMask::from_bits(self.0).contains(axis))
     }
 
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.axes())
+    }
+
     fn __repr__(&self) -> String {
         let axes: Vec<_> = self.axes().iter().map(usize::to_string).collect();
         format!("AxisMask({})", axes.join(", "))
@@ -288,6 +319,10 @@ impl AxisPosition {
     #[getter]
     fn mask(&self) -> AxisMask {
         AxisMask(self.0.mask().bits())
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Reduced<'py> {
+        self.reduced(py)
     }
 
     fn __repr__(&self) -> String {
@@ -365,6 +400,10 @@ impl Pose {
         Self(self.0.nearest_to([present.0.0, present.1.0, present.2.0]))
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Reduced<'py> {
+        self.reduced(py)
+    }
+
     fn __repr__(&self) -> String {
         format!("Pose({})", self.0)
     }
@@ -382,32 +421,4 @@ pub fn of_mm_deg(values: &[f64]) -> PyResult<units::Pose> {
             Err(PyValueError::new_err(format!("a pose has 3 or 6 components, not {many}")))
         }
     }
-}
-
-/// A row of bare numbers, whatever numpy makes an array of shape (n,) from.
-fn row(values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-    let (numbers, shape) = numbers(values)?;
-    match shape.as_slice() {
-        [_] => Ok(numbers),
-        _ => Err(PyValueError::new_err(format!("the shape has to be (n,), not {shape:?}"))),
-    }
-}
-
-/// Rows of bare numbers: whatever numpy makes an array of shape (n, k) from.
-pub fn rows(values: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<f64>>> {
-    let (numbers, shape) = numbers(values)?;
-    match shape.as_slice() {
-        [_, columns] if *columns > 0 => Ok(numbers.chunks(*columns).map(<[f64]>::to_vec).collect()),
-        _ => Err(PyValueError::new_err(format!("the shape has to be (n, k), not {shape:?}"))),
-    }
-}
-
-/// The numbers of an array in their order, and its shape. Values with units are no bare numbers.
-fn numbers(values: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, Vec<usize>)> {
-    let py = values.py();
-    let array = numpy(py)?.getattr("ascontiguousarray")?.call1((values, "float64"))?;
-    let shape = array.getattr("shape")?.extract()?;
-    let bytes: Vec<u8> = array.call_method0("tobytes")?.extract()?;
-    let (numbers, _rest) = bytes.as_chunks();
-    Ok((numbers.iter().map(|bytes| f64::from_ne_bytes(*bytes)).collect(), shape))
 }

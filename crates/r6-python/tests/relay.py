@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+from collections.abc import Callable
 
 
 class Relay:
@@ -13,6 +14,11 @@ class Relay:
         self.target = 0
         self.sent = bytearray()
         """What came from those who connect to it, of all connections."""
+        self.answers = threading.Event()
+        """Replies are held back, on all connections, while it is cleared."""
+        self.answers.set()
+        self.before_reply: Callable[[], None] | None = None
+        """Called before each reply is handed on, in a thread of the relay."""
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._sockets: list[socket.socket] = []
         self._lock = threading.Lock()
@@ -32,6 +38,7 @@ class Relay:
 
     def close(self) -> None:
         """Ends it."""
+        self.answers.set()
         shut(self._listener)
         self._listener.close()
         self.cut()
@@ -45,16 +52,24 @@ class Relay:
             far = socket.create_connection(("127.0.0.1", self.target))
             with self._lock:
                 self._sockets += [near, far]
-            for source, sink, kept in ((near, far, self.sent), (far, near, bytearray())):
-                threading.Thread(target=carry, args=(source, sink, kept), daemon=True).start()
+            for source, sink, seen in ((near, far, self._request), (far, near, self._reply)):
+                threading.Thread(target=carry, args=(source, sink, seen), daemon=True).start()
+
+    def _request(self, data: bytes) -> None:
+        self.sent += data
+
+    def _reply(self, data: bytes) -> None:
+        self.answers.wait()
+        if self.before_reply is not None:
+            self.before_reply()
 
 
-def carry(source: socket.socket, sink: socket.socket, kept: bytearray) -> None:
-    """One direction, until either end is gone; keeps what it carries."""
+def carry(source: socket.socket, sink: socket.socket, seen: Callable[[bytes], None]) -> None:
+    """One direction, until either end is gone; shows what it carries before it hands it on."""
     with source:
         try:
             while data := source.recv(4096):
-                kept += data
+                seen(data)
                 sink.sendall(data)
         except OSError:
             pass

@@ -42,6 +42,7 @@ ELSEWHERE = {
     "NotTried": "StopReport",
     "OutputBoard": "Motion.set_board",
     "OutputKind": "Motion.set_output",
+    "StopsUnderWay": " Robot.close and the end of the program wait for them",
     "PairMask": "Motion.set_board",
     "PhotoAnswer": "Robot.answer_photo",
     "Pushed": "Event",

@@ -6,7 +6,8 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,52 @@ def python(program: str, *arguments: str) -> "subprocess.Popen[str]":
     """Another process that runs this program; its last lines are its report."""
     command = [sys.executable, "-X", "faulthandler", "-c", program, *arguments]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+class Program:
+    """Another process that runs a program: one line each way at a time. It is gone at the end of its block, however that comes."""
+
+    def __init__(self, text: str, *arguments: str) -> None:
+        command = [sys.executable, "-X", "faulthandler", "-c", text, *arguments]
+        pipe = subprocess.PIPE
+        self.popen = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=subprocess.STDOUT, text=True)
+
+    def line(self) -> str:
+        """The next line that it says."""
+        assert self.popen.stdout is not None
+        return self.popen.stdout.readline()
+
+    def go_on(self) -> None:
+        """Gives it a line."""
+        assert self.popen.stdin is not None
+        self.popen.stdin.write("\n")
+        self.popen.stdin.flush()
+
+    def interrupt(self) -> None:
+        """Ctrl-C."""
+        self.popen.send_signal(signal.SIGINT)
+
+    def end(self) -> str:
+        """Waits for its end, no longer than a minute; what it said since the last line."""
+        assert self.popen.stdout is not None
+        too_long = threading.Timer(60, self.popen.kill)
+        too_long.start()
+        # Not ``communicate``: what was read with the last line and comes after it would be lost.
+        said = self.popen.stdout.read()
+        self.popen.wait()
+        too_long.cancel()
+        return said
+
+
+@contextmanager
+def program(text: str, *arguments: str) -> Iterator[Program]:
+    """A process that runs this."""
+    process = Program(text, *arguments)
+    try:
+        yield process
+    finally:
+        process.popen.kill()
+        process.popen.communicate()
 
 
 def interrupted(program: str, address: str) -> str:

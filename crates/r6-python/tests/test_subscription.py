@@ -1,5 +1,8 @@
 """Values that come by themselves."""
 
+import asyncio
+import threading
+
 import numpy as np
 import pytest
 from relay import Relay
@@ -65,3 +68,85 @@ def test_what_cannot_be_subscribed_to_is_told(virtual_robot: r6.Robot) -> None:
         virtual_robot.subscribe("curMode", every=0.001)
     with pytest.raises(r6.UnknownAddress):
         virtual_robot.subscribe("nothing", every=1)
+
+
+def read(state: r6.Subscription) -> None:
+    """Waits until the first values are there, so that the next are an hour away."""
+    while state.latest()["curMode"].quality == "not_read":
+        state.next(timeout=10)
+
+
+def test_closing_ends_the_waiting_of_another_thread(virtual_robot: r6.Robot) -> None:
+    state = virtual_robot.subscribe("curMode", every=3600)
+    read(state)
+    came: list[object] = []
+    waits = threading.Event()
+
+    def wait() -> None:
+        waits.set()
+        while (snapshot := state.next(timeout=60)) is not None:
+            pass
+        came.append(snapshot)
+
+    threads = [threading.Thread(target=wait) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    waits.wait()
+    state.close()
+    for thread in threads:
+        thread.join(30)
+    assert came == [None, None]
+    assert state.next() is None and list(state) == []
+    with pytest.raises(RuntimeError, match="closed"):
+        state.latest()
+
+
+def test_closing_ends_the_waiting_of_another_task(virtual_controller: r6.Simulator) -> None:
+    async def main() -> None:
+        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+            state = robot.subscribe("curMode", every=3600)
+            while (await state.latest())["curMode"].quality == "not_read":
+                await state.next(timeout=10)
+
+            async def rest() -> list[r6.Snapshot]:
+                return [snapshot async for snapshot in state]
+
+            waiting = asyncio.ensure_future(rest())
+            await asyncio.sleep(0)
+            state.close()
+            assert await asyncio.wait_for(waiting, 30) is not None
+            assert await state.next() is None
+
+    asyncio.run(main())
+
+
+def test_events_end_with_the_robot_whatever_else_lives(virtual_controller: r6.Simulator) -> None:
+    robot = r6.Robot.connect(virtual_controller.address)
+    with robot.subscribe("curMode", every=3600) as state:
+        read(state)
+        events, ended = robot.pushed(), threading.Event()
+
+        def wait() -> None:
+            list(events)
+            ended.set()
+
+        thread = threading.Thread(target=wait, daemon=True)
+        thread.start()
+        virtual_controller.request_photo(1)
+        robot.close()
+        assert ended.wait(30), "they go on"
+        assert events.next(timeout=10) is None
+        thread.join(30)
+
+
+def test_events_end_with_the_robot_whatever_else_lives_in_asyncio(virtual_controller: r6.Simulator) -> None:
+    async def main() -> None:
+        robot = await r6.AsyncRobot.connect(virtual_controller.address)
+        async with robot.subscribe("curMode", every=3600):
+            events = robot.pushed()
+            waiting = asyncio.ensure_future(events.next())
+            await asyncio.sleep(0)
+            await robot.close()
+            assert await asyncio.wait_for(waiting, 30) is None
+
+    asyncio.run(main())

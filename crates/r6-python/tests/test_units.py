@@ -1,5 +1,11 @@
 """Values with units."""
 
+import array
+import datetime
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -112,3 +118,100 @@ def test_a_pose_has_three_or_six_components() -> None:
     assert r6.Pose.position(x, y, z).turn is None
     with pytest.raises(ValueError, match="3 or 6"):
         r6.Pose.mm_deg([1, 2])
+
+
+class OneDegree:
+    """What says that it is a number, and is none of numpy's."""
+
+    def __float__(self) -> float:
+        return 1.0
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["1", "2"],
+        "12",
+        b"12",
+        [b"1", b"2"],
+        bytearray(b"12"),
+        memoryview(b"12"),
+        [True, False],
+        [1.0, True],
+        [1.0, np.bool_(True)],
+        np.array([True, False]),
+        [1.0, "2"],
+        np.array(["1", "2"]),
+        np.array([1.0, "2"], dtype=object),
+        np.array([1.0, True], dtype=object),
+        [datetime.date(2026, 1, 1)] * 2,
+        [datetime.timedelta(1)] * 2,
+        [datetime.time(1)] * 2,
+        np.array(["2026-01-01", "2026-01-02"], dtype="datetime64[D]"),
+        np.array([1, 2], dtype="timedelta64[s]"),
+        [np.timedelta64(1, "s"), np.timedelta64(2, "s")],
+        [1.0, np.timedelta64(2, "s")],
+        np.array([1j, 2j]),
+        np.ma.masked_array([1.0, 2.0], mask=[False, True]),
+        [1.0, np.ma.masked],
+        [None, 1.0],
+        [r6.Degrees(1), r6.Degrees(2)],
+    ],
+    ids=repr,
+)
+def test_what_only_looks_like_numbers_is_no_angle(wrong: Any) -> None:
+    with pytest.raises(TypeError):
+        r6.AxisPosition.degrees(wrong)
+    with pytest.raises(TypeError):
+        r6.Motion().axis_path([wrong, wrong], SPEED)
+    with pytest.raises(TypeError):
+        r6.Motion().linear_path(wrong, SPEED)
+
+
+def test_rows_with_masked_elements_are_refused_and_others_are_taken() -> None:
+    path = np.ma.masked_array(np.zeros((4, 2)), mask=False)
+    assert len(r6.Motion().axis_path(path, SPEED)) == 4
+    path[2, 1] = np.ma.masked
+    with pytest.raises(TypeError, match="masked"):
+        r6.Motion().axis_path(path, SPEED)
+    with pytest.raises(TypeError, match="masked"):
+        r6.Motion().axis_path([path[1], path[2]], SPEED)
+    with pytest.raises(TypeError, match="numbers"):
+        r6.Motion().axis_path([[1.0, 2.0], [1.0, True]], SPEED)
+
+
+@pytest.mark.parametrize(
+    "right",
+    [
+        [1, 2.0],
+        (1, np.float32(2)),
+        np.array([1, 2], np.uint8),
+        [np.int64(1), np.array(2.0)],
+        range(1, 3),
+        array.array("d", [1, 2]),
+        [Fraction(1), Decimal(2)],
+        np.array([1, 2], dtype=object),
+        np.ma.masked_array([1, 2], mask=[False, False]),
+    ],
+    ids=repr,
+)
+def test_numbers_of_every_kind_are_angles(right: Any) -> None:
+    assert r6.AxisPosition.degrees(right) == r6.AxisPosition.degrees([1, 2])
+
+
+@pytest.mark.parametrize("kind", [r6.Degrees, r6.Millimetres, r6.Percent, r6.MillimetresPerSecond])
+def test_one_number_is_a_number(kind: Any) -> None:
+    wrongs = (True, np.bool_(True), "1", np.str_("1"), b"1", np.timedelta64(1, "s"), np.ma.masked, None, [1])
+    for wrong in wrongs:
+        with pytest.raises(TypeError):
+            kind(wrong)
+    assert kind(np.int32(1)).value == 1.0 and kind(1).value == 1.0
+    if kind is not r6.MillimetresPerSecond:
+        assert kind(np.float32(1)).value == 1.0 and kind(OneDegree()).value == 1.0
+
+
+def test_what_is_no_number_of_degrees_is_refused_where_it_is_to_go() -> None:
+    with pytest.raises(r6.StepError):
+        r6.Motion().axis_move(r6.AxisPosition.degrees([float("nan")]), SPEED)
+    with pytest.raises(r6.StepError):
+        r6.Motion().axis_path([[float("inf")]], SPEED)

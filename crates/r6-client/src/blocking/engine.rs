@@ -20,6 +20,8 @@ use tokio::runtime::{Builder, Handle, Runtime};
 use tokio::sync::Notify;
 use tokio::time::{Instant, sleep};
 
+use crate::StopsUnderWay;
+
 /// How long no call must have been made before the keeper takes over. What it does is needed within 20 ms, the shortest period
 /// of a subscription; calls that follow each other faster than this never wake it.
 const FIRST_PAUSE: Duration = Duration::from_millis(1);
@@ -27,9 +29,9 @@ const FIRST_PAUSE: Duration = Duration::from_millis(1);
 /// The keeper looks for the end of a long call at least so often.
 const LONGEST_PAUSE: Duration = Duration::from_millis(10);
 
-/// What is left to do at the end gets so much time: a stop that is being confirmed takes five seconds at most, a closing connection half a
+/// What is left to do at the end gets so much time: a stop that is being confirmed, and then a closing connection, which takes half a
 /// second.
-const FAREWELL: Duration = Duration::from_secs(6);
+const FAREWELL: Duration = StopsUnderWay::WITHIN.saturating_add(Duration::from_secs(1));
 
 /// Runs the async client for threads that are not async. Clones are the same engine; it ends when the last is gone.
 ///

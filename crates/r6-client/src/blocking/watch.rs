@@ -83,7 +83,8 @@ impl PushedReceiver {
     /// # Errors
     /// `Lagged(n)`: so many were missed, the next call goes on behind them. `Closed`: the handle is closed.
     pub fn recv(&mut self) -> Result<Pushed, RecvError> {
-        self.connection.engine.block_on(self.receiver.recv())
+        let Self { receiver, connection } = self;
+        connection.engine.block_on(next(receiver, connection))
     }
 
     /// The same, for so long at most; then `None`.
@@ -93,11 +94,23 @@ impl PushedReceiver {
     pub fn recv_within(&mut self, time: Duration) -> Result<Option<Pushed>, RecvError> {
         let Self { receiver, connection } = self;
         connection.engine.block_on(async {
-            match timeout(time, receiver.recv()).await {
+            match timeout(time, next(receiver, connection)).await {
                 Ok(pushed) => pushed.map(Some),
                 Err(_elapsed) => Ok(None),
             }
         })
+    }
+}
+
+/// What happens next, or the end of the handle. The sender may outlive that: a subscription keeps it.
+async fn next(
+    receiver: &mut broadcast::Receiver<Pushed>,
+    connection: &Connection,
+) -> Result<Pushed, RecvError> {
+    tokio::select! {
+        biased;
+        pushed = receiver.recv() => pushed,
+        () = connection.robot.closed() => Err(RecvError::Closed),
     }
 }
 

@@ -6,9 +6,9 @@ from collections.abc import AsyncIterator, Coroutine
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic
 
-from ._asyncio import run, run_at_once
-from ._errors import RequestError
-from ._motion import Core, of, stopped
+from ._asyncio import run, run_at_once, stop_for
+from ._errors import R6Error
+from ._motion import Core, of
 from ._r6 import AxisPosition, FollowCore, MotionCore, Progress
 from ._types import Done, Followed, StepState, StopReport
 
@@ -44,21 +44,24 @@ class AsyncRunning(Generic[Core]):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if kind is None:
-            await self.finished()
+        if error is not None:
+            await stop_for(self._core, error)
             return
         try:
-            report: StopReport | RequestError = await self.stop()
-        except RequestError as failed:
-            report = failed
-        stopped(self._core, error, report)
+            await self.finished()
+        except R6Error:
+            raise
+        except BaseException as interrupt:
+            await stop_for(self._core, interrupt)
+            raise
 
 
 class AsyncMotionHandle(AsyncRunning[MotionCore]):
     """A motion that runs: ``MotionHandle`` for asyncio.
 
     As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, as
-    ``MotionHandle`` does, and waits for the end of the motion otherwise.
+    ``MotionHandle`` does, and waits for the end of the motion otherwise. A cancellation in that wait stops the arm, too; another one
+    while the arm is being stopped waits for that, 15 s at most.
     """
 
     @property

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ._async_motion import AsyncFollowing, AsyncMotionHandle
 from ._async_subscription import AsyncPushedEvents, AsyncSubscription
-from ._asyncio import run, run_at_once
+from ._asyncio import run, run_at_once, told_to
 from ._r6 import (
     Command,
     Envelope,
@@ -148,8 +148,16 @@ class AsyncRobot:
         await run(self._core.write_registers(first, whole(values), savable=savable, verify=verify))
 
     async def run(self, motion: Motion, options: RunOptions | None = None) -> AsyncMotionHandle:
-        """As ``Robot.run``."""
-        return AsyncMotionHandle(await run(self._core.run(motion, options)))
+        """As ``Robot.run``. A task that is cancelled before it has the handle ends once the arm is stopped."""
+        starting = self._core.run(motion, options)
+        try:
+            await run(starting.operation)
+            return AsyncMotionHandle(starting.take())
+        except BaseException as error:
+            stopping = starting.give_up()
+            if stopping is not None:
+                await told_to(error, None, stopping, starting.UNOWNED)
+            raise
 
     def follow(self, options: FollowOptions | None = None) -> AsyncFollowing:
         """As ``Robot.follow``."""
@@ -176,8 +184,7 @@ class AsyncRobot:
         return await run(self._core.wait_until_done(timeout, interval, settle, start_within, idle_mode))
 
     def stop(self) -> Coroutine[Any, Any, StopReport]:
-        """As ``Robot.stop``. The call begins it. Cancelling its task, however early, ends the waiting and not the stop,
-        which goes on until the arm is seen to stand, 5 s at most."""
+        """As ``Robot.stop``. The call begins it. Cancelling its task, however early, ends the waiting and not the stop."""
         return run_at_once(self._core.stop())
 
     async def clear_list(self) -> Accepted:

@@ -38,7 +38,7 @@ class AsyncSubscription:
             yield snapshot
 
     def close(self) -> None:
-        """Ends it."""
+        """As ``Subscription.close``."""
         self._core.close()
 
     async def __aenter__(self) -> Self:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from collections.abc import Coroutine
 from typing import Any, TypeVar
 
-from ._r6 import Operation, Started
+from ._r6 import FollowCore, MotionCore, Operation, Started, told
 
 T = TypeVar("T")
 
@@ -44,8 +45,57 @@ async def settled(begun: Started, future: asyncio.Future[T]) -> T:
     """What an operation gives that has begun."""
     try:
         return await future
+    except BaseException as error:
+        if begun.goes_on is not None and (future.cancelled() or not future.done()):
+            note(error, begun.goes_on)
+        raise
     finally:
         begun.cancel()
+
+
+async def stop_for(core: MotionCore | FollowCore, error: BaseException) -> None:
+    """Stops the arm, because this exception ends the block of its motion, and tells it what became of the arm.
+
+    Errors: that of a stop that failed; what interrupted the waiting, once the stop has ended.
+    """
+    await told_to(error, core, core.stop())
+
+
+async def told_to(
+    error: BaseException,
+    core: MotionCore | FollowCore | None,
+    stopping: Operation[Any],
+    why: str | None = None,
+) -> None:
+    """Waits for a stop to its end, however often the task is cancelled meanwhile, and tells this exception what came of it."""
+    if isinstance(error, GeneratorExit):
+        # The coroutine is being closed, and can wait for nothing any more. The stop goes on.
+        stopping.start(lambda *_: None)
+        return
+    _, future = started(stopping)
+    interrupted: BaseException | None = None
+    while not future.done():
+        try:
+            await asyncio.wait([future])
+        except GeneratorExit:
+            raise
+        except BaseException as again:
+            interrupted = again
+    report = future.exception() or future.result()
+    if report is None:
+        return
+    if why is not None:
+        note(error, why)
+    told(core, error, report)
+    if interrupted is not None:
+        told(core, interrupted, report)
+        raise interrupted
+
+
+def note(error: BaseException, text: str) -> None:
+    """A line below the error where Python shows it, which it does from 3.11 on."""
+    if sys.version_info >= (3, 11):
+        error.add_note(text)
 
 
 def settle(future: asyncio.Future[Any], error: BaseException | None, value: Any) -> None:

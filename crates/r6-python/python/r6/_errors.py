@@ -24,7 +24,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from ._r6 import Progress
@@ -32,7 +32,16 @@ if TYPE_CHECKING:
 
 
 class R6Error(Exception):
-    """The root of all errors of this package. The text says what was wrong, where, and what to do."""
+    """The root of all errors of this package. The text says what was wrong, where, and what to do.
+
+    It can be pickled and copied, with its attributes, its notes, and the error of this package that is its ``__cause__``.
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        state = {name: value for name, value in self.__dict__.items() if name != "_core"}
+        if isinstance(self.__cause__, R6Error):
+            state["__cause__"] = self.__cause__
+        return type(self), self.args, state
 
 
 class RequestError(R6Error):

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TypeVar
 
-from ._errors import MotionError, RequestError
-from ._r6 import AxisPosition, FollowCore, MotionCore, Progress
+from ._errors import MotionError
+from ._r6 import AxisPosition, Block, FollowCore, MotionCore, Progress
 from ._types import Done, Followed, StepState, StopReport
-
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
 
 Core = TypeVar("Core", MotionCore, FollowCore)
 
 
-class Running(Generic[Core]):
+class Running(Block[Core]):
     """What a motion that runs and a target that is followed have in common: how they end."""
-
-    def __init__(self, core: Core) -> None:
-        """Use ``Robot.run`` or ``Robot.follow``."""
-        self._core: Core = core
 
     def finished(self) -> Done | Followed:
         """Waits until the arm stands; each kind says more."""
@@ -38,24 +28,6 @@ class Running(Generic[Core]):
         """Ends it, as dropping it does; the class says what the arm does then."""
         self._core.release()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self.finished()
-            return
-        try:
-            report: StopReport | RequestError = self.stop()
-        except RequestError as failed:
-            report = failed
-        stopped(self._core, error, report)
-
 
 class MotionHandle(Running[MotionCore]):
     """A motion that runs.
@@ -64,9 +36,11 @@ class MotionHandle(Running[MotionCore]):
     ``RunOptions.stop_on_drop`` says that it is to be stopped (which takes a process that lives on).
 
     As a ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included: always, also after the
-    end of the motion and after ``release``, because steps may be left in the list. If that stop fails, its error is
-    raised; a ``MotionError`` of this motion goes on instead and has it as ``stop``. Without an exception the block waits for the end of
-    the motion.
+    end of the motion and after ``release``, because steps may be left in the list. What became of the arm is a line below the
+    exception (Python 3.11). If that stop fails, its error is raised; a ``MotionError`` of this motion goes on instead and has it as
+    ``stop``. Another Ctrl-C does not cut the stop short: the block ends when it has ended, after 15 s at most.
+
+    Without an exception the block waits for the end of the motion. Ctrl-C in that wait stops the arm, too.
     """
 
     @property
@@ -154,30 +128,6 @@ class Step:
         return f"<Step {self.number}: {self.state}>"
 
 
-def stopped(core: MotionCore | FollowCore, error: BaseException | None, report: StopReport | RequestError) -> None:
-    """Tells the exception that ended the ``with`` block of this motion what became of its arm.
-
-    A ``MotionError`` of this motion carries it. In the place of any other exception, that of another arm included, a stop that
-    failed is raised: nobody else would tell.
-    """
-    if isinstance(error, MotionError) and error._core is core:
-        before = error.stop
-        if before is None:
-            error.stop = report
-        elif stands(before) and stands(report):
-            # It stood already, and knows.
-            return
-    elif isinstance(report, RequestError):
-        raise report
-    if error is not None:
-        note(error, str(report))
-
-
-def stands(report: StopReport | RequestError) -> bool:
-    """Whether the arm was seen to stand."""
-    return isinstance(report, StopReport) and report.confirmed
-
-
 @contextmanager
 def of(core: MotionCore | FollowCore) -> Iterator[None]:
     """Marks a ``MotionError`` as one of this motion. It names the core, not the handle: a handle that is dropped is to go at once."""
@@ -186,9 +136,3 @@ def of(core: MotionCore | FollowCore) -> Iterator[None]:
     except MotionError as error:
         error._core = core
         raise
-
-
-def note(error: BaseException, text: str) -> None:
-    """A line below the error where Python shows it, which it does from 3.11 on."""
-    if sys.version_info >= (3, 11):
-        error.add_note(text)

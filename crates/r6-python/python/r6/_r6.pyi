@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from os import PathLike
+from types import GenericAlias, TracebackType
 from typing import Any, Generic, Literal, TypeVar, final
 
 import numpy.typing as npt
+from typing_extensions import Self, disjoint_base
 
 from ._types import (
     Accepted,
@@ -32,6 +34,7 @@ from ._types import (
 __all__ = [
     "AxisMask",
     "AxisPosition",
+    "Block",
     "Command",
     "Degrees",
     "Envelope",
@@ -53,6 +56,7 @@ __all__ = [
     "RunOptions",
     "Simulator",
     "Started",
+    "Starting",
     "SubscriptionCore",
     "addresses",
     "alarm",
@@ -60,9 +64,12 @@ __all__ = [
     "from_thousandths",
     "models",
     "profiles",
+    "remade",
     "to_thousandths",
+    "told",
 ]
 
+_T = TypeVar("_T")
 _T_co = TypeVar("_T_co", covariant=True)
 
 @final
@@ -81,6 +88,46 @@ class Started:
 
     def cancel(self) -> None:
         """Drops what is left of it; nothing if it has ended, or goes on whatever happens, as a stop does."""
+    @property
+    def goes_on(self) -> str | None:
+        """What to tell whoever gives up waiting, where it goes on whatever happens."""
+
+@final
+class Starting:
+    """A motion on its way to its handle: from its first byte on it has an owner, the handle or a stop. Where this is dropped before
+    the motion was taken, the arm is stopped."""
+
+    UNOWNED: str
+    """The line above what became of an arm whose handle did not come to its caller."""
+    @property
+    def operation(self) -> Operation[None]:
+        """What makes the motion; nothing is begun before it is."""
+    def take(self) -> MotionCore:
+        """The motion, once it is made."""
+    def hand_over(self, handle: type[_T]) -> _T:
+        """Waits until it is made, and gives its handle, which is of this class."""
+    def give_up(self) -> Operation[StopReport | None] | None:
+        """Stops the arm if there is a motion, taken or not: begun by the call. ``None`` if it is certain that there is none."""
+    def given_up(self, error: BaseException) -> None:
+        """The same, waited for whatever signals come, and told to the exception that was in the way of the handle."""
+
+@disjoint_base
+class Block(Generic[_T_co]):
+    """How a motion that runs and a target that is followed end. Native, so that no signal comes between two of its lines."""
+
+    def __new__(cls, core: _T_co) -> Self:
+        """Use ``Robot.run`` or ``Robot.follow``."""
+    def __class_getitem__(cls, key: Any) -> GenericAlias: ...
+    @property
+    def _core(self) -> _T_co: ...
+    def __enter__(self) -> Self: ...
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        error: BaseException | None,
+        _traceback: TracebackType | None,
+    ) -> None:
+        """Stops the arm for an exception; waits for the end otherwise, and stops the arm if a signal interrupts that."""
 
 @final
 class RobotCore:
@@ -101,7 +148,7 @@ class RobotCore:
         self, timeout: float, interval: float, settle: float, start_within: float, idle_mode: int
     ) -> Operation[Done]: ...
     def stop(self) -> Operation[StopReport]: ...
-    def run(self, motion: Motion, options: RunOptions | None = None) -> Operation[MotionCore]: ...
+    def run(self, motion: Motion, options: RunOptions | None = None) -> Starting: ...
     def follow(self, options: FollowOptions | None = None) -> FollowCore: ...
     def dry_run(self, motion: Motion, options: RunOptions | None = None) -> list[bytes]: ...
     def read_registers(self, first: int, count: int) -> Operation[Integers]: ...
@@ -452,6 +499,7 @@ class RobotSettings:
         type_key: Literal["reqType", "cmdType"] | None = None,
         ds_id: Literal["long", "short"] | None = None,
     ) -> RobotSettings: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final
 class RunOptions:
@@ -480,6 +528,7 @@ class RunOptions:
         stop_on_failure: bool | None = None,
         stop_on_drop: bool | None = None,
     ) -> RunOptions: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final
 class FollowOptions:
@@ -513,6 +562,7 @@ class FollowOptions:
         idle_mode: int | None = None,
         stop_on_failure: bool | None = None,
     ) -> FollowOptions: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final
 class Envelope:
@@ -713,3 +763,10 @@ def profiles() -> list[str]:
 
 def models() -> list[str]:
     """The names of the robot models that come with the package; the first is the default."""
+
+def told(core: MotionCore | FollowCore | None, error: BaseException, report: StopReport | BaseException) -> None:
+    """Tells the exception that ended the block of this motion what became of its arm: a ``MotionError`` of this motion carries it,
+    any other has it as a line below. In place of any other a stop that failed is raised: nobody else would tell."""
+
+def remade(kind: str, state: Any) -> Any:
+    """An object of this package as it was when it was pickled."""

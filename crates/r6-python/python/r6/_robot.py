@@ -81,10 +81,10 @@ class Robot:
 
     def close(self) -> None:
         """Ends the connection, for all handles of it. What is in the controller's list runs on; a motion that was run with
-        ``RunOptions.stop_on_drop`` is stopped first. Closing again does nothing.
+        ``RunOptions.stop_on_drop`` is stopped first, and a stop that is under way is waited for. Closing again does nothing.
 
-        It takes half a second at most, and 10 s where an arm has to be stopped. If that fails, the connection ends all
-        the same: call ``stop`` yourself where you have to know.
+        It takes half a second at most, and 15 s more where an arm is being stopped. If that fails, the connection ends all
+        the same: call ``stop`` yourself where you have to know. Ctrl-C ends the waiting; the closing goes on.
         """
         self._core.close().wait()
 
@@ -178,10 +178,19 @@ class Robot:
         It returns once everything is checked; the handle tells what then happens. A list whose outcome is unknown is never
         sent again: the motion ends there.
 
+        Where a signal handler raises, as that of Ctrl-C does, before the handle has come to its caller, the arm is stopped, verified,
+        and its list cleared; the exception has what became of it as a line below (Python 3.11).
+
         Errors: ``NotReady`` with what is not met; ``MotionError`` for a wrong step, a step beyond the guard's envelope,
         another motion that is being streamed, or a state that cannot be read. Nothing was sent then.
         """
-        return MotionHandle(self._core.run(motion, options).wait())
+        starting = self._core.run(motion, options)
+        try:
+            return starting.hand_over(MotionHandle)
+        except BaseException as error:
+            # Native, so that no other signal comes in between.
+            starting.given_up(error)
+            raise
 
     def follow(self, options: FollowOptions | None = None) -> Following:
         """Follows a target that moves: ``Following.target`` says again and again where it is. Begins at once; nothing moves
@@ -239,8 +248,8 @@ class Robot:
     def stop(self) -> StopReport:
         """Stops the motion, ahead of all that waits, until the arm is seen to stand, 5 s at most; then clears the list.
 
-        A motion that is being streamed over this connection ends. Ctrl-C ends the waiting and not the stop, which goes on
-        while this process lives.
+        A motion that is being streamed over this connection ends. Ctrl-C ends the waiting and not the stop, which goes on:
+        ``close`` and the end of the program wait for it, 15 s at most, and the program says so if it was not confirmed.
 
         Errors: ``RequestError`` if no stop was answered at all. Look at ``StopReport.confirmed``.
         """

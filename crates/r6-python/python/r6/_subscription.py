@@ -28,17 +28,17 @@ class Subscription:
         return snapshot
 
     def next(self, *, timeout: float | None = None) -> Snapshot | None:
-        """Waits until any of the values was read again, a poll failed, or the connection was lost; ``None`` once the robot
-        is closed. Who comes late gets the latest values. Errors: ``TimeoutError``."""
+        """Waits until any of the values was read again, a poll failed, or the connection was lost; ``None`` once it or the robot
+        is closed, by another thread, too. Who comes late gets the latest values. Errors: ``TimeoutError``."""
         return self._core.next(timeout).wait()
 
     def __iter__(self) -> Iterator[Snapshot]:
-        """The values whenever there are new ones, until the robot is closed."""
+        """The values whenever there are new ones, until it or the robot is closed."""
         while (snapshot := self.next()) is not None:
             yield snapshot
 
     def close(self) -> None:
-        """Ends it."""
+        """Ends it, and the waiting of others for its next values."""
         self._core.close()
 
     def __enter__(self) -> Self:

@@ -1,0 +1,220 @@
+//! A motion on its way from the engine to who asked for it: from its first byte on it has an owner, the handle or a stop.
+//!
+//! ```text
+//!  run ──▶ Begun ──▶ Made ──take──▶ Taken        the handle owns it
+//!            │         └──given up, or nobody is left──▶ stopped, its list cleared
+//!            └──refused, or given up──▶ Nothing
+//! ```
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use pyo3::IntoPyObjectExt;
+use pyo3::exceptions::{PyBaseException, PyRuntimeError};
+use pyo3::prelude::*;
+use pyo3::types::PyType;
+use r6_client::{Motion, MotionError, MotionHandle, RequestError, Robot, RunOptions, StopReport};
+use tokio::sync::{oneshot, watch};
+
+use crate::closing::{Connection, stopped};
+use crate::convert;
+use crate::errors::raise;
+use crate::handle::MotionCore;
+use crate::operation::{Operation, STOP_GOES_ON};
+use crate::process::{Kept, Owed, Process};
+use crate::told;
+
+/// How far it is on its way.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// It may come to be a motion any moment.
+    Begun,
+    /// It never will be one.
+    Nothing,
+    /// It is a motion, and nobody has its handle yet.
+    Made,
+    /// Somebody has had its handle.
+    Taken,
+}
+
+/// What the engine and the caller share.
+struct Way {
+    phase: watch::Sender<Phase>,
+    made: Mutex<Option<MotionHandle>>,
+    robot: Robot,
+    process: &'static Process,
+}
+
+impl Way {
+    fn take(&self) -> Option<MotionHandle> {
+        let handle = self.made.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if handle.is_some() {
+            self.phase.send_replace(Phase::Taken);
+        }
+        handle
+    }
+
+    /// Waits until it is known whether there is a motion, and stops it; `None` if there is none.
+    async fn stop(&self) -> Option<Result<StopReport, RequestError>> {
+        let mut phase = self.phase.subscribe();
+        // The sender is here.
+        let phase =
+            phase.wait_for(|phase| *phase != Phase::Begun).await.map_or(Phase::Nothing, |phase| *phase);
+        match phase {
+            Phase::Begun | Phase::Nothing => None,
+            Phase::Made | Phase::Taken => Some(match self.take() {
+                Some(handle) => handle.stop().await,
+                None => self.robot.stop().await,
+            }),
+        }
+    }
+}
+
+impl Way {
+    /// Nobody is left to have it, or to be told. The engine stops it, and the end of the program waits for that.
+    fn stop_unowned(&self) {
+        if let Some(handle) = self.take() {
+            let owed = Owed::by(self.process);
+            self.process.engine().handle().spawn(async move {
+                drop(handle.stop().await);
+                drop(owed);
+            });
+        }
+    }
+}
+
+impl Drop for Way {
+    fn drop(&mut self) {
+        self.stop_unowned();
+    }
+}
+
+/// The part of the engine: as long as it lives, there may come a motion.
+struct Making(Arc<Way>);
+
+impl Drop for Making {
+    fn drop(&mut self) {
+        self.0.phase.send_if_modified(|phase| {
+            let nothing = *phase == Phase::Begun;
+            if nothing {
+                *phase = Phase::Nothing;
+            }
+            nothing
+        });
+    }
+}
+
+/// A motion on its way to its handle.
+#[pyclass(frozen, module = "r6._r6")]
+pub struct Starting {
+    operation: Py<Operation>,
+    way: Kept<Arc<Way>>,
+}
+
+impl Starting {
+    /// Nothing is begun before the operation is.
+    pub fn new(
+        py: Python<'_>,
+        robot: Robot,
+        motion: Motion,
+        options: RunOptions,
+        connection: Arc<Connection>,
+    ) -> PyResult<Self> {
+        let process = Process::current(py)?;
+        let phase = watch::Sender::new(Phase::Begun);
+        let way = Arc::new(Way { phase, made: Mutex::default(), robot: robot.clone(), process });
+        let making = Making(Arc::clone(&way));
+        let starting = async move {
+            // Gone at the end of this, whatever the end is.
+            let making = making;
+            let handle = robot.run(&motion, options).await?;
+            if options.stop_on_drop {
+                connection.add(handle.watch());
+            }
+            *making.0.made.lock().unwrap_or_else(PoisonError::into_inner) = Some(handle);
+            making.0.phase.send_replace(Phase::Made);
+            Ok(())
+        };
+        let operation = Operation::new(starting, |py, made| {
+            raise::<(), MotionError>(py, made)?;
+            py.None().into_bound_py_any(py)
+        });
+        let unowned = Arc::clone(&way);
+        let operation = operation.or_unheard(Box::new(move || unowned.stop_unowned()));
+        Ok(Self { operation: Py::new(py, operation)?, way: Kept::new(way) })
+    }
+
+    fn stopping(&self, py: Python<'_>) -> PyResult<Option<Operation>> {
+        let way = Arc::clone(self.way.here()?);
+        // Where it has not begun, it never will.
+        self.operation.get().never();
+        if *way.phase.borrow() == Phase::Nothing {
+            return Ok(None);
+        }
+        let process = Process::current(py)?;
+        let owed = Owed::by(process);
+        let (tell, report) = oneshot::channel();
+        // At once, whoever waits for it, and however long.
+        process.engine().handle().spawn(async move {
+            // Nobody may wait any more.
+            drop(tell.send(way.stop().await));
+            drop(owed);
+        });
+        let waiting = stopped(async move { report.await.unwrap_or(None) });
+        Ok(Some(
+            Operation::new(waiting, |py, report| match raise(py, report.transpose())? {
+                Some(report) => convert::stop_report(py, &report),
+                None => py.None().into_bound_py_any(py),
+            })
+            .going_on(STOP_GOES_ON),
+        ))
+    }
+}
+
+#[pymethods]
+impl Starting {
+    /// The line above what became of the arm.
+    #[classattr]
+    const UNOWNED: &str = UNOWNED;
+
+    /// What makes the motion: to be waited for, or begun.
+    #[getter]
+    fn operation(&self, py: Python<'_>) -> Py<Operation> {
+        self.operation.clone_ref(py)
+    }
+
+    /// The motion, once it is made. From here on who has this has it; giving it up stops the arm still.
+    fn take(&self) -> PyResult<MotionCore> {
+        let way = self.way.here()?;
+        let handle =
+            way.take().ok_or_else(|| PyRuntimeError::new_err("this motion was taken, or is none"))?;
+        Ok(MotionCore::new(way.process.engine().enter(|| MotionCore::parts(way.robot.clone(), handle))))
+    }
+
+    /// Waits until the motion is made, and gives its handle, which is of this class.
+    fn hand_over<'py>(&self, py: Python<'py>, handle: &Bound<'py, PyType>) -> PyResult<Bound<'py, PyAny>> {
+        self.operation.get().wait(py)?;
+        handle.call1((self.take()?,))
+    }
+
+    /// Stops the arm where there is a motion, whose handle never came to its caller: begun by the call. `None` where there is none.
+    fn give_up(&self, py: Python<'_>) -> PyResult<Option<Operation>> {
+        self.stopping(py)
+    }
+
+    /// The same, waited for, and told to the exception that is in the way of the handle.
+    fn given_up(&self, py: Python<'_>, error: &Bound<'_, PyBaseException>) -> PyResult<()> {
+        let Some(stopping) = self.stopping(py)? else { return Ok(()) };
+        let insisted = stopping.insist(py)?;
+        let report = match insisted.outcome {
+            Ok(report) if report.is_none() => None,
+            report => Some(report),
+        };
+        if let Some(report) = report {
+            told::note(error, UNOWNED);
+            told::tell(None, error, report)?;
+        }
+        insisted.raised.map_or(Ok(()), Err)
+    }
+}
+
+const UNOWNED: &str = "the motion had begun, and its handle did not come to its caller: it was stopped";
