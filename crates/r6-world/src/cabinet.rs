@@ -139,7 +139,7 @@ fn operate(shared: &Shared, robot: usize, handle: &ControllerHandle, action: &Pa
     shared.tell(format_args!("robot-{robot}: somebody does {action:?}"));
     let before = starts.then(|| {
         let mut state = shared.state();
-        state.floors[robot].is_moved_by_hand();
+        state.floors[robot].is_moved_by_hand(now());
         state.floors[robot].starts(now())
     });
     match handle.operate(action) {

@@ -68,6 +68,8 @@ pub struct Floor {
     last_start: Duration,
     /// From when on it stands, as its only client was told, and where it then stood.
     told: Option<(Duration, Option<[f64; AXES]>)>,
+    /// When somebody set it in motion last, or sent what may.
+    last_moved: Duration,
     /// When an alarm was raised last.
     last_alarm: Option<Duration>,
     /// The last three instants at which it was fast enough to compare.
@@ -123,6 +125,7 @@ impl Floor {
             last_stop: Duration::ZERO,
             last_start: Duration::ZERO,
             told: None,
+            last_moved: Duration::ZERO,
             last_alarm: None,
             pace,
             points: 0,
@@ -162,21 +165,25 @@ impl Floor {
     }
 
     /// Somebody at the machine sets it in motion.
-    pub fn is_moved_by_hand(&mut self) {
-        self.told = None;
+    pub fn is_moved_by_hand(&mut self, at: Duration) {
+        (self.told, self.last_moved) = (None, at);
     }
 
     /// A frame leaves for it that may set it in motion.
     pub fn is_commanded(&mut self, at: Duration) {
+        self.last_moved = at;
         if self.told.is_some_and(|(since, _)| at + SKEW >= since) {
             self.told = None;
         }
     }
 
-    /// The only program that commands it was told that it stands: nothing that left before may move it now.
+    /// The only program that commands it was told that it stands: nothing that left before its stop may move it now. A program that hears
+    /// of it late says nothing of what was sent or done after the stop.
     pub fn is_told_to_stand(&mut self, at: Duration) {
-        // It may be seen to stand when it is not quite at rest.
-        self.told = Some((at.max(self.last_stop + STOPS_WITHIN), None));
+        if self.last_moved < self.last_stop {
+            // It may be seen to stand when it is not quite at rest.
+            self.told = Some((at.max(self.last_stop + STOPS_WITHIN), None));
+        }
     }
 
     /// When it was told to stop last.
