@@ -250,6 +250,8 @@ impl<'r> Following<'r> {
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tick.tick().await;
+            // From the look to the answer nobody else's list leaves.
+            let _lists = self.robot.lists().await;
             let sample = match self.robot.sample(Lane::Ordinary).await {
                 Ok(sample) => sample,
                 Err(error) => {
@@ -349,7 +351,10 @@ impl<'r> Following<'r> {
             let from = Start { axes: self.commanded, pose: sample.pose };
             // Steps are counted from the first that was sent, as in the progress.
             let counted = |violation: Violation| Violation { step: self.sent + violation.step, ..violation };
-            guard.check(&[instruction], Some(from)).map_err(counted).map_err(Cause::OutsideEnvelope)?;
+            guard
+                .check(&[instruction], &[to.units()], Some(from), self.robot.reckoning())
+                .map_err(counted)
+                .map_err(Cause::OutsideEnvelope)?;
         }
         let place = Place::of(&instruction.action);
         self.sent += 1;

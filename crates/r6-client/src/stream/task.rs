@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::time::Duration;
 
 use r6_proto::axis::AXES;
-use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
+use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, oneshot, watch};
 use tokio::time::{Instant, sleep};
 
 use crate::error::{NotSent, RequestError};
@@ -36,6 +36,8 @@ pub(super) struct Task {
     connection: u64,
     options: RunOptions,
     path: PathProgress,
+    /// Until the first list is answered: it begins where the arm was seen to be.
+    lists: Option<OwnedMutexGuard<()>>,
     /// What was not sent yet.
     frames: VecDeque<Range<usize>>,
     /// Steps of a frame that may have left and was not answered.
@@ -70,6 +72,7 @@ impl Task {
             connection,
             options,
             path,
+            lists: None,
             frames: frames.into(),
             in_doubt: 0,
             progress,
@@ -87,7 +90,9 @@ impl Task {
         mut ended: oneshot::Receiver<()>,
         mut stops: watch::Receiver<u64>,
         turn: OwnedSemaphorePermit,
+        lists: OwnedMutexGuard<()>,
     ) -> Ended {
+        self.lists = Some(lists);
         let mut asked_to_stop = false;
         let result = tokio::select! {
             biased;
@@ -101,6 +106,7 @@ impl Task {
             cause = stopped(&mut stops) => Err((cause, false)),
             result = self.stream() => result.map_err(|cause| (cause, self.options.stop_on_failure)),
         };
+        self.lists = None;
         let (cause, stop) = match result {
             Ok(done) => {
                 self.publish(true);
@@ -189,6 +195,7 @@ impl Task {
             let answer = self.robot.accepted_on(terms, list, Lane::Ordinary).await;
             match answer {
                 Ok(_) => {
+                    self.lists = None;
                     self.in_doubt = 0;
                     self.path.accepted = frame.end;
                     self.fed = Instant::now();
