@@ -198,6 +198,14 @@ impl Robot {
         self.engine().block_on(self.robot.add_rcc(replace, instructions))
     }
 
+    /// As [`crate::Robot::add_motion`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn add_motion(&self, replace: bool, motion: &Motion) -> Result<Accepted, RequestError> {
+        self.engine().block_on(self.robot.add_motion(replace, motion))
+    }
+
     /// As [`crate::Robot::clear_list`].
     ///
     /// # Errors

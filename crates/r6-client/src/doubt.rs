@@ -3,7 +3,7 @@
 //! ```text
 //!  left ──▶ unanswered ──(ok or err)──▶ no doubt
 //!               │
-//!               └─(time-out, or the connection ended)──▶ lost ──(1.5 s)──▶ no doubt
+//!               └─(time-out, or the connection ended)──▶ lost ──(2 s)────▶ no doubt
 //! ```
 //!
 //! A controller that is busy takes a list a second late and runs it.
@@ -15,9 +15,8 @@ use tokio::time::{Instant, timeout_at};
 
 use crate::error::RequestError;
 
-/// How long after the time-out a controller may still take a frame. A second was seen with the virtual controller's fault
-/// `late-acceptance`; half of that again is room.
-const TAKEN_LATE: Duration = Duration::from_millis(1500);
+/// How long after the time-out a controller may still take a frame: a second was seen to be taken late, and the same again is room.
+const TAKEN_LATE: Duration = Duration::from_secs(2);
 
 /// The frames of one handle whose outcome is open.
 #[derive(Debug, Default)]

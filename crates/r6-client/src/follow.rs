@@ -252,6 +252,8 @@ impl<'r> Following<'r> {
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tick.tick().await;
+            // From the look to the answer nobody else's list leaves.
+            let _lists = self.robot.lists().await;
             let seen = match self.robot.observe(Lane::Ordinary).await {
                 Ok(seen) => seen,
                 Err(error) => {
@@ -362,7 +364,10 @@ impl<'r> Following<'r> {
             let from = Start { axes: self.commanded, pose: sample.pose };
             // Steps are counted from the first that was sent, as in the progress.
             let counted = |violation: Violation| Violation { step: self.sent + violation.step, ..violation };
-            guard.check(&[instruction], Some(from)).map_err(counted).map_err(Cause::OutsideEnvelope)?;
+            guard
+                .check(&[instruction], &[to.units()], Some(from), self.robot.reckoning())
+                .map_err(counted)
+                .map_err(Cause::OutsideEnvelope)?;
         }
         let place = Place::of(&instruction.action);
         self.sent += 1;

@@ -6,7 +6,7 @@ mod arc;
 mod violation;
 mod walk;
 
-use r6_proto::axis::{AXES, AxisIndex};
+use r6_proto::axis::{AXES, AxisIndex, AxisMask};
 use r6_proto::message::Instruction;
 
 pub use crate::guard::violation::{Checked, Violation};
@@ -21,7 +21,8 @@ use crate::units::{AxisCoordinate, Degrees, Millimetres, MillimetresPerSecond, P
 /// Where both matter, allow only one kind of move ([`Self::only`]). A straight line between two points of the workspace
 /// does not leave it; of a curve the whole arc is checked.
 ///
-/// What cannot be told counts as beyond: a step length from an unknown place, a workspace in another work frame.
+/// What cannot be told counts as beyond: a step length from an unknown place, a workspace in another work frame. While an input is
+/// watched that stops the motion (action 52), a move may end anywhere on its way, and where the next one begins is unknown.
 ///
 /// ```
 /// use r6_client::units::{AxisPosition, Degrees, Percent};
@@ -56,6 +57,24 @@ pub(crate) struct Start {
     pub pose: [Option<f64>; AXES],
 }
 
+/// What else a list has to reckon with.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Reckoning {
+    /// A tool or a workbench was told that may not be the one of the limits.
+    pub frame_is_unknown: bool,
+    /// An input may stop any move.
+    pub may_be_cut: bool,
+}
+
+/// In which unit the axes of a step were given. Those in neither mask were given as bare numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct AxisUnits {
+    /// Degrees.
+    pub turning: AxisMask,
+    /// Millimetres.
+    pub sliding: AxisMask,
+}
+
 impl Envelope {
     /// An envelope that allows everything.
     #[must_use]
@@ -78,7 +97,8 @@ impl Envelope {
         self
     }
 
-    /// No axis move takes this axis further than this: degrees, or millimetres for an axis that slides; the lowest first.
+    /// No axis move takes this axis further than this: degrees, or millimetres for an axis that slides; the lowest first. A target in
+    /// the other unit goes beyond ([`Checked::Unit`]). An axis without limits in millimetres counts as one that turns.
     #[must_use]
     pub fn axis_limits<T: Into<AxisCoordinate>>(mut self, axis: AxisIndex, lowest: T, highest: T) -> Self {
         if let Some(slot) = self.axis_limits.get_mut(axis.index()) {
@@ -146,6 +166,9 @@ impl Envelope {
         for (axis, limits) in AxisIndex::ALL.into_iter().zip(self.axis_limits) {
             let Some((lowest, highest)) = limits else { continue };
             let slides = matches!(lowest, AxisCoordinate::Millimetres(_));
+            if slides != matches!(highest, AxisCoordinate::Millimetres(_)) {
+                return wrong(Checked::Unit(axis, slides), (lowest.value(), highest.value()));
+            }
             let (lowest, highest) = (lowest.value(), highest.value());
             // What is no number is in no order.
             if (lowest..=highest).is_empty() {
@@ -170,9 +193,9 @@ impl Envelope {
         let steps = motion.instructions().unwrap_or_default();
         self.all().try_for_each(|envelope| {
             envelope.in_order()?;
-            let mut walk = Walk::new(envelope);
+            let mut walk = Walk::new(envelope, Reckoning::default());
             walk.start_is_open = true;
-            steps.iter().try_for_each(|step| walk.step(step))
+            steps.iter().zip(motion.units()).try_for_each(|(step, units)| walk.step(step, *units))
         })
     }
 
@@ -185,16 +208,23 @@ impl Envelope {
         })
     }
 
-    /// Checks a list that begins with the arm at `from`.
-    pub(crate) fn check(&self, steps: &[Instruction], from: Option<Start>) -> Result<(), Violation> {
+    /// Checks a list that begins with the arm at `from`. Steps beyond `units` were given as bare numbers.
+    pub(crate) fn check(
+        &self,
+        steps: &[Instruction],
+        units: &[AxisUnits],
+        from: Option<Start>,
+        reckoning: Reckoning,
+    ) -> Result<(), Violation> {
         self.all().try_for_each(|envelope| {
             envelope.in_order()?;
-            let mut walk = Walk::new(envelope);
+            let mut walk = Walk::new(envelope, reckoning);
             if let Some(Start { axes, pose }) = from {
                 walk.axes = axes;
                 walk.pose = pose;
             }
-            steps.iter().try_for_each(|step| walk.step(step))
+            let units = units.iter().copied().chain(std::iter::repeat(AxisUnits::default()));
+            steps.iter().zip(units).try_for_each(|(step, units)| walk.step(step, units))
         })
     }
 }

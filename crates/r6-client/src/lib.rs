@@ -52,6 +52,7 @@ mod status;
 mod stop;
 mod stream;
 mod subscription;
+mod told;
 pub mod units;
 
 pub use camera::{PhotosEnded, Shot};

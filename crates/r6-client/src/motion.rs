@@ -11,9 +11,10 @@ use tokio::time::{Instant, sleep, timeout_at};
 use crate::error::{Invalid, NotSent, RequestError};
 use crate::evidence::rest::Rest;
 use crate::evidence::{About, Observation, Sample};
-use crate::guard::Start;
+use crate::guard::{AxisUnits, Start};
 use crate::job::{Terms, Work};
 use crate::link::Lane;
+use crate::moves::Motion;
 use crate::path::place::Missed;
 use crate::robot::{Accepted, Robot};
 use crate::status::{AlarmAdvice, components, position_addresses};
@@ -170,7 +171,27 @@ impl Robot {
         replace: bool,
         instructions: Vec<Instruction>,
     ) -> Result<Accepted, RequestError> {
-        let only_on = self.held_against_guard(replace, &instructions).await?;
+        self.add_list(replace, instructions, &[]).await
+    }
+
+    /// Sends the steps of a motion as one list, as [`Self::add_rcc`] does. A guard knows the units of its axes.
+    ///
+    /// # Errors
+    /// [`RequestError`], as there; [`Invalid::Step`] if a step is wrong.
+    pub async fn add_motion(&self, replace: bool, motion: &Motion) -> Result<Accepted, RequestError> {
+        let steps = motion.instructions().map_err(Invalid::Step)?.to_vec();
+        self.add_list(replace, steps, motion.units()).await
+    }
+
+    async fn add_list(
+        &self,
+        replace: bool,
+        instructions: Vec<Instruction>,
+        units: &[AxisUnits],
+    ) -> Result<Accepted, RequestError> {
+        // An empty list is the same wherever the arm stands.
+        let _turn = if instructions.is_empty() { None } else { Some(self.lists().await) };
+        let only_on = self.held_against_guard(replace, &instructions, units).await?;
         let terms = Terms { only_on, ..Terms::default() };
         self.accepted_on(terms, Work::AddRcc { replace, instructions }, Lane::Ordinary).await
     }
@@ -181,6 +202,7 @@ impl Robot {
         &self,
         replace: bool,
         instructions: &[Instruction],
+        units: &[AxisUnits],
     ) -> Result<Option<u64>, RequestError> {
         let Some(envelope) = self.guard() else { return Ok(None) };
         let (mut from, mut only_on) = (None, None);
@@ -191,7 +213,7 @@ impl Robot {
             let at_rest = sample.moving == Some(false) && (replace || sample.list_length == Some(0));
             from = at_rest.then_some(Start { axes: sample.axes, pose: sample.pose });
         }
-        envelope.check(instructions, from).map_err(Invalid::OutsideEnvelope)?;
+        envelope.check(instructions, units, from, self.reckoning()).map_err(Invalid::OutsideEnvelope)?;
         Ok(only_on)
     }
 

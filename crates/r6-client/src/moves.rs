@@ -11,6 +11,7 @@ use r6_proto::message::instruction::{
     StopOnSignal, Wait, WaitCondition, WaitSource, Workbench,
 };
 
+use crate::guard::AxisUnits;
 use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose};
 
 /// Steps of one motion at most: hours of moves, and some tens of megabytes.
@@ -47,6 +48,8 @@ pub const MAX_STEPS: usize = 100_000;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
     steps: Vec<Instruction>,
+    /// In which unit the axes of each step were told.
+    units: Vec<AxisUnits>,
     /// Whether a path speed is set for the steps to come.
     path_speed: bool,
     wrong: Option<StepError>,
@@ -119,11 +122,11 @@ impl Motion {
     pub fn axis_move(self, to: AxisPosition, speed: Percent) -> Self {
         let manner = manner(to.mask(), Some(speed));
         let named = to.mask() != AxisMask::NONE;
-        self.instruct(Action::AxisMove(Move { target: to.coordinates(), manner })).check(
-            named,
-            "ckStatus",
-            "a mask with one axis at least",
-        )
+        let step = Instruction {
+            oneshot: true,
+            action: Action::AxisMove(Move { target: to.coordinates(), manner }),
+        };
+        self.push(step, to.units()).check(named, "ckStatus", "a mask with one axis at least")
     }
 
     /// The tool goes straight to a pose (action 10). 100 % are 2000 mm/s (reported, unit B).
@@ -250,11 +253,25 @@ impl Motion {
     /// Any other step. It has to be one-shot: what stays in the list has no end.
     #[must_use]
     pub fn instruction(self, instruction: Instruction) -> Self {
-        self.push(instruction).check(
+        self.push(instruction, AxisUnits::default()).check(
             instruction.oneshot,
             "oneshot",
             "1: a step that stays in the list never ends",
         )
+    }
+
+    /// The steps of another motion behind these.
+    #[must_use]
+    pub fn extend(self, other: &Self) -> Self {
+        let motion = other.steps.iter().zip(&other.units).fold(self, |motion, (step, units)| {
+            let oneshot = step.oneshot;
+            let wanted = "1: a step that stays in the list never ends";
+            motion.push(*step, *units).check(oneshot, "oneshot", wanted)
+        });
+        match other.wrong {
+            Some(error) => motion.check(false, error.field, error.wanted),
+            None => motion,
+        }
     }
 
     /// How many steps there are.
@@ -280,15 +297,21 @@ impl Motion {
         }
     }
 
-    fn instruct(self, action: Action) -> Self {
-        self.push(Instruction { oneshot: true, action })
+    /// In which unit the axes of each step were told, as many as there are steps.
+    pub(crate) fn units(&self) -> &[AxisUnits] {
+        &self.units
     }
 
-    fn push(mut self, instruction: Instruction) -> Self {
+    fn instruct(self, action: Action) -> Self {
+        self.push(Instruction { oneshot: true, action }, AxisUnits::default())
+    }
+
+    fn push(mut self, instruction: Instruction, units: AxisUnits) -> Self {
         if self.steps.len() >= MAX_STEPS {
             return self.check(false, "instructions", "100000 at most");
         }
         self.steps.push(instruction);
+        self.units.push(units);
         if let Action::PathSpeed(speed) = instruction.action {
             self.path_speed = speed.in_use;
         }

@@ -9,7 +9,9 @@ use r6_proto::client::LearnedDialect;
 use r6_proto::message::{Command, PhotoAnswer};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc::{self, error::TrySendError};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, oneshot, watch};
+use tokio::sync::{
+    Mutex as AsyncMutex, OwnedMutexGuard, OwnedSemaphorePermit, Semaphore, broadcast, oneshot, watch,
+};
 use tokio::time::timeout;
 
 use crate::backoff::Backoff;
@@ -20,7 +22,7 @@ use crate::doubt::Doubts;
 use crate::driver::{Driver, Urgent};
 use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError, Sent};
 use crate::evidence::About;
-use crate::guard::Envelope;
+use crate::guard::{Envelope, Reckoning};
 use crate::identity::{Found, Identity};
 use crate::job::{Answer, CameraSet, Job, Terms, Work};
 use crate::link::Lane;
@@ -31,6 +33,7 @@ use crate::query::around_query;
 use crate::settings::{Heartbeat, RobotSettings};
 use crate::stop::{STOP_WITHIN, Stopping};
 use crate::stream::MotionError;
+use crate::told::{self, Tell};
 
 /// Requests that may wait in each lane; a caller beyond that waits for room.
 const LANE_LENGTH: usize = 64;
@@ -44,6 +47,8 @@ pub struct Robot {
     lanes: Arc<Lanes>,
     /// What every list is checked against before it is sent.
     guard: Option<Arc<Envelope>>,
+    /// How often a tool or a workbench had been told when the guard was made: its limits are of the one in use then.
+    guarded_at: u64,
 }
 
 #[derive(Debug)]
@@ -69,6 +74,10 @@ struct Lanes {
     dial: Arc<dyn Dial>,
     /// Set when the handle is being closed: a motion that is streamed ends then.
     closing: watch::Sender<bool>,
+    /// Whoever looks where the arm is, checks a list against that, and sends it, has it until the list is answered: another list would
+    /// begin elsewhere than where it was checked.
+    lists: Arc<AsyncMutex<()>>,
+    tell: Tell,
     /// Whoever serves photos has it: two would both answer each request.
     photos: Arc<Semaphore>,
 }
@@ -143,11 +152,13 @@ impl Robot {
             dial: Arc::clone(&dialer) as Arc<dyn Dial>,
             closing: watch::Sender::new(false),
             photos: Arc::new(Semaphore::new(1)),
+            lists: Arc::default(),
+            tell: Tell::default(),
         };
         let backoff = Backoff::new(settings.reconnect, seed_from_clock);
         let driver = Driver::new(dialer, settings, urgent_jobs, ordinary_jobs, hub, backoff);
         tokio::spawn(driver.run(stream));
-        Self { lanes: Arc::new(lanes), guard: None }
+        Self { lanes: Arc::new(lanes), guard: None, guarded_at: 0 }
     }
 
     /// Ends the connection for all clones and waits until it is closed.
@@ -194,6 +205,7 @@ impl Robot {
     /// # Errors
     /// [`RequestError`]. It is never sent twice by itself, and only a stop or a pause makes a lost connection anew.
     pub async fn command(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
+        let changes_frame = told::tells_frame(&command);
         let work = Work::Command(command);
         let lane = match work.sent().effect {
             Effect::Stops => {
@@ -202,6 +214,8 @@ impl Robot {
             }
             Effect::Reads | Effect::Changes | Effect::Moves => Lane::Ordinary,
         };
+        // A list that was checked leaves before the frame changes, or is checked after that.
+        let _turn = if changes_frame { Some(self.lists().await) } else { None };
         self.accepted(work, lane).await
     }
 
@@ -256,6 +270,13 @@ impl Robot {
     /// A guard that this handle has already goes on: both have to be passed ([`Envelope::and`]), so a wider one loosens
     /// nothing. A handle without it is the one that it was made from.
     ///
+    /// Limits of the tool's place are told for the tool and the workbench that are in use when the guard is made. Once this connection
+    /// has told another one (action 800, a move with a tool or a work frame, `switchTool`, `modifyTool`, `switchCoordinate`), nobody
+    /// knows whether they still are: lists that they concern go beyond then ([`crate::Checked::FrameUnknown`]). Make a guard anew for the
+    /// frame that is in use, from a handle without one.
+    ///
+    /// Where the arm is, the check and the sending are one: meanwhile no other list of this connection leaves.
+    ///
     /// Commands are not checked: a start button, a register or an output can start a taught program that no envelope knows.
     #[must_use]
     pub fn with_guard(&self, envelope: Envelope) -> Self {
@@ -263,7 +284,11 @@ impl Robot {
             Some(before) => before.clone().and(envelope),
             None => envelope,
         };
-        Self { lanes: Arc::clone(&self.lanes), guard: Some(Arc::new(envelope)) }
+        let guarded_at = match self.guard {
+            Some(_) => self.guarded_at,
+            None => self.lanes.tell.so_far().frames,
+        };
+        Self { lanes: Arc::clone(&self.lanes), guard: Some(Arc::new(envelope)), guarded_at }
     }
 
     /// The envelope that this handle checks against.
@@ -290,6 +315,17 @@ impl Robot {
     /// The right to stream a path over this connection, if nobody has it.
     pub(crate) fn streaming(&self) -> Option<OwnedSemaphorePermit> {
         Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()
+    }
+
+    /// The right to look where the arm is, check a list against that and send it. It is kept until the list is answered.
+    pub(crate) async fn lists(&self) -> OwnedMutexGuard<()> {
+        Arc::clone(&self.lanes.lists).lock_owned().await
+    }
+
+    /// What a list of this handle has to reckon with, besides where the arm is.
+    pub(crate) fn reckoning(&self) -> Reckoning {
+        let told = self.lanes.tell.so_far();
+        Reckoning { frame_is_unknown: told.frames != self.guarded_at, may_be_cut: told.watching }
     }
 
     /// The right to serve the photos of this connection, if nobody has it.
@@ -343,7 +379,10 @@ impl Robot {
         lane: Lane,
     ) -> Result<Accepted, RequestError> {
         let request = work.sent();
-        match self.ask_on(terms, work, lane).await? {
+        let leaving = self.lanes.tell.leaving(&work);
+        let answer = self.ask_on(terms, work, lane).await;
+        leaving.answered(&answer);
+        match answer? {
             Answer::Accepted { accepted, on } => {
                 if request.effect == Effect::Moves {
                     let robot = self.hub().identity_on(on.connection);

@@ -136,6 +136,7 @@ impl Robot {
         let frames = cut(steps, self.settings(), options.frame_length())
             .map_err(|error| failed(Cause::Step(error)))?;
         let (turn, stops) = self.turn().await.map_err(failed)?;
+        let lists = self.lists().await;
         let (status, about) = self.look_before(options).await.map_err(failed)?;
         let sample = status.sample();
         if let Some(error) = status.step_beyond_axes(steps) {
@@ -150,7 +151,7 @@ impl Robot {
         if let Some(envelope) = self.guard() {
             let from = Start { axes: status.axes, pose: status.pose };
             envelope
-                .check(steps, Some(from))
+                .check(steps, motion.units(), Some(from), self.reckoning())
                 .map_err(|violation| failed(Cause::OutsideEnvelope(violation)))?;
         }
         let (progress, watched) = watch::channel(Progress { total: steps.len(), ..Progress::default() });
@@ -158,7 +159,7 @@ impl Robot {
         let path = PathProgress::new(steps.to_vec(), sample);
         let number = self.motions().begin();
         let task = Task::new((self.clone(), about, number), options, path, frames, progress);
-        let task = tokio::spawn(task.run(ended, stops, turn));
+        let task = tokio::spawn(task.run(ended, stops, turn, lists));
         Ok(MotionHandle {
             robot: self.clone(),
             number,

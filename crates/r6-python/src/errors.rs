@@ -88,6 +88,7 @@ impl Raise for RequestError {
     fn exception(&self, py: Python<'_>) -> PyErr {
         let class = match self {
             Self::Invalid(Invalid::OutsideEnvelope(violation)) => return violation.exception(py),
+            Self::Invalid(Invalid::Step(error)) => return error.exception(py),
             Self::Invalid(_) => "InvalidRequest",
             Self::NotSent(_) => "NotSent",
             Self::Refused(_) => "Refused",
@@ -137,6 +138,7 @@ impl Raise for RequestError {
 fn nearest_of(error: &Invalid) -> Option<(f64, f64)> {
     match error {
         Invalid::Value(error) => error.nearest.map(both),
+        Invalid::Step(error) => error.nearest.map(both),
         Invalid::BadAddress { .. } | Invalid::TooLong { .. } | Invalid::OutsideEnvelope(_) => None,
         Invalid::NotStopped(why) => nearest_of(why),
     }
@@ -151,6 +153,7 @@ fn invalid_word(error: &Invalid) -> &'static str {
         Invalid::BadAddress { .. } => "bad_address",
         Invalid::Value(_) => "value",
         Invalid::TooLong { .. } => "too_long",
+        Invalid::Step(_) => "step",
         Invalid::OutsideEnvelope(_) => "outside_envelope",
         Invalid::NotStopped(why) => invalid_word(why),
     }
@@ -201,7 +204,8 @@ impl Raise for Violation {
             Checked::Place(axis) => axis.world_name().to_owned(),
             Checked::Distance => "distance".to_owned(),
             Checked::Arc => "arc".to_owned(),
-            Checked::Frame => "frame".to_owned(),
+            Checked::Unit(axis, _) => format!("{axis} unit"),
+            Checked::Frame | Checked::FrameUnknown => "frame".to_owned(),
             Checked::Action(number) => format!("action {number}"),
         };
         Exception::new(py, "OutsideEnvelope", self)

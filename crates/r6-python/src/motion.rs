@@ -156,15 +156,15 @@ impl Motion {
     }
 
     fn extend<'py>(slf: PyRefMut<'py, Self>, other: &Bound<'py, PyAny>) -> Chain<'py> {
-        let steps = if other.as_ptr() == slf.as_ptr() {
-            slf.0.instructions().map(<[_]>::to_vec)
+        let other = if other.as_ptr() == slf.as_ptr() {
+            slf.0.clone()
         } else {
             let other =
                 other.cast::<Self>().map_err(|_| PyTypeError::new_err("only a Motion can be appended"))?;
-            other.borrow().0.instructions().map(<[_]>::to_vec)
+            other.borrow().0.clone()
         };
-        let steps = raise(slf.py(), steps)?;
-        Self::add(slf, |motion| steps.into_iter().fold(motion, r6_client::Motion::instruction))
+        raise(slf.py(), other.instructions())?;
+        Self::add(slf, |motion| motion.extend(&other))
     }
 
     fn __len__(&self) -> usize {

@@ -128,8 +128,9 @@ impl RobotCore {
 
     fn add_rcc(&self, py: Python<'_>, motion: PyRef<'_, Motion>, replace: bool) -> PyResult<Operation> {
         let robot = self.robot(py)?;
-        let steps: Vec<Instruction> = raise(py, motion.0.instructions())?.to_vec();
-        Ok(self.accepted(async move { robot.add_rcc(replace, steps).await }))
+        let motion = motion.0.clone();
+        raise(py, motion.instructions())?;
+        Ok(self.accepted(async move { robot.add_motion(replace, &motion).await }))
     }
 
     fn wait_until_done(

@@ -134,7 +134,7 @@ def test_angles_that_are_left_out_stay_as_they_are(
         before = None
         while time.monotonic() < until:
             # The program moves on only after a point, so the same pose twice in a row, away from home, is its end.
-            pose = virtual_robot.status().pose.round(3).tolist()
+            pose = [float(value) for value in virtual_robot.status().pose.round(3)]
             if pose == before and abs(pose[5]) > 1:
                 return pose
             before = pose
@@ -143,7 +143,7 @@ def test_angles_that_are_left_out_stay_as_they_are(
     begin = standing()
     assert max(abs(angle) for angle in begin[3:6]) > 90, begin
     goal = [begin[0] + 15, begin[1] - 10, begin[2] - 5]
-    assert virtual_robot.add_points(0, [r6.Point(*goal)]).points == 1
+    assert virtual_robot.add_points(0, [r6.Point(x=goal[0], y=goal[1], z=goal[2])]).points == 1
     until = time.monotonic() + 60
     while (end := standing())[:3] != pytest.approx(goal, abs=0.01):
         assert time.monotonic() < until, end

@@ -3,6 +3,7 @@
 import json
 import math
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -286,6 +287,52 @@ def test_an_alarm_ends_the_motion(virtual_robot: r6.Robot) -> None:
         virtual_robot.run(motion).finished()
     assert failed.value.cause == "alarm_raised" and failed.value.alarm == 135
     assert isinstance(failed.value.stop, r6.StopReport) and failed.value.stop.confirmed
+
+
+def test_a_guard_reckons_with_frames_inputs_and_units(virtual_robot: r6.Robot) -> None:
+    far = r6.Millimetres(2000)
+    box = r6.Envelope().workspace((-far, -far, -far), (far, far, far))
+    guarded = virtual_robot.with_guard(box)
+    line = r6.Motion().linear_move(r6.Pose.mm_deg([400, 0, 500]), r6.Percent(1))
+    virtual_robot.command(r6.Command.switch_tool(1))
+    with pytest.raises(r6.OutsideEnvelope, match="make a guard") as frame:
+        guarded.add_rcc(line, replace=True)
+    assert frame.value.what == "frame"
+    small = r6.Envelope().largest_axis_step(r6.Degrees(30))
+
+    def to(motion: r6.Motion, angle: float) -> r6.Motion:
+        return motion.axis_move(r6.AxisPosition.degrees([angle]), r6.Percent(1))
+
+    watched = to(to(r6.Motion(), 0).stop_on_input(3, True), 25)
+    small.check_motion(watched)
+    with pytest.raises(r6.OutsideEnvelope, match="cannot be told") as cut:
+        small.check_motion(to(watched, 50))
+    assert cut.value.step == 4
+    slides = r6.Motion().axis_move(r6.AxisPosition().with_axis(0, r6.Millimetres(5)), r6.Percent(1))
+    with pytest.raises(r6.OutsideEnvelope, match="turns") as unit:
+        small.check_motion(slides)
+    assert unit.value.what == "J1 unit"
+    for motion in (slides, r6.Motion().extend(slides)):
+        with pytest.raises(r6.OutsideEnvelope, match="turns"):
+            virtual_robot.with_guard(small).add_rcc(motion, replace=True)
+
+
+def test_two_threads_do_not_both_begin_where_the_arm_stands(virtual_robot: r6.Robot) -> None:
+    guarded = virtual_robot.with_guard(r6.Envelope().largest_axis_step(r6.Degrees(30)))
+    assert virtual_robot.status().is_ready
+    together = threading.Barrier(2)
+
+    def send(angle: float) -> bool:
+        motion = r6.Motion().axis_move(r6.AxisPosition.degrees([angle]), r6.Percent(20))
+        together.wait(60)
+        try:
+            guarded.add_rcc(motion, replace=True)
+        except r6.OutsideEnvelope:
+            return False
+        return True
+
+    with ThreadPoolExecutor() as pool:
+        assert sorted(pool.map(send, [25, -25])) == [False, True]
 
 
 def test_a_guard_refuses_what_goes_beyond(virtual_robot: r6.Robot) -> None:

@@ -69,6 +69,7 @@ METHODS: list[tuple[str, str, type[Any], Table]] = [
             "connect_with": "connect",
             "engine": " one for the process",
             "as_async": " AsyncRobot.connect",
+            "add_motion": "add_rcc",
             "learned": " what the wire looks like",
         },
     ),

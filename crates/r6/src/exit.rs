@@ -210,7 +210,9 @@ impl From<RequestError> for Failure {
 fn of_invalid(invalid: &Invalid) -> Exit {
     match invalid {
         Invalid::OutsideEnvelope(_) => Exit::Refused,
-        Invalid::BadAddress { .. } | Invalid::Value(_) | Invalid::TooLong { .. } => Exit::Usage,
+        Invalid::BadAddress { .. } | Invalid::Value(_) | Invalid::TooLong { .. } | Invalid::Step(_) => {
+            Exit::Usage
+        }
         Invalid::NotStopped(why) => of_invalid(why),
     }
 }

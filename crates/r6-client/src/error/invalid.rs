@@ -7,6 +7,7 @@ use r6_proto::error::EncodeError;
 
 use super::{NotSent, RequestError};
 use crate::guard::Violation;
+use crate::moves::StepError;
 
 /// Why a request cannot be sent as it is. Nothing was sent, and sending the same again fails again: the caller has to change it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,6 +28,8 @@ pub enum Invalid {
         /// The limit.
         limit: usize,
     },
+    /// A step of the motion is wrong.
+    Step(StepError),
     /// A list goes beyond the envelope of the handle's guard.
     OutsideEnvelope(Violation),
     /// It was a stop ([`crate::Robot::stop`]): the arm goes on with what is in its list.
@@ -62,6 +65,7 @@ impl fmt::Display for Invalid {
             }
             Self::Value(error) => error.fmt(f),
             Self::TooLong { bytes, limit } => SendError::TooLong { bytes: *bytes, limit: *limit }.fmt(f),
+            Self::Step(error) => error.fmt(f),
             Self::OutsideEnvelope(violation) => violation.fmt(f),
             Self::NotStopped(why) => why.fmt(f),
         }

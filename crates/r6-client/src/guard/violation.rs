@@ -28,6 +28,8 @@ pub enum Checked {
     Axis(AxisIndex, bool),
     /// How far a move turns an axis, degrees, or, if it slides, mm.
     AxisStep(AxisIndex, bool),
+    /// The unit of an axis; `true` if the envelope has it slide, in mm, `false` if it turns there, in degrees.
+    Unit(AxisIndex, bool),
     /// X, Y or Z of the tool, mm.
     Place(AxisIndex),
     /// How far a move goes, mm.
@@ -36,6 +38,8 @@ pub enum Checked {
     Arc,
     /// The frame that a pose refers to: another one than that of the envelope.
     Frame,
+    /// The frame in use: this connection has told a tool or a workbench since the guard was made.
+    FrameUnknown,
     /// The kind of instruction, by its action number.
     Action(i64),
 }
@@ -80,6 +84,12 @@ impl fmt::Display for Violation {
                 "how far {axis} goes cannot be told, because where it begins is not known: read the position first, or \
                  begin a motion of its own here"
             ),
+            (Checked::Unit(axis, true), _) => {
+                write!(f, "{axis} is told in degrees, but slides: its limits are in mm")
+            }
+            (Checked::Unit(axis, false), _) => {
+                write!(f, "{axis} is told in mm, but turns: give it limits in mm if it slides")
+            }
             (Checked::Place(axis), value) => {
                 let name = axis.world_name();
                 write!(f, "{name} gets to {} mm, outside of {least} to {most} mm", Value(value))
@@ -96,6 +106,10 @@ impl fmt::Display for Violation {
             ),
             (Checked::Frame, _) => f.write_str(
                 "the pose is told for another tool, work frame or workbench than the limits: the two do not compare",
+            ),
+            (Checked::FrameUnknown, _) => f.write_str(
+                "a tool or a workbench was told over this connection since the guard was made, and whether the limits are told for it is \
+                 not known: make a guard for the one that is in use (with_guard of a handle without a guard)",
             ),
             (Checked::Action(number), _) => write!(f, "action {number} is not allowed"),
         }
@@ -114,12 +128,16 @@ impl Violation {
             Checked::Place(axis) => {
                 write!(f, "the workspace of {} is {lowest} to {highest} mm", axis.world_name())?;
             }
+            Checked::Unit(axis, _) => {
+                write!(f, "the limits of {axis} are {lowest} and {highest}, one in mm and one in degrees")?;
+            }
             Checked::Speed
             | Checked::PathSpeed
             | Checked::AxisStep(..)
             | Checked::Distance
             | Checked::Arc
             | Checked::Frame
+            | Checked::FrameUnknown
             | Checked::Action(_) => write!(f, "the limits are {lowest} to {highest}")?,
         }
         f.write_str(": the lowest has to come first, and nothing is within them as they are")

@@ -3,9 +3,9 @@
 use r6_proto::axis::{AXES, AxisIndex, AxisMask};
 use r6_proto::message::instruction::{Action, Coordinates, Instruction, Manner};
 
-use crate::guard::Envelope;
 use crate::guard::arc::arc_extremes;
 use crate::guard::violation::{Checked, Violation};
+use crate::guard::{AxisUnits, Envelope, Reckoning};
 use crate::units::{AxisCoordinate, Degrees, Millimetres};
 
 /// A list, step by step.
@@ -19,11 +19,15 @@ pub(super) struct Walk<'e> {
     /// Whether it may begin anywhere: the first move is then not measured.
     pub start_is_open: bool,
     other_frame: bool,
+    /// A frame was told before this list.
+    frame_is_unknown: bool,
+    /// An input may stop any move: where it ends is not known.
+    may_be_cut: bool,
     path_speed: bool,
 }
 
 impl<'e> Walk<'e> {
-    pub fn new(envelope: &'e Envelope) -> Self {
+    pub fn new(envelope: &'e Envelope, reckoning: Reckoning) -> Self {
         Self {
             envelope,
             step: 0,
@@ -31,13 +35,15 @@ impl<'e> Walk<'e> {
             pose: [None; AXES],
             start_is_open: false,
             other_frame: false,
+            frame_is_unknown: reckoning.frame_is_unknown,
+            may_be_cut: reckoning.may_be_cut,
             path_speed: false,
         }
     }
 }
 
 impl Walk<'_> {
-    pub fn step(&mut self, instruction: &Instruction) -> Result<(), Violation> {
+    pub fn step(&mut self, instruction: &Instruction, units: AxisUnits) -> Result<(), Violation> {
         self.step += 1;
         let number = instruction.action.number();
         if self.envelope.only.as_ref().is_some_and(|only| !only.contains(&number)) {
@@ -46,7 +52,7 @@ impl Walk<'_> {
         match &instruction.action {
             Action::AxisMove(step) => {
                 self.speed(&step.manner, false)?;
-                self.axis_move(&step.target, moved(&step.manner, step.target.given()))
+                self.axis_move(&step.target, moved(&step.manner, step.target.given()), units)
             }
             Action::LinearMove(step) => {
                 self.speed(&step.manner, true)?;
@@ -72,7 +78,11 @@ impl Walk<'_> {
                 self.other_frame = true;
                 Ok(())
             }
-            Action::StopOnSignal(_) | Action::Wait(_) | Action::Output(_) | Action::BoardOutput(_) => Ok(()),
+            Action::StopOnSignal(stop) => {
+                self.may_be_cut = stop.in_use;
+                Ok(())
+            }
+            Action::Wait(_) | Action::Output(_) | Action::BoardOutput(_) => Ok(()),
         }
     }
 
@@ -91,17 +101,23 @@ impl Walk<'_> {
 
     /// Positions in another frame, or of another tool, do not compare.
     fn frames(&self, manner: &Manner) -> Result<(), Violation> {
-        let other = self.other_frame || manner.tool.is_some() || manner.coord.is_some();
-        if other && (self.envelope.workspace.is_some() || self.envelope.largest_distance.is_some()) {
+        if self.envelope.workspace.is_none() && self.envelope.largest_distance.is_none() {
+            return Ok(());
+        }
+        if self.other_frame || manner.tool.is_some() || manner.coord.is_some() {
             return Err(self.beyond(Checked::Frame, None, (0.0, 0.0)));
+        }
+        if self.frame_is_unknown {
+            return Err(self.beyond(Checked::FrameUnknown, None, (0.0, 0.0)));
         }
         Ok(())
     }
 
-    fn axis_move(&mut self, target: &Coordinates, mask: AxisMask) -> Result<(), Violation> {
+    fn axis_move(&mut self, target: &Coordinates, mask: AxisMask, units: AxisUnits) -> Result<(), Violation> {
         for axis in mask.axes() {
             let (Some(to), at) = (target.at(axis), axis.index()) else { continue };
             let limits = self.envelope.axis_limits.get(at).copied().flatten();
+            self.unit(axis, limits, units)?;
             if let Some((lowest, highest)) = limits
                 && !(lowest.value()..=highest.value()).contains(&to)
             {
@@ -124,7 +140,7 @@ impl Walk<'_> {
                 }
             }
             if let Some(slot) = self.axes.get_mut(at) {
-                *slot = Some(to);
+                *slot = Some(to).filter(|_| !self.may_be_cut);
             }
         }
         self.start_is_open = false;
@@ -159,7 +175,7 @@ impl Walk<'_> {
             }
         }
         for (slot, to) in self.pose.iter_mut().zip(to) {
-            *slot = to;
+            *slot = to.filter(|_| !self.may_be_cut);
         }
         self.axes = [None; AXES];
         self.start_is_open = false;
@@ -168,6 +184,23 @@ impl Walk<'_> {
 }
 
 impl Walk<'_> {
+    /// Millimetres do not compare with degrees. What is not said to slide turns.
+    fn unit(
+        &self,
+        axis: AxisIndex,
+        limits: Option<(AxisCoordinate, AxisCoordinate)>,
+        units: AxisUnits,
+    ) -> Result<(), Violation> {
+        let compares = limits.is_some()
+            || self.envelope.largest_axis_step.is_some()
+            || self.envelope.largest_distance.is_some();
+        let other = if slides(limits) { units.turning } else { units.sliding };
+        if compares && other.contains(axis) {
+            return Err(self.beyond(Checked::Unit(axis, slides(limits)), None, (0.0, 0.0)));
+        }
+        Ok(())
+    }
+
     /// Whether the way stays in the workspace. A straight one does if its end is there, as its start was.
     fn workspace(
         &self,

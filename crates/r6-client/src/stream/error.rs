@@ -106,6 +106,7 @@ impl From<Invalid> for Cause {
     fn from(error: Invalid) -> Self {
         match error {
             Invalid::OutsideEnvelope(violation) => Self::OutsideEnvelope(violation),
+            Invalid::Step(error) => Self::Step(error),
             Invalid::BadAddress { .. }
             | Invalid::Value(_)
             | Invalid::TooLong { .. }

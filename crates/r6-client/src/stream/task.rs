@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::time::Duration;
 
 use r6_proto::axis::AXES;
-use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
+use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, oneshot, watch};
 use tokio::time::{Instant, sleep};
 
 use crate::error::{NotSent, RequestError};
@@ -40,6 +40,8 @@ pub(super) struct Task {
     number: u64,
     options: RunOptions,
     path: PathProgress,
+    /// Until the first list is answered: it begins where the arm was seen to be.
+    lists: Option<OwnedMutexGuard<()>>,
     /// What was not sent yet.
     frames: VecDeque<Range<usize>>,
     /// Steps of a frame that may have left and was not answered.
@@ -76,6 +78,7 @@ impl Task {
             number,
             options,
             path,
+            lists: None,
             frames: frames.into(),
             in_doubt: 0,
             progress,
@@ -94,9 +97,10 @@ impl Task {
         ended: oneshot::Receiver<()>,
         stops: watch::Receiver<u64>,
         turn: OwnedSemaphorePermit,
+        lists: OwnedMutexGuard<()>,
     ) -> Ended {
         let (robot, number) = (self.robot.clone(), self.number);
-        let ended = self.run_and_stop(ended, stops).await;
+        let ended = self.run_and_stop(ended, stops, lists).await;
         // Before the right to stream is given back: whoever gets it next finds how this one ended.
         robot.motions().end(number, &ended.result);
         drop(turn);
@@ -107,7 +111,9 @@ impl Task {
         mut self,
         mut ended: oneshot::Receiver<()>,
         mut stops: watch::Receiver<u64>,
+        lists: OwnedMutexGuard<()>,
     ) -> Ended {
+        self.lists = Some(lists);
         let mut asked_to_stop = false;
         let (robot, stop_on_drop) = (self.robot.clone(), self.options.stop_on_drop);
         let result = tokio::select! {
@@ -120,6 +126,7 @@ impl Task {
             () = robot.is_closing() => Err((Cause::Closed, stop_on_drop)),
             result = self.stream() => result.map_err(|cause| (cause, self.options.stop_on_failure)),
         };
+        self.lists = None;
         let (cause, stop) = match result {
             Ok(done) => {
                 self.publish(true);
@@ -201,6 +208,7 @@ impl Task {
             let answer = self.robot.accepted_on(terms, list, Lane::Ordinary).await;
             match answer {
                 Ok(_) => {
+                    self.lists = None;
                     self.in_doubt = 0;
                     self.path.fed(frame.end);
                     self.fed = Instant::now();

@@ -5,6 +5,7 @@ use std::fmt;
 use r6_proto::axis::{AXES, AxisIndex, AxisMask};
 use r6_proto::message::instruction::Coordinates;
 
+use crate::guard::AxisUnits;
 use crate::units::{Degrees, Millimetres};
 
 /// Where one axis is: an angle, or a length for an axis that slides.
@@ -95,6 +96,19 @@ impl AxisPosition {
 
     pub(crate) fn coordinates(&self) -> Coordinates {
         all_eight(|axis| self.at(axis).map(AxisCoordinate::value))
+    }
+
+    /// In which unit each axis is told.
+    pub(crate) fn units(&self) -> AxisUnits {
+        let mut units = AxisUnits::default();
+        for axis in AxisIndex::ALL {
+            match self.at(axis) {
+                Some(AxisCoordinate::Degrees(_)) => units.turning = units.turning.with(axis),
+                Some(AxisCoordinate::Millimetres(_)) => units.sliding = units.sliding.with(axis),
+                None => {}
+            }
+        }
+        units
     }
 }
 

@@ -7,19 +7,19 @@ use r6_sim::Clock;
 
 use crate::cell::{Cell, percent, soon, through, wave};
 
-const J1: AxisIndex = AxisIndex::ALL[0];
-const J6: AxisIndex = AxisIndex::ALL[5];
+pub const J1: AxisIndex = AxisIndex::ALL[0];
+pub const J6: AxisIndex = AxisIndex::ALL[5];
 
-fn place(x: f64, y: f64, z: f64) -> Pose {
+pub fn place(x: f64, y: f64, z: f64) -> Pose {
     Pose::position([x, y, z].map(Millimetres))
 }
 
-fn axes(first: f64) -> AxisPosition {
+pub fn axes(first: f64) -> AxisPosition {
     AxisPosition::degrees([first, 0.0, 0.0, 0.0, 30.0, 0.0])
 }
 
 /// What a check of this motion finds.
-fn found(envelope: &Envelope, motion: &Motion) -> Option<(usize, Checked)> {
+pub fn found(envelope: &Envelope, motion: &Motion) -> Option<(usize, Checked)> {
     motion.instructions().unwrap();
     envelope.check_motion(motion).err().map(|violation| (violation.step, violation.what))
 }

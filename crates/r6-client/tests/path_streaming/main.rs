@@ -10,5 +10,6 @@ mod relay;
 mod ends;
 mod guarded;
 mod long;
+mod reckoned;
 mod stops;
 mod unknown;

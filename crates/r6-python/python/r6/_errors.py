@@ -84,7 +84,7 @@ class OutsideEnvelope(InvalidRequest):
     step: int = 0
     """The step, counted from 1."""
     what: str = ""
-    """What goes beyond: ``"speed"``, ``"J3"``, ``"J3 step"``, ``"X"``, ``"distance"``, ``"frame"``, …"""
+    """What goes beyond: ``"speed"``, ``"J3"``, ``"J3 step"``, ``"J3 unit"``, ``"X"``, ``"distance"``, ``"frame"``, …"""
     value: float | None = None
     """Its value: %, mm/s, degrees or mm. ``None`` where it cannot be told, which counts as beyond."""
     limit: tuple[float, float] = (0.0, 0.0)

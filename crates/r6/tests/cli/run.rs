@@ -79,7 +79,7 @@ fn a_long_list_goes_out_in_several_frames() {
 fn nothing_is_sent_of_a_program_of_which_a_part_cannot_be() {
     let frame = |replace: u8, speed: &str| {
         format!(
-            r#"{{"reqType":"AddRCC","emptyList":"{replace}","instructions":[{{"oneshot":"0","action":"4","m0":"10","m4":"30","ckStatus":"0x3F","speed":"{speed}"}}]}}"#
+            r#"{{"reqType":"AddRCC","emptyList":"{replace}","instructions":[{{"oneshot":"0","action":"4","m0":"10","m4":"30","ckStatus":"0x11","speed":"{speed}"}}]}}"#
         )
     };
     let program = TempFile::new("half.json", &format!("{}\n{}\n", frame(1, "20.0"), frame(0, "0.0")));
@@ -89,6 +89,34 @@ fn nothing_is_sent_of_a_program_of_which_a_part_cannot_be() {
         assert_eq!(outcome.code, 2, "{outcome:?}");
         assert!(outcome.err.contains("step 2: `speed`"), "{}", outcome.err);
         assert_eq!((robot.value("RemoteCmdLen"), robot.value("axis-0")), (0.into(), 0.0.into()));
+    }
+}
+
+/// A controller may take 0 for a coordinate that is left out, and sends no setting back that it rounded.
+#[test]
+fn what_a_controller_would_have_to_guess_is_not_sent() {
+    let step = |mask: &str, speed: &str| {
+        format!(
+            r#"{{"reqType":"AddRCC","emptyList":"1","instructions":[{{"oneshot":"1","action":"10","m0":"400","m1":"0","m2":"500","ckStatus":"{mask}","speed":"{speed}"}}]}}"#
+        )
+    };
+    let robot = Robot::start(&[]);
+    for (step, says) in [
+        (
+            step("0x3F", "20.0"),
+            "step 1: the axes that move has to be a mask of axes that all have a coordinate",
+        ),
+        (step("0x07", "5.55"), "step 1: `speed` has to be in steps of 0.1 percent; nearest: 5.5 or 5.6"),
+    ] {
+        let program = TempFile::new("guess.json", &step);
+        let outcome = robot.r6(&["run", program.path()]);
+        assert_eq!(outcome.code, 2, "{outcome:?}");
+        assert!(outcome.err.contains(says), "{}", outcome.err);
+    }
+    for command in [&["modifyGSPD", "5.55"][..], &["modifyTool", "1", "0.0004", "0", "0", "0", "0", "0"]] {
+        let outcome = robot.r6(&[&["command"], command].concat());
+        assert_eq!(outcome.code, 2, "{outcome:?}");
+        assert!(outcome.err.contains("nearest: "), "{}", outcome.err);
     }
 }
 

@@ -1,0 +1,178 @@
+//! What requests of this connection told the controller that outlives them: tool, workbench, a watched input.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use r6_proto::Command;
+use r6_proto::message::Action;
+use r6_proto::message::instruction::Manner;
+
+use crate::error::RequestError;
+use crate::job::Work;
+
+/// What was told so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Told {
+    /// How often a tool or a workbench was told, or may have been.
+    pub frames: u64,
+    /// Whether an input may be watched that stops the motion (action 52). Whether the watch ends with its list is not known, so it
+    /// counts until it is switched off.
+    pub watching: bool,
+}
+
+/// The same for all handles of a connection.
+#[derive(Debug, Default)]
+pub(crate) struct Tell(Mutex<Told>);
+
+impl Tell {
+    /// What was told so far.
+    pub fn so_far(&self) -> Told {
+        *self.lock()
+    }
+
+    /// A request is about to leave. What it tells counts, unless it turns out that nothing left.
+    pub fn leaving(&self, work: &Work) -> Leaving<'_> {
+        Leaving { tell: self, tells: Tells::of(work) }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Told> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A request between its checks and its answer. Dropped without an answer, it counts as sent.
+#[derive(Debug)]
+pub(crate) struct Leaving<'t> {
+    tell: &'t Tell,
+    tells: Tells,
+}
+
+impl Leaving<'_> {
+    /// Takes in what became of it.
+    pub fn answered<T>(mut self, answer: &Result<T, RequestError>) {
+        match answer {
+            Err(RequestError::NotSent(_) | RequestError::Invalid(_)) => self.tells = Tells::default(),
+            // Controllers have run lists that they refused.
+            Ok(_) | Err(RequestError::Refused(_) | RequestError::OutcomeUnknown(_)) => {}
+        }
+    }
+}
+
+impl Drop for Leaving<'_> {
+    fn drop(&mut self) {
+        let Tells { frame, watching } = self.tells;
+        if frame || watching.is_some() {
+            let mut told = self.tell.lock();
+            told.frames += u64::from(frame);
+            told.watching = watching.unwrap_or(told.watching);
+        }
+    }
+}
+
+/// What one request tells.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tells {
+    frame: bool,
+    watching: Option<bool>,
+}
+
+impl Tells {
+    fn of(work: &Work) -> Self {
+        match work {
+            Work::Command(command) => Self { frame: tells_frame(command), watching: None },
+            Work::AddRcc { instructions, .. } => {
+                instructions.iter().fold(Self::default(), |tells, step| tells.and(&step.action))
+            }
+            Work::Query(_) | Work::AddPoints(_) | Work::PhotoAnswer(_) => Self::default(),
+        }
+    }
+
+    fn and(mut self, action: &Action) -> Self {
+        // Whether the frames of a move stay in use after it is not known.
+        let in_frame = |manner: &Manner| manner.tool.is_some() || manner.coord.is_some();
+        match action {
+            Action::AxisMove(step) | Action::LinearMove(step) => self.frame |= in_frame(&step.manner),
+            Action::CurveMove(curve) => self.frame |= in_frame(&curve.manner),
+            Action::Workbench(_) | Action::Unknown(_) => self.frame = true,
+            // Once on, it may have stopped the list before it is switched off.
+            Action::StopOnSignal(stop) if stop.in_use => self.watching = Some(true),
+            Action::StopOnSignal(_) => self.watching = self.watching.or(Some(false)),
+            Action::PathSpeed(_) | Action::Wait(_) | Action::Output(_) | Action::BoardOutput(_) => {}
+        }
+        self
+    }
+}
+
+/// Whether a command changes what poses refer to.
+pub(crate) fn tells_frame(command: &Command<'_>) -> bool {
+    match command {
+        Command::SwitchTool { .. } | Command::ModifyTool { .. } | Command::SwitchCoordinate { .. } => true,
+        Command::ActionStop
+        | Command::ActionPause
+        | Command::ActionSingleCycle
+        | Command::StartButton
+        | Command::StopButton
+        | Command::SwitchMold { .. }
+        | Command::ModifyCounter { .. }
+        | Command::ModifyOutput { .. }
+        | Command::ClearAlarmRunNext
+        | Command::ClearAlarmContinue
+        | Command::ModifyStackData { .. }
+        | Command::ModifyGspd { .. }
+        | Command::RewriteData { .. }
+        | Command::RewriteDataList { .. }
+        | Command::ModifyAccDec { .. }
+        | Command::ClearAlarm => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use r6_proto::message::Instruction;
+    use r6_proto::message::instruction::{Move, StopOnSignal, Workbench};
+
+    use super::*;
+    use crate::error::NotSent;
+
+    fn list(actions: &[Action]) -> Work {
+        let step = |action: &Action| Instruction { oneshot: true, action: *action };
+        Work::AddRcc { replace: true, instructions: actions.iter().map(step).collect() }
+    }
+
+    fn watch(in_use: bool) -> Action {
+        Action::StopOnSignal(StopOnSignal { in_use, input: 0, on: true })
+    }
+
+    #[test]
+    fn what_left_or_may_have_left_counts() {
+        let tell = Tell::default();
+        let bench = list(&[Action::Workbench(Workbench { id: 1 })]);
+        tell.leaving(&bench).answered::<()>(&Err(NotSent::Disconnected.into()));
+        assert_eq!(tell.so_far().frames, 0);
+        tell.leaving(&bench).answered(&Ok(()));
+        // Its caller is gone.
+        drop(tell.leaving(&bench));
+        tell.leaving(&Work::Command(Command::SwitchTool { tool: 1 })).answered(&Ok(()));
+        let move_in_frame =
+            Move { manner: Manner { coord: Some(0), ..Manner::default() }, ..Move::default() };
+        tell.leaving(&list(&[Action::AxisMove(move_in_frame)])).answered(&Ok(()));
+        assert_eq!(tell.so_far().frames, 4);
+        tell.leaving(&list(&[Action::AxisMove(Move::default())])).answered(&Ok(()));
+        tell.leaving(&Work::Command(Command::StartButton)).answered(&Ok(()));
+        assert_eq!(tell.so_far(), Told { frames: 4, watching: false });
+    }
+
+    #[test]
+    fn a_watch_counts_until_a_later_list_switches_it_off() {
+        let tell = Tell::default();
+        for (actions, watching) in [
+            (&[watch(true)][..], true),
+            (&[Action::AxisMove(Move::default())], true),
+            (&[watch(false)], false),
+            (&[watch(true), watch(false)], true),
+            (&[watch(false), watch(true)], true),
+        ] {
+            tell.leaving(&list(actions)).answered(&Ok(()));
+            assert_eq!(tell.so_far().watching, watching, "{actions:?}");
+        }
+    }
+}
