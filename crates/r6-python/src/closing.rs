@@ -1,8 +1,9 @@
 //! Closing a connection without losing a stop that was asked for (`stop_on_drop`), or one that is under way: what is closed can stop
 //! nobody.
 
-use std::future::Future;
-use std::sync::{Mutex, PoisonError};
+use std::future::{Future, poll_fn};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::Poll;
 
 use r6_client::{Progress, RequestError, Robot, StopReport, StopsUnderWay};
 use tokio::sync::watch;
@@ -19,6 +20,25 @@ pub struct Connection {
     /// it, is over. One runs at a time: there are few.
     living: Mutex<Vec<watch::Receiver<Progress>>>,
     closed: watch::Sender<bool>,
+    /// Motions whose handles came to nobody and that are being stopped.
+    unowned: watch::Sender<usize>,
+}
+
+/// A motion whose handle came to nobody, until it has been stopped: nobody closes its connection before.
+pub struct Unowned(Arc<Connection>);
+
+impl Unowned {
+    /// Over this connection.
+    pub fn over(connection: &Arc<Connection>) -> Self {
+        connection.unowned.send_modify(|count| *count += 1);
+        Self(Arc::clone(connection))
+    }
+}
+
+impl Drop for Unowned {
+    fn drop(&mut self) {
+        self.0.unowned.send_modify(|count| *count = count.saturating_sub(1));
+    }
 }
 
 impl Connection {
@@ -35,6 +55,8 @@ impl Connection {
         living.retain(lives);
         // Out of time, or a stop that failed: the connection ends all the same, as who closes it wants.
         let _ = timeout(StopsUnderWay::WITHIN, async {
+            // The sender is here.
+            let _ = self.unowned.subscribe().wait_for(|count| *count == 0).await;
             // One that has ended and still lives is being stopped.
             if living.iter().any(|motion| !motion.borrow().ended) {
                 let _ = robot.stop().await;
@@ -75,7 +97,12 @@ pub fn stopping(robot: Robot) -> Operation {
 
 /// Stops the arm. The stop is a task of its own: whoever gives up waiting for it ends nothing.
 async fn stop(robot: Robot) -> Result<StopReport, RequestError> {
-    let stopping = tokio::spawn(async move { robot.stop().await });
+    let mut stopping = Box::pin(async move { robot.stop().await });
+    // Once here, so that it is under way for whoever closes the connection next.
+    if let Poll::Ready(report) = poll_fn(|context| Poll::Ready(stopping.as_mut().poll(context))).await {
+        return report;
+    }
+    let stopping = tokio::spawn(stopping);
     // The task does not panic, and the engine outlives it.
     let report = stopped(async { stopping.await.ok() }).await;
     report.unwrap_or_else(|| Err(StopsUnderWay::not_confirmed(StopsUnderWay::WITHIN)))

@@ -6,6 +6,7 @@ use r6_client::units::AxisCoordinate;
 
 use crate::errors::raise;
 use crate::motion::Motion;
+use crate::pickling::not_pickled;
 use crate::units::{Degrees, Millimetres, MillimetresPerSecond, Percent, axis, coordinate};
 
 /// What a list may ask for. What is not set is not checked. Each method returns a new envelope.
@@ -64,6 +65,18 @@ impl Envelope {
     fn check_motion(&self, py: Python<'_>, motion: PyRef<'_, Motion>) -> PyResult<()> {
         raise(py, motion.0.instructions().map(drop))?;
         raise(py, self.0.check_motion(&motion.0))
+    }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(not_pickled("Envelope"))
     }
 
     fn __repr__(&self) -> String {

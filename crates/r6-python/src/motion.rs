@@ -9,6 +9,7 @@ use r6_client::{OutputKind, StepError, WaitCondition};
 use crate::convert::{seconds, word};
 use crate::errors::{Raise, raise};
 use crate::numbers::rows;
+use crate::pickling::not_pickled;
 use crate::points::{output, outputs, source};
 use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg};
 
@@ -165,6 +166,18 @@ impl Motion {
         };
         raise(slf.py(), other.instructions())?;
         Self::add(slf, |motion| motion.extend(&other))
+    }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(not_pickled("Motion"))
     }
 
     fn __len__(&self) -> usize {

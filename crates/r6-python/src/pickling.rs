@@ -3,7 +3,7 @@
 //! A value comes back equal to what it was, to the last bit. What belongs to a connection does not go anywhere.
 
 use pyo3::IntoPyObjectExt;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use r6_client::units::AxisCoordinate;
@@ -15,6 +15,11 @@ use crate::units::{AxisPosition, Degrees, Millimetres, axis, coordinate, of_mm_d
 
 /// A class and what it is called with, or `remade` and its arguments.
 pub type Reduced<'py> = PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)>;
+
+/// What is made step by step has no form of its own that another process could read.
+pub fn not_pickled(class: &str) -> PyErr {
+    PyTypeError::new_err(format!("a {class} cannot be pickled: put it together in the process that uses it"))
+}
 
 /// What `remade` needs to make one of this kind.
 fn reduced<'py>(py: Python<'py>, kind: &str, state: impl IntoPyObject<'py>) -> Reduced<'py> {

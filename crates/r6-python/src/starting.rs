@@ -15,7 +15,7 @@ use pyo3::types::PyType;
 use r6_client::{Motion, MotionError, MotionHandle, RequestError, Robot, RunOptions, StopReport};
 use tokio::sync::{oneshot, watch};
 
-use crate::closing::{Connection, stopped};
+use crate::closing::{Connection, Unowned, stopped};
 use crate::convert;
 use crate::errors::raise;
 use crate::handle::MotionCore;
@@ -41,6 +41,7 @@ struct Way {
     phase: watch::Sender<Phase>,
     made: Mutex<Option<MotionHandle>>,
     robot: Robot,
+    connection: Arc<Connection>,
     process: &'static Process,
 }
 
@@ -73,10 +74,10 @@ impl Way {
     /// Nobody is left to have it, or to be told. The engine stops it, and the end of the program waits for that.
     fn stop_unowned(&self) {
         if let Some(handle) = self.take() {
-            let owed = Owed::by(self.process);
+            let meanwhile = (Owed::by(self.process), Unowned::over(&self.connection));
             self.process.engine().handle().spawn(async move {
                 drop(handle.stop().await);
-                drop(owed);
+                drop(meanwhile);
             });
         }
     }
@@ -121,7 +122,8 @@ impl Starting {
     ) -> PyResult<Self> {
         let process = Process::current(py)?;
         let phase = watch::Sender::new(Phase::Begun);
-        let way = Arc::new(Way { phase, made: Mutex::default(), robot: robot.clone(), process });
+        let (made, robots) = (Mutex::default(), robot.clone());
+        let way = Arc::new(Way { phase, made, robot: robots, connection: Arc::clone(&connection), process });
         let making = Making(Arc::clone(&way));
         let starting = async move {
             // Gone at the end of this, whatever the end is.
@@ -151,13 +153,13 @@ impl Starting {
             return Ok(None);
         }
         let process = Process::current(py)?;
-        let owed = Owed::by(process);
+        let meanwhile = (Owed::by(process), Unowned::over(&way.connection));
         let (tell, report) = oneshot::channel();
         // At once, whoever waits for it, and however long.
         process.engine().handle().spawn(async move {
             // Nobody may wait any more.
             drop(tell.send(way.stop().await));
-            drop(owed);
+            drop(meanwhile);
         });
         let waiting = stopped(async move { report.await.unwrap_or(None) });
         Ok(Some(

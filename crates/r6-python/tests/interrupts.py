@@ -88,7 +88,11 @@ class Loop(asyncio.SelectorEventLoop):
             super().call_soon_threadsafe(disturb)
         if when == "lost":
             raise RuntimeError("Event loop is closed")
-        handle = super().call_soon_threadsafe(callback, *args, context=context)
-        if when == "late":
-            super().call_soon_threadsafe(disturb)
-        return handle
+
+        def taken_in() -> None:
+            callback(*args)
+            if when == "late":
+                # In the same turn: the task that waits has its own after it.
+                disturb()
+
+        return super().call_soon_threadsafe(taken_in, context=context)

@@ -31,7 +31,7 @@ def same(one: Any, other: Any) -> bool:
     if isinstance(one, dict):
         return list(one) == list(other) and all(same(one[key], other[key]) for key in one)
     if isinstance(one, (r6.RobotSettings, r6.RunOptions, r6.FollowOptions)):
-        return type(one) is type(other) and same(one.__getnewargs_ex__(), other.__getnewargs_ex__())  # type: ignore[union-attr]
+        return type(one) is type(other) and same(one.__getnewargs_ex__(), other.__getnewargs_ex__())
     return type(one) is type(other) and bool(one == other)
 
 
@@ -216,6 +216,21 @@ def test_an_error_of_another_process_says_what_became_of_the_arm(virtual_control
             pool.apply_async(raise_in_another_process, (virtual_controller.address,)).get(60)
     assert raised.value.cause == "stopped_here" and raised.value.progress.ended
     assert isinstance(raised.value.stop, r6.StopReport) and raised.value.stop.confirmed
+
+
+def test_a_motion_and_an_envelope_are_copied_and_go_to_no_other_process(virtual_robot: r6.Robot) -> None:
+    motion = r6.Motion().axis_path([[10.0], [1 / 3]], r6.Percent(50))
+    envelope = r6.Envelope().speed_cap(r6.Percent(20)).axis_limits(0, r6.Degrees(-90), r6.Degrees(90))
+    frames = virtual_robot.dry_run(motion)
+    for copied in (copy.copy, copy.deepcopy):
+        assert copied(envelope) == envelope
+        another = copied(motion)
+        assert virtual_robot.dry_run(another) == frames
+        another.wait(1)
+        assert (len(motion), len(another)) == (2, 3), "it is one of its own"
+    for value in (motion, envelope):
+        with pytest.raises(TypeError, match="put it together in the process that uses it"):
+            pickle.dumps(value)
 
 
 def test_what_belongs_to_a_connection_goes_nowhere(virtual_robot: r6.Robot) -> None:
