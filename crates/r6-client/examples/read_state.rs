@@ -39,7 +39,7 @@ pub async fn run(robot: &Robot, updates: usize) -> Result<(Status, usize), Box<d
         }
     }
     if status.is_ready() {
-        println!("READY: it would take instructions now");
+        println!("all that can be read is met; no value tells whether the program waits for instructions");
     }
     for unmet in status.unmet() {
         println!("not ready: {unmet}");

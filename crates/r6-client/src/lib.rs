@@ -82,7 +82,7 @@ pub use r6_proto::{Address, AxisIndex, AxisMask, Command, OperationMode, Registe
 pub use registers::{Keep, RegisterError, from_thousandths, to_thousandths};
 pub use robot::{Accepted, Closed, Robot};
 pub use settings::{Heartbeat, Liveness, Reconnect, RobotSettings};
-pub use status::{Status, Unmet};
+pub use status::{Readiness, Status, Unmet, Unproved};
 pub use stop::{DoubtAfterStop, ListAfterStop, NotTried, SecondConnection, StopMeans, StopReport};
 pub use stream::{Cause, MotionError, RunOptions};
 pub use subscription::{NotSubscribed, Quality, Snapshot, Subscription, Value};

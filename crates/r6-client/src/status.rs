@@ -93,6 +93,27 @@ pub enum Unmet {
     },
 }
 
+/// A condition that has to hold before instructions are sent, and of which no value tells whether it does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unproved {
+    /// Whether the program sits in its step that waits for remote commands (action 1004). No address tells the step, on any firmware:
+    /// mode 7 says that some program runs, and an empty list, an arm that stands and an answer `ok` go with every step.
+    RemoteStep,
+    /// How many instructions are left in the list: `RemoteCmdLen` cannot be read (before 207beta25).
+    ListLength,
+}
+
+/// Whether a machine takes instructions, as far as its values prove it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Readiness {
+    /// Every condition is met, and a value proves each.
+    Ready,
+    /// These conditions are not met.
+    NotReady(Vec<Unmet>),
+    /// Every condition that can be read is met. Of these no value tells.
+    Unknown(Vec<Unproved>),
+}
+
 impl Status {
     fn of(read: &QueryResult) -> Self {
         let text = |address| read.text(address).map(str::to_owned);
@@ -116,7 +137,7 @@ impl Status {
     /// What keeps the machine from taking instructions, the most telling first; empty if nothing does.
     ///
     /// A value that is not known counts against it, the length of the list apart: older firmware cannot tell it.
-    /// Whether the program really sits in its wait step is not on the wire.
+    /// Empty does not mean ready: see [`Self::readiness`].
     #[must_use]
     pub fn unmet(&self) -> Vec<Unmet> {
         let unknown = |address| Some(Unmet::Unknown { address });
@@ -144,6 +165,29 @@ impl Status {
             self.list_length.filter(|length| *length != 0).map(|length| Unmet::LeftoverList { length });
         // In the order in which they are to be dealt with: a list that is left over starts with the next start.
         [moving, list, alarm, homed, mode].into_iter().flatten().collect()
+    }
+
+    /// What no value tells, where nothing is unmet.
+    ///
+    /// `remote_program` names a program of which the caller knows that it does nothing but wait for remote commands. Where the
+    /// controller tells its program (`curMold`, on the pendant's port), mode 7 and this name together prove the step.
+    #[must_use]
+    pub fn unproved(&self, remote_program: Option<&str>) -> Vec<Unproved> {
+        let waits = remote_program.is_some() && self.program.as_deref() == remote_program;
+        let step = (!waits).then_some(Unproved::RemoteStep);
+        let list = self.list_length.is_none().then_some(Unproved::ListLength);
+        step.into_iter().chain(list).collect()
+    }
+
+    /// Whether the machine takes instructions, as far as its values prove it; `remote_program` as for [`Self::unproved`].
+    #[must_use]
+    pub fn readiness(&self, remote_program: Option<&str>) -> Readiness {
+        let (unmet, unproved) = (self.unmet(), self.unproved(remote_program));
+        match (unmet.is_empty(), unproved.is_empty()) {
+            (false, _) => Readiness::NotReady(unmet),
+            (true, false) => Readiness::Unknown(unproved),
+            (true, true) => Readiness::Ready,
+        }
     }
 
     /// The first axis move that takes an axis somewhere which this robot does not have by its `axisNum`: nobody could see it arrive.
@@ -176,7 +220,8 @@ impl Status {
         }
     }
 
-    /// Whether nothing keeps the machine from taking instructions, as far as the wire tells.
+    /// Whether nothing that can be read keeps the machine from taking instructions. It is no proof that it takes them
+    /// ([`Self::readiness`]): where the program is at another step, they fail or wait.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         self.unmet().is_empty()
@@ -245,6 +290,15 @@ impl fmt::Display for Unmet {
                 "`{address}` cannot be read, and it has to be known first: look at the pendant, and at the raw reply"
             ),
         }
+    }
+}
+
+impl fmt::Display for Unproved {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::RemoteStep => "whether the program sits in its \"wait for remote commands\" step",
+            Self::ListLength => "whether instructions are left in the list",
+        })
     }
 }
 

@@ -71,7 +71,7 @@ async fn converse(bytes: &[u8]) {
             assert_eq!(before, snapshots(&simulation), "{status}, and something has changed: {told}");
         }
     }
-    simulation.shutdown().await;
+    simulation.shutdown().await.unwrap();
 }
 
 fn snapshots(simulation: &Simulation) -> Vec<ControllerSnapshot> {

@@ -20,8 +20,9 @@ use crate::camera::Camera;
 use crate::clock::Pace;
 use crate::connection;
 use crate::door::knock;
-use crate::keeper::{Changes, Keeper};
+use crate::keeper::{Changes, FINISH_TIME, Keeper};
 use crate::memory::MemoryStream;
+use crate::state::StateError;
 use crate::wire::Wire;
 
 /// How many log lines a slow reader may fall behind before it loses the oldest.
@@ -281,13 +282,31 @@ impl ControllerHandle {
         }
     }
 
-    /// Writes what no connection waited for: the simulation ends in good order.
-    pub(crate) fn finish(&self) {
-        if let Some(keeper) = &self.shared.keeper
-            && let Err(error) = keeper.finish(self)
-        {
-            warn!(%error, "the last state was not kept");
+    /// Writes what no connection waited for: the simulation ends in good order. The log is told of what was not kept.
+    pub(crate) async fn finish(self) -> Result<(), StateError> {
+        if self.shared.keeper.is_none() {
+            return Ok(());
         }
+        let controller = self.clone();
+        let write = tokio::task::spawn_blocking(move || match &controller.shared.keeper {
+            Some(keeper) => keeper.finish(&controller),
+            None => Ok(()),
+        });
+        let kept = match tokio::time::timeout(FINISH_TIME, write).await {
+            Ok(Ok(kept)) => kept,
+            // It fails only where the runtime ends, and then nobody waits for it.
+            Ok(Err(gone)) => Err(self.not_finished(io::Error::other(gone))),
+            Err(_) => Err(self.not_finished(io::ErrorKind::TimedOut.into())),
+        };
+        if let Err(error) = &kept {
+            self.tell(None, Level::Warning, format!("the last state was not kept: {error}"));
+        }
+        kept
+    }
+
+    fn not_finished(&self, error: io::Error) -> StateError {
+        let path = self.shared.keeper.as_ref().map(|keeper| keeper.path().to_owned()).unwrap_or_default();
+        StateError::Io { path, tried: "written", error }
     }
 
     /// Has the next frame that is due for a connection written to `frame`, unless the faults of the link are not those that were in

@@ -4,18 +4,29 @@
 //! go to the disk together. A connection whose own request changed something holds its frames back until that number is on
 //! the disk: what was acknowledged survives. No other connection waits.
 
+use std::path::Path;
+use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use r6_controller::Level;
 use tokio::sync::{Notify, Semaphore};
-use tracing::{info, warn};
 
 use crate::handle::ControllerHandle;
 use crate::state::{StateError, StateFile};
 
 /// After a write that failed, a disk gets this long to have room again. Until then nothing is acknowledged.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
+
+/// How long a write may take before that is told: until then nothing that changes the state is acknowledged.
+const SLOW_WRITE: Duration = Duration::from_secs(2);
+
+/// How long after it was told that the state cannot be written it is told again, while that lasts.
+const TOLD_AGAIN_AFTER: Duration = Duration::from_secs(60);
+
+/// How long the last write may take, at the end. A disk that does not answer must not keep the program from ending, and saying so.
+pub(crate) const FINISH_TIME: Duration = Duration::from_secs(10);
 
 /// How many files are written at once by all controllers together: a disk does not become faster by more.
 const WRITES_AT_ONCE: usize = 8;
@@ -49,6 +60,11 @@ impl Keeper {
         Self { file, changed: Notify::new(), durable: AtomicU64::new(0), written: Notify::new(), writes }
     }
 
+    /// The file.
+    pub fn path(&self) -> &Path {
+        self.file.path()
+    }
+
     /// Something has changed.
     pub fn change(&self) {
         self.changed.notify_one();
@@ -68,7 +84,7 @@ impl Keeper {
 
     /// Writes whatever changes, for as long as it runs.
     pub async fn run(&self, controller: &ControllerHandle) {
-        let mut failing = false;
+        let mut trouble = Trouble::default();
         loop {
             let (number, state) = controller.saved();
             if self.durable.load(Ordering::Acquire) >= number {
@@ -76,20 +92,15 @@ impl Keeper {
                 continue;
             }
             let Ok(_permit) = self.writes.acquire().await else { return };
-            match self.file.write_beside(number, state).await {
+            let write = pin!(self.file.write_beside(number, state));
+            match trouble.watch(controller, &self.file, write).await {
                 Some(Ok(())) => {
-                    if failing {
-                        info!(file = %self.file.path().display(), "the state can be written again");
-                    }
-                    failing = false;
+                    trouble.is_over(controller, &self.file);
                     self.durable.store(number, Ordering::Release);
                     self.written.notify_waiters();
                 }
                 Some(Err(error)) => {
-                    if !failing {
-                        warn!(%error, "nothing that changes the state is acknowledged until it can be written");
-                    }
-                    failing = true;
+                    trouble.tell(controller, &error);
                     tokio::time::sleep(RETRY_AFTER).await;
                 }
                 // The runtime ends.
@@ -102,5 +113,53 @@ impl Keeper {
     pub fn finish(&self, controller: &ControllerHandle) -> Result<(), StateError> {
         let (number, state) = controller.saved();
         self.file.write(number, &state)
+    }
+}
+
+/// What the log was told of a state that cannot be written.
+#[derive(Debug, Default)]
+struct Trouble {
+    /// When it was told last; `None` while there is none.
+    told: Option<tokio::time::Instant>,
+}
+
+/// What follows of it, for whoever reads the log.
+const NOT_ACKNOWLEDGED: &str = "nothing that changes the state is acknowledged until it can be written";
+
+impl Trouble {
+    /// Waits for a write, and tells of one that does not end.
+    async fn watch<T>(
+        &mut self,
+        controller: &ControllerHandle,
+        file: &StateFile,
+        mut write: Pin<&mut impl Future<Output = T>>,
+    ) -> T {
+        let begun = tokio::time::Instant::now();
+        loop {
+            tokio::select! {
+                biased;
+                written = &mut write => return written,
+                () = tokio::time::sleep(SLOW_WRITE) => {
+                    let seconds = begun.elapsed().as_secs();
+                    let path = file.path().display();
+                    self.tell(controller, &format_args!("{path} has not been written for {seconds} s: the disk does not answer"));
+                }
+            }
+        }
+    }
+
+    /// Tells why the state cannot be written, unless that was told a little while ago.
+    fn tell(&mut self, controller: &ControllerHandle, why: &dyn std::fmt::Display) {
+        if self.told.is_none_or(|told| told.elapsed() >= TOLD_AGAIN_AFTER) {
+            self.told = Some(tokio::time::Instant::now());
+            controller.tell(None, Level::Warning, format!("{why}; {NOT_ACKNOWLEDGED}"));
+        }
+    }
+
+    /// The state was written.
+    fn is_over(&mut self, controller: &ControllerHandle, file: &StateFile) {
+        if self.told.take().is_some() {
+            controller.tell(None, Level::Info, format!("{} can be written again", file.path().display()));
+        }
     }
 }

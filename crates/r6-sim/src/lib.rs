@@ -8,8 +8,8 @@
 //! # tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(async {
 //! let simulation = r6_sim::Simulation::start(r6_sim::SimSettings::default()).await?;
 //! println!("listening on {}", simulation.controllers()[0].address());
-//! simulation.shutdown().await;
-//! # Ok::<(), r6_sim::SimError>(()) }).unwrap();
+//! simulation.shutdown().await?;
+//! # Ok::<(), Box<dyn std::error::Error>>(()) }).unwrap();
 //! ```
 
 mod camera;

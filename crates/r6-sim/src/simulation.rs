@@ -18,7 +18,7 @@ use crate::keeper::Keeper;
 use crate::memory::MemoryStream;
 use crate::panel;
 use crate::settings::{MAX_CONTROLLERS, SimError, SimSettings};
-use crate::state::{Found, StateFile, StateFolder};
+use crate::state::{Found, StateError, StateFile, StateFolder};
 
 /// What a controller shows whose state could not be read: "storage cannot be read".
 const STORAGE_ALARM: u32 = 14;
@@ -102,12 +102,19 @@ impl Simulation {
     }
 
     /// Ends all controllers and their connections, and writes what they have to keep.
-    pub async fn shutdown(mut self) {
+    ///
+    /// # Errors
+    /// The first state that could not be written, within 10 s; the log of its controller tells it, too. All the same everything has ended.
+    pub async fn shutdown(mut self) -> Result<(), StateError> {
         self.tasks.shutdown().await;
-        let controllers = std::mem::take(&mut self.controllers);
-        let finish = move || controllers.iter().for_each(ControllerHandle::finish);
-        // It fails only where the runtime ends, and then nobody waits for it.
-        let _ = tokio::task::spawn_blocking(finish).await;
+        let mut finishing: JoinSet<_> =
+            std::mem::take(&mut self.controllers).into_iter().map(ControllerHandle::finish).collect();
+        let mut kept = Ok(());
+        while let Some(finished) = finishing.join_next().await {
+            // A task that was given up is one of a runtime that ends.
+            kept = kept.and(finished.unwrap_or(Ok(())));
+        }
+        kept
     }
 }
 

@@ -15,6 +15,7 @@ use crate::disk::Disk;
 use crate::handle::ControllerHandle;
 use crate::settings::{SimError, SimSettings};
 use crate::simulation::Simulation;
+use crate::state::StateError;
 
 /// One virtual controller on a free port of 127.0.0.1: it listens once it is there, and is gone when it is dropped.
 ///
@@ -75,7 +76,7 @@ enum Running {
     /// Tasks of the caller's runtime.
     Here(Simulation),
     /// A thread with a runtime of its own, which ends when its sender goes.
-    Apart { end: Option<oneshot::Sender<()>>, thread: Option<thread::JoinHandle<()>> },
+    Apart { end: Option<oneshot::Sender<()>>, thread: Option<thread::JoinHandle<Result<(), StateError>>> },
 }
 
 impl VirtualController {
@@ -113,33 +114,43 @@ impl VirtualController {
     }
 
     /// Ends it and its connections; when this returns, nothing listens, and what survives a power cut is on the disk.
-    pub async fn shutdown(mut self) {
+    ///
+    /// # Errors
+    /// The state could not be written.
+    pub async fn shutdown(mut self) -> Result<(), StateError> {
         let gone = Running::Apart { end: None, thread: None };
         match std::mem::replace(&mut self.running, gone) {
             Running::Here(simulation) => simulation.shutdown().await,
             mut apart @ Running::Apart { .. } => {
                 // It fails only where the runtime ends.
-                let _ = tokio::task::spawn_blocking(move || apart.end()).await;
+                tokio::task::spawn_blocking(move || apart.end()).await.unwrap_or(Ok(()))
             }
         }
+    }
+
+    /// The same for one that [`Self::start_blocking`] or [`Builder::start_blocking`] started. One of a runtime ends there, and nothing of it
+    /// is written any more.
+    ///
+    /// # Errors
+    /// The state could not be written.
+    pub fn shutdown_blocking(mut self) -> Result<(), StateError> {
+        self.running.end()
     }
 }
 
 impl Running {
-    fn end(&mut self) {
-        if let Self::Apart { end, thread } = self {
-            drop(end.take());
-            if let Some(thread) = thread.take() {
-                // A panic of that thread was already reported by it.
-                let _ = thread.join();
-            }
-        }
+    fn end(&mut self) -> Result<(), StateError> {
+        let Self::Apart { end, thread } = self else { return Ok(()) };
+        drop(end.take());
+        // A panic of that thread was already reported by it.
+        thread.take().map_or(Ok(()), |thread| thread.join().unwrap_or(Ok(())))
     }
 }
 
 impl Drop for VirtualController {
     fn drop(&mut self) {
-        self.running.end();
+        // The log tells what was not kept.
+        let _ = self.running.end();
     }
 }
 
@@ -256,10 +267,11 @@ fn run(
     settings: SimSettings,
     started: &mpsc::SyncSender<Result<ControllerHandle, SimError>>,
     ended: oneshot::Receiver<()>,
-) {
+) -> Result<(), StateError> {
     let tell = |result| {
         // Whoever started this waits for it.
         let _ = started.send(result);
+        Ok(())
     };
     let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
         Ok(runtime) => runtime,
@@ -270,11 +282,11 @@ fn run(
             Ok(simulation) => simulation,
             Err(error) => return tell(Err(error)),
         };
-        tell(only(&simulation));
+        tell(only(&simulation))?;
         // The sender sends nothing: it goes.
         let _ = ended.await;
-        simulation.shutdown().await;
-    });
+        simulation.shutdown().await
+    })
 }
 
 fn only(simulation: &Simulation) -> Result<ControllerHandle, SimError> {

@@ -10,7 +10,7 @@ async fn it_listens_once_it_is_there_and_is_gone_after_its_end() {
     let robot = VirtualController::start().await.unwrap();
     let address = robot.address();
     tokio::net::TcpStream::connect(address).await.unwrap();
-    robot.shutdown().await;
+    robot.shutdown().await.unwrap();
     assert!(tokio::net::TcpStream::connect(address).await.is_err());
 }
 

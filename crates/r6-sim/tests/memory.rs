@@ -40,7 +40,7 @@ async fn each_is_reached_by_itself_and_ends_with_the_simulation() {
         assert_eq!(controller.snapshot().connections, 1);
         streams.push(stream);
     }
-    simulation.shutdown().await;
+    simulation.shutdown().await.unwrap();
     assert_eq!(streams[0].read(&mut [0; 4]).await.unwrap(), 0);
     assert_eq!(controllers[0].dial().await.unwrap_err().kind(), ErrorKind::ConnectionRefused);
 }

@@ -286,7 +286,7 @@ async fn a_program_that_was_acknowledged_survives_a_power_cut() {
     // What is on the disk at this moment is all that a cut leaves.
     let text = std::fs::read_to_string(folder.path().join("controller-1.json")).unwrap();
     assert!(r6_controller::SavedState::from_json(&text).is_ok());
-    simulation.shutdown().await;
+    simulation.shutdown().await.unwrap();
     std::fs::write(folder.path().join("controller-1.json"), text).unwrap();
     let simulation = Simulation::start(settings).await.unwrap();
     let (_, state) = act(&simulation, &json!({"do": "switch_program", "program": "cell"})).await;

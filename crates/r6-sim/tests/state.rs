@@ -85,7 +85,7 @@ fn each_controller_has_a_file_of_its_own() {
             SimSettings { count: 3, state: Some(folder.path().to_owned()), ..SimSettings::default() };
         let simulation = Simulation::start(settings).await.unwrap();
         simulation.controllers()[1].operate(&PanelAction::TurnKey(Key::Stop)).unwrap();
-        simulation.shutdown().await;
+        simulation.shutdown().await.unwrap();
     });
     let mode = |number: u8| {
         let text = fs::read_to_string(folder.path().join(format!("controller-{number}.json"))).unwrap();

@@ -37,7 +37,7 @@ async fn a_query_is_answered_byte_for_byte() {
     let mut stream = connect(&simulation).await;
     stream.write_all(QUERY).await.unwrap();
     assert_eq!(read(&mut stream, REPLY).await, REPLY);
-    simulation.shutdown().await;
+    simulation.shutdown().await.unwrap();
     // Nothing came behind the closing brace.
     assert_eq!(stream.read(&mut [0; 16]).await.unwrap_or(0), 0);
 }
@@ -138,7 +138,7 @@ async fn two_hundred_controllers_each_have_their_own_port_and_state() {
         );
         assert_eq!(read(&mut stream, &value).await, value);
     }
-    simulation.shutdown().await;
+    simulation.shutdown().await.unwrap();
 }
 
 /// A port that is free on every loopback address, and that the system gives to nobody else while this lives: the socket

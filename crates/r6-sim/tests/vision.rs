@@ -160,7 +160,7 @@ async fn a_program_picks_what_a_dialled_camera_found() {
     eye.say(&json!({"reqType": "query", "queryAddr": ["counter-0", "curAlarm"]})).await;
     let reply = eye.frame().await.unwrap();
     assert_eq!(reply["queryData"], json!([[0, 0, 3], "0"]));
-    simulation.shutdown().await;
+    simulation.shutdown().await.unwrap();
     assert_eq!(eye.frame().await, None, "the connection ends with the simulation");
 }
 

@@ -25,5 +25,8 @@ pub fn block_on(work: impl Future<Output = Result<Exit, Failure>>) -> Result<Exi
         .enable_all()
         .build()
         .map_err(|error| Failure::usage(format!("the system gives no threads or timers: {error}")))?;
-    runtime.block_on(work)
+    let ended = runtime.block_on(work);
+    // A thread that waits for a disk which does not answer must not keep the process.
+    runtime.shutdown_background();
+    ended
 }

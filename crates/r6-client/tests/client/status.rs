@@ -1,6 +1,6 @@
 //! The state at a glance, and what it lacks.
 
-use r6_client::{OperationMode, Status, Unmet};
+use r6_client::{OperationMode, Readiness, Status, Unmet, Unproved};
 use r6_proto::address::Address;
 use serde_json::Value;
 
@@ -25,7 +25,7 @@ async fn status_of(
 }
 
 #[tokio::test]
-async fn a_machine_in_its_wait_step_is_ready() {
+async fn a_machine_that_runs_and_stands_may_be_in_its_wait_step() {
     let status = status_of(
         &[
             ("version", "HC-QC-RX-7.8.07-master-F5.2.1"),
@@ -40,6 +40,7 @@ async fn a_machine_in_its_wait_step_is_ready() {
     )
     .await;
     assert!(status.is_ready(), "{:?}", status.unmet());
+    assert_eq!(status.readiness(None), Readiness::Unknown(vec![Unproved::RemoteStep]));
     assert_eq!(status.firmware.as_deref(), Some("HC-QC-RX-7.8.07-master-F5.2.1"));
     assert_eq!(status.mode, Some(OperationMode::Running));
     assert_eq!((status.alarm, status.homed, status.moving), (Some(0), Some(true), Some(false)));
@@ -87,4 +88,23 @@ async fn what_is_not_known_counts_against_it_but_for_the_list() {
     let status = status_of(&[("curMode", "7")], &["origin", "RemoteCmdLen", "curMold"]).await;
     assert_eq!(status.unmet(), [Unmet::Unknown { address: Address::Origin }]);
     assert_eq!(status.list_length, None);
+}
+
+/// What every value tells goes with any step of any program: only a name that the caller knows makes a proof of it.
+#[tokio::test]
+async fn no_value_proves_the_wait_step_but_the_name_of_a_program_that_is_known() {
+    const MET: [(&str, &str); 3] = [("curMode", "7"), ("origin", "1"), ("curMold", "wait-for-pc")];
+    let told = status_of(&MET, &[]).await;
+    assert_eq!(told.readiness(None), Readiness::Unknown(vec![Unproved::RemoteStep]));
+    assert_eq!(told.readiness(Some("other")), Readiness::Unknown(vec![Unproved::RemoteStep]));
+    assert_eq!(told.readiness(Some("wait-for-pc")), Readiness::Ready);
+    // The mainboard's port does not tell the program.
+    let untold = status_of(&MET, &["curMold"]).await;
+    assert_eq!(untold.readiness(Some("wait-for-pc")), Readiness::Unknown(vec![Unproved::RemoteStep]));
+    let list_untold = status_of(&MET, &["RemoteCmdLen"]).await;
+    assert_eq!(list_untold.readiness(Some("wait-for-pc")), Readiness::Unknown(vec![Unproved::ListLength]));
+    // What is unmet comes first: a program that does not run waits for nothing.
+    let stopped = status_of(&[("curMode", "3"), ("origin", "1"), ("curMold", "wait-for-pc")], &[]).await;
+    let unmet = vec![Unmet::Mode { found: OperationMode::Stop }];
+    assert_eq!(stopped.readiness(Some("wait-for-pc")), Readiness::NotReady(unmet));
 }

@@ -95,7 +95,8 @@ async fn millimetres_for_an_axis_that_turns_are_not_sent() {
     let wrong = Motion::new().axis_move(AxisPosition::none(), percent(5.0));
     let error = guarded.add_motion(true, &wrong).await.unwrap_err();
     assert!(matches!(error, RequestError::Invalid(Invalid::Step(_))) && !error.may_send_again(), "{error}");
-    let (_sender, targets) = tokio::sync::watch::channel(target);
+    let (sender, targets) = r6_client::TargetSender::new();
+    sender.send(target);
     let error = soon(guarded.follow(targets, FollowOptions::default())).await.unwrap_err();
     assert!(matches!(error.cause, Cause::OutsideEnvelope(v) if v.what == Checked::Unit(J1, false)));
     assert_eq!(cell.taken(), 0);

@@ -27,7 +27,7 @@ Examples:
   r6 move axes 10 --max-axis-step 20 --wait            only if J1 is no further away than that
   r6 move line 450 0 500 --speed 10 --wait             the tool to X Y Z, orientation kept
   r6 move line 450 0 500 180 0 180 --speed 10          and to the orientation U V W
-  r6 move curve 450 50 500 180 0 180 400 100 500 180 0 180     through a pose to a pose")]
+  r6 move curve 450 50 500 180 0 180 400 100 500 180 0 180 --append    behind a line: through a pose to a pose")]
 pub struct MoveArgs {
     #[command(subcommand)]
     path: Path,
@@ -75,10 +75,13 @@ Examples:
     #[command(
         override_usage = "r6 move curve [OPTIONS] X Y Z U V W X Y Z U V W",
         after_help = "\
-A controller has accepted a curve and not moved where no move came before it in the list; then use `r6 run`.
+Controllers accept a curve without a line before it in the list and do not move: make a line first \
+and give the curve --append, or use `r6 run`. +180 and -180 are a full turn of the wrist apart: give U, V \
+and W near their present values, or --mask 0x07 to keep the orientation.
 
 Examples:
-  r6 move curve 450 50 500 180 0 180 400 100 500 180 0 180 --speed 10 --wait"
+  r6 move line 450 0 500 --speed 10 --wait
+  r6 move curve 450 50 500 180 0 180 400 100 500 180 0 180 --speed 10 --append --wait"
     )]
     Curve {
         /// The middle pose, then the end pose: X Y Z in mm, U V W in degrees, 12 numbers

@@ -86,7 +86,8 @@ A line on stdin does what a person or a machine in the cell would do:
   photo CAM                   asks the camera for a photo
   key auto|manual|stop        turns the mode key; auto, then `r6 command startButton`, runs
 With several controllers it begins with the number of one: 2: input 0 3 on. The end of stdin ends \
-nothing. With --panel, `r6 panel` and any HTTP client do all that a person does at the machine.
+nothing. While --state cannot be written, the log says so and nothing that changes the state is \
+acknowledged; an end with an unwritten state has exit code 1. With --panel, `r6 panel` and any HTTP client do all that a person does at the machine.
 
 Examples:
   r6 sim
@@ -145,9 +146,17 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
     stdin::listen(controllers.to_vec())?;
     ending.signalled().await;
     logs.shutdown().await;
-    simulation.shutdown().await;
+    let kept = end(simulation).await;
     lines.flush();
-    Ok(Exit::Done)
+    kept.map(|()| Exit::Done)
+}
+
+/// Ends the controllers. A state that cannot be written is no good end.
+pub async fn end(simulation: Simulation) -> Result<(), Failure> {
+    simulation.shutdown().await.map_err(|error| {
+        Failure::refused(error)
+            .advise("the file, if there is one, has the state before: what changed since is lost")
+    })
 }
 
 impl CellArgs {

@@ -1,6 +1,7 @@
 //! `r6 status`: the machine at a glance, and whether it takes motion.
 
 use clap::Args;
+use r6_client::Readiness;
 
 use crate::exit::{Exit, Failure};
 use crate::output::{self, status};
@@ -9,18 +10,25 @@ use crate::robot::RobotArgs;
 /// Show the machine at a glance, and whether it takes motion
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The last line is READY, or NOT READY with each condition that is not met and below what to do \
-about it. Firmware that does not tell the length of the list gets UNKNOWN instead of READY. The \
-exit code is 1 for NOT READY, else 0.
+The verdict comes last. NOT READY names each condition that is not met, and below what to do about \
+it. UNKNOWN means that all that can be read is met, and names what no value tells: no firmware tells \
+whether the program sits in its step that waits for remote commands, and older firmware does not tell \
+the length of the list. READY means that values prove every condition: the controller tells its \
+program (the pendant's port does), and --remote-program names it. The exit code is 1 for NOT READY, \
+and 0 for UNKNOWN and READY; with --json, `ready` is true, false, or null for UNKNOWN.
 
 Examples:
   r6 status
+  r6 status --remote-program wait-for-pc
   r6 -r 192.168.1.10 status
   r6 status --json")]
 pub struct StatusArgs {
     /// Print one JSON object, units in the names
     #[arg(long)]
     json: bool,
+    /// A program that does nothing but wait for remote commands: that it runs proves that instructions are taken
+    #[arg(long, value_name = "NAME")]
+    remote_program: Option<String>,
 }
 
 /// Reads and prints the state.
@@ -28,12 +36,16 @@ pub async fn run(args: StatusArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     robot
         .with(async |robot| {
             let state = robot.status().await?;
+            let remote_program = args.remote_program.as_deref();
             if args.json {
-                output::json_pretty(&status::json(robot.address(), &state));
+                output::json_pretty(&status::json(robot.address(), &state, remote_program));
             } else {
-                output::line(status::text(robot.address(), &state));
+                output::line(status::text(robot.address(), &state, remote_program));
             }
-            Ok(if state.is_ready() { Exit::Done } else { Exit::Refused })
+            Ok(match state.readiness(remote_program) {
+                Readiness::Ready | Readiness::Unknown(_) => Exit::Done,
+                Readiness::NotReady(_) => Exit::Refused,
+            })
         })
         .await
 }

@@ -83,8 +83,8 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
         shown = show(&simulation, has_screen) => shown,
         () = ending.signalled() => Ok(()),
     };
-    simulation.shutdown().await;
-    result.map(|()| Exit::Done)
+    let kept = sim::end(simulation).await;
+    result.and(kept).map(|()| Exit::Done)
 }
 
 async fn show(simulation: &Simulation, has_screen: bool) -> Result<(), Failure> {

@@ -1,6 +1,6 @@
 //! The state of a machine, for eyes and for programs.
 
-use r6_client::{Status, Unmet};
+use r6_client::{Readiness, Status, Unmet, Unproved};
 use r6_proto::{AXES, AxisIndex, OperationMode};
 use serde_json::{Map, Value, json};
 
@@ -11,8 +11,9 @@ use crate::output::table::Table;
 /// How many axes and pose components are shown where the controller does not say how many it has.
 const USUAL_AXES: usize = 6;
 
-/// The whole state as text; the last lines say whether it takes motion, and if not, why.
-pub fn text(address: &str, status: &Status) -> String {
+/// The whole state as text; the last lines say whether it takes motion, and if not, why. `remote_program` is one that does nothing but
+/// wait for remote commands.
+pub fn text(address: &str, status: &Status, remote_program: Option<&str>) -> String {
     let unknown = || "?".to_owned();
     let yes_no = |flag: Option<bool>| flag.map_or("?", |flag| if flag { "yes" } else { "no" });
     let seconds = |time: Option<f64>| time.map_or_else(unknown, |time| format!("{time:.1} s"));
@@ -26,7 +27,12 @@ pub fn text(address: &str, status: &Status) -> String {
         table.row([&"program", program]);
     }
     table.row([&"cycle", &format!("{}, last {}", seconds(status.cycle), seconds(status.last_cycle))]);
-    format!("{}\n\n{table}\n\n{}\n\n{}", head(address, status), positions(status), verdict(status))
+    format!(
+        "{}\n\n{table}\n\n{}\n\n{}",
+        head(address, status),
+        positions(status),
+        verdict(status, remote_program)
+    )
 }
 
 fn head(address: &str, status: &Status) -> String {
@@ -74,23 +80,56 @@ pub fn position_table(axes: &[Option<f64>], pose: &[Option<f64>]) -> Table {
     table
 }
 
-/// `READY`, what is unknown where the firmware does not tell all of it, or `NOT READY` with each unmet condition and
-/// below what to do about it.
-pub fn verdict(status: &Status) -> String {
-    let unmet = status.unmet();
-    if !unmet.is_empty() {
-        return not_ready(&unmet);
-    }
-    match status.list_length {
-        Some(_) => "READY".to_owned(),
-        None => format!("{LIST_UNKNOWN}; `{}` clears it", hint::r6("stop")),
+/// `READY`, `UNKNOWN` with what no value tells, or `NOT READY` with each unmet condition; below what to do about it.
+pub fn verdict(status: &Status, remote_program: Option<&str>) -> String {
+    match status.readiness(remote_program) {
+        Readiness::Ready => "READY".to_owned(),
+        Readiness::NotReady(unmet) => not_ready(&unmet),
+        Readiness::Unknown(unproved) => {
+            let names: Vec<_> = unproved.iter().map(ToString::to_string).collect();
+            let mut text = format!("UNKNOWN: {}; all that can be read is met", names.join(", and "));
+            for unproved in unproved {
+                text.push_str("\n  ");
+                text.push_str(&what_to_look_at(unproved, status, remote_program));
+            }
+            text
+        }
     }
 }
 
-/// The verdict where only the list is not known.
-const LIST_UNKNOWN: &str = "\
-UNKNOWN: whether instructions are left in the list; all else is ready
-  this firmware does not tell the length of the list: what is left in it would run first";
+/// Where to look for what no value tells.
+fn what_to_look_at(unproved: Unproved, status: &Status, remote_program: Option<&str>) -> String {
+    match unproved {
+        Unproved::RemoteStep => {
+            let named = match (remote_program, &status.program) {
+                (Some(known), Some(found)) => format!("the program is `{found}`, not `{known}`; "),
+                (Some(_), None) => "this controller does not tell its program; ".to_owned(),
+                (None, Some(found)) => {
+                    format!(
+                        "if `{found}` only waits for remote commands, --remote-program {found} makes this READY; "
+                    )
+                }
+                (None, None) => String::new(),
+            };
+            format!(
+                "{named}mode 7 says that a program runs, not at which step: look at the pendant; where it is at another step, instructions \
+                 are refused or wait"
+            )
+        }
+        Unproved::ListLength => format!(
+            "this firmware does not tell the length of the list: what is left in it would run first; `{}` clears it",
+            hint::r6("stop")
+        ),
+    }
+}
+
+/// A condition's word for programs.
+fn unproved_word(unproved: Unproved) -> &'static str {
+    match unproved {
+        Unproved::RemoteStep => "remote_step",
+        Unproved::ListLength => "list_length",
+    }
+}
 
 /// `NOT READY:`, the conditions in one line, and a line for each that says what to do.
 pub fn not_ready(unmet: &[Unmet]) -> String {
@@ -171,10 +210,17 @@ pub fn pose_json(values: &[Option<f64>]) -> Value {
 }
 
 /// The whole state as JSON, units in the names; `null` where the controller has no such value.
-pub fn json(address: &str, status: &Status) -> Value {
+///
+/// `ready` is `true` where every condition is proved, `false` where one is not met, and else `null`: then `unknown` has what no value tells.
+pub fn json(address: &str, status: &Status, remote_program: Option<&str>) -> Value {
     let pose = pose_json(&status.pose);
     let axes: Vec<_> = status.axes.iter().take(shown_axes(status)).collect();
-    let unknown: Vec<_> = status.list_length.is_none().then_some("list_length").into_iter().collect();
+    let unknown: Vec<_> = status.unproved(remote_program).into_iter().map(unproved_word).collect();
+    let ready = match status.readiness(remote_program) {
+        Readiness::Ready => Some(true),
+        Readiness::NotReady(_) => Some(false),
+        Readiness::Unknown(_) => None,
+    };
     let unmet = unmet_json(&status.unmet());
     json!({
         "robot": address,
@@ -194,7 +240,7 @@ pub fn json(address: &str, status: &Status) -> Value {
         "pose": pose,
         "cycle_s": status.cycle,
         "last_cycle_s": status.last_cycle,
-        "ready": status.is_ready(),
+        "ready": ready,
         "unmet": unmet,
         "unknown": unknown,
     })
@@ -210,7 +256,7 @@ mod tests {
         Status {
             firmware: Some("v1.1".to_owned()),
             machine_name: Some("r6 virtual BRTIRUS0707A".to_owned()),
-            program: None,
+            program: Some("remote".to_owned()),
             mode: Some(OperationMode::Running),
             alarm: Some(0),
             homed: Some(true),
@@ -226,15 +272,15 @@ mod tests {
 
     #[test]
     fn a_ready_machine_ends_with_ready() {
-        let text = text("127.0.0.1:9760", &ready());
+        let text = text("127.0.0.1:9760", &ready(), Some("remote"));
         let mut lines = text.lines();
         assert_eq!(
             lines.next(),
             Some("r6 virtual BRTIRUS0707A, firmware v1.1, at 127.0.0.1:9760, a virtual controller")
         );
         assert_eq!(lines.next_back(), Some("READY"));
-        assert!(text.contains("mode    running (7)"), "{text}");
-        assert!(text.contains("list    empty"), "{text}");
+        assert!(text.contains("mode     running (7)"), "{text}");
+        assert!(text.contains("list     empty"), "{text}");
         assert!(text.contains("deg        0.000   10.000  -20.500"), "{text}");
     }
 
@@ -247,14 +293,14 @@ mod tests {
             list_length: Some(3),
             ..ready()
         };
-        let text = verdict(&status);
+        let text = verdict(&status, None);
         let lines: Vec<_> = text.lines().collect();
         assert_eq!(
             lines.first(),
             Some(&"NOT READY: 3 instructions left in the list, alarm 42, origin unknown, mode is stop (3)")
         );
         assert_eq!(lines.len(), 5);
-        let one = verdict(&Status { list_length: Some(1), ..ready() });
+        let one = verdict(&Status { list_length: Some(1), ..ready() }, None);
         assert!(one.contains("  1 instruction is left in the list and would run first"), "{one}");
         assert!(text.contains("clearAlarm") && text.contains("r6 stop"), "{text}");
     }
@@ -262,25 +308,48 @@ mod tests {
     #[test]
     fn a_list_that_is_not_told_is_not_called_ready() {
         let status = Status { list_length: None, ..ready() };
-        let text = text("127.0.0.1:9760", &status);
-        assert!(text.contains("list    ?") && !text.contains("READY"), "{text}");
-        assert!(
-            text.contains("UNKNOWN: whether instructions are left in the list; all else is ready"),
-            "{text}"
-        );
+        let text = text("127.0.0.1:9760", &status, Some("remote"));
+        assert!(text.contains("list     ?") && !text.contains("READY"), "{text}");
+        let first = "UNKNOWN: whether instructions are left in the list; all that can be read is met\n  ";
+        assert!(text.contains(first), "{text}");
         assert!(text.contains("r6 stop"), "{text}");
-        let json = json("127.0.0.1:9760", &status);
-        assert_eq!((&json["ready"], &json["unknown"]), (&true.into(), &json!(["list_length"])));
-        assert_eq!(super::json("", &ready())["unknown"], json!([]));
+        let json = json("127.0.0.1:9760", &status, Some("remote"));
+        assert_eq!((&json["ready"], &json["unknown"]), (&Value::Null, &json!(["list_length"])));
+    }
+
+    /// No value tells the step of a program; a program that is known to do nothing but wait is proof where its name is told.
+    #[test]
+    fn a_program_that_may_be_at_any_step_is_not_called_ready() {
+        let status = ready();
+        let unnamed = Status { program: None, ..ready() };
+        for (status, known, words) in [
+            (&unnamed, None, "look at the pendant"),
+            (&unnamed, Some("remote"), "does not tell its program"),
+            (&status, None, "--remote-program remote"),
+            (&status, Some("wait"), "the program is `remote`, not `wait`"),
+        ] {
+            let text = text("127.0.0.1:9760", status, known);
+            let (_, verdict) = text.split_once("UNKNOWN: whether the program sits in its ").unwrap();
+            assert!(verdict.contains(words), "{text}");
+            assert_ne!(text.lines().next_back(), Some("READY"));
+            let json = json("127.0.0.1:9760", status, known);
+            assert_eq!((&json["ready"], &json["unknown"]), (&Value::Null, &json!(["remote_step"])));
+            assert_eq!(json["unmet"], json!([]));
+        }
+        let both = Status { list_length: None, ..unnamed };
+        assert_eq!(super::json("", &both, None)["unknown"], json!(["remote_step", "list_length"]));
+        assert_eq!(verdict(&both, None).lines().count(), 3);
     }
 
     #[test]
     fn json_has_units_in_its_names() {
-        let json = json("127.0.0.1:9760", &ready());
+        let json = json("127.0.0.1:9760", &ready(), Some("remote"));
         assert_eq!(json["pose"]["x_mm"], 400.0);
         assert_eq!(json["pose"]["u_deg"], 180.0);
         assert_eq!(json["axes_deg"].as_array().map(Vec::len), Some(6));
         assert_eq!(json["last_cycle_s"], Value::Null);
-        assert_eq!(json["ready"], true);
+        assert_eq!((&json["ready"], &json["unknown"]), (&true.into(), &json!([])));
+        let moving = Status { moving: Some(true), ..ready() };
+        assert_eq!(super::json("", &moving, None)["ready"], false);
     }
 }

@@ -45,7 +45,23 @@ fn a_curve_goes_to_its_end() {
     let tool_down = ["move", "axes", "0", "10", "-20", "0", "-80", "0", "--speed", "100", "--wait"];
     assert_eq!(robot.r6(&tool_down).code, 0);
     let numbers = ["400", "50", "500", "180", "0", "180", "350", "100", "500", "180", "0", "180"];
-    let outcome = robot.r6(&[&["move", "curve"][..], &numbers, &["--speed", "20", "--wait"]].concat());
+    // The orientation is kept: +180 told to a tool that reads -180 is a whole turn.
+    let curve = |more: &[&str]| {
+        robot.r6(&[&["move", "curve"][..], &numbers, &["--speed", "20", "--mask", "0x07", "--wait"], more]
+            .concat())
+    };
+    // A curve without a line before it in its list is accepted and not executed: that is told.
+    let lone = curve(&[]);
+    assert_eq!(lone.code, 1, "{lone:?}");
+    assert!(
+        lone.err.contains("not at 350.000 mm") && lone.err.contains("a curve wants a move before it"),
+        "{lone:?}"
+    );
+    assert_eq!(robot.r6(&["command", "startButton"]).code, 0);
+    let line = ["move", "line", "400", "0", "500", "--speed", "20", "--wait"];
+    let outcome = robot.r6(&line);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    let outcome = curve(&["--append"]);
     assert_eq!(outcome.code, 0, "{outcome:?}");
     assert!((robot.value("world-0").as_f64().unwrap() - 350.0).abs() < 0.01);
     assert!((robot.value("world-1").as_f64().unwrap() - 100.0).abs() < 0.01);

@@ -5,17 +5,40 @@ use std::net::{TcpListener, TcpStream};
 use crate::support::{Robot, Running, TempFile, r6};
 
 #[test]
-fn a_robot_that_is_ready_says_so() {
+fn a_robot_that_may_be_ready_says_what_no_value_tells() {
     let robot = Robot::start(&[]);
     let status = robot.r6(&["status"]);
     assert_eq!(status.code, 0, "{status:?}");
-    assert_eq!(status.last_line(), "READY");
+    assert!(status.out.contains("\n\nUNKNOWN: whether the program sits in its"), "{}", status.out);
+    assert!(!status.out.contains("READY"), "{}", status.out);
     let head = format!("at {}, a virtual controller", robot.address());
     assert!(status.out.lines().next().is_some_and(|line| line.ends_with(&head)), "{}", status.out);
     let json = robot.r6(&["status", "--json"]).json();
-    assert_eq!((&json["ready"], &json["mode"], &json["alarm"]), (&true.into(), &7.into(), &0.into()));
+    assert_eq!(
+        (&json["ready"], &json["mode"], &json["alarm"]),
+        (&serde_json::Value::Null, &7.into(), &0.into())
+    );
+    assert_eq!(json["unknown"], serde_json::json!(["remote_step"]));
     assert_eq!(json["axes_deg"].as_array().map(Vec::len), Some(6));
     assert!(json["pose"]["x_mm"].is_number());
+}
+
+/// Where the controller tells its program, the name of one that only waits is the proof.
+#[test]
+fn a_program_that_only_waits_makes_it_ready() {
+    let profile = TempFile::new("tells-all.toml", "unsupported_addresses = []\n");
+    let robot = Robot::start(&["--profile", profile.path()]);
+    let known = ["status", "--remote-program", "remote"];
+    let status = robot.r6(&known);
+    assert_eq!((status.code, status.last_line()), (0, "READY"), "{status:?}");
+    assert_eq!(robot.r6(&[&known[..], &["--json"]].concat()).json()["ready"], true);
+    // Another program runs just as well: nothing proves that it waits.
+    assert_eq!(robot.r6(&["command", "switchMold", "register-follow"]).code, 0);
+    let status = robot.r6(&known);
+    assert!(
+        status.out.contains("UNKNOWN:") && status.out.contains("`register-follow`, not `remote`"),
+        "{status:?}"
+    );
 }
 
 #[test]
@@ -42,13 +65,10 @@ fn every_profile_can_be_asked() {
         let status = robot.r6(&["status"]);
         // Only some tell how many instructions are left.
         let tells = robot.r6(&["query", "RemoteCmdLen"]).code == 0;
-        let wanted =
-            if tells { "\n\nREADY\n" } else { "\n\nUNKNOWN: whether instructions are left in the list" };
+        let wanted = "whether instructions are left in the list";
         assert_eq!(status.code, 0, "{profile}: {status:?}");
-        assert!(
-            status.out.contains(wanted) && status.out.contains("READY") == tells,
-            "{profile}: {status:?}"
-        );
+        assert!(status.out.contains("\n\nUNKNOWN: whether the program sits in its"), "{profile}: {status:?}");
+        assert_eq!(status.out.contains(wanted), !tells, "{profile}: {status:?}");
         assert_eq!(tells, ["hc1"].contains(&profile), "{profile}");
     }
 }

@@ -276,3 +276,29 @@ fn a_scenario_happens() {
     let out = r6(&["sim", "--scenario", "no-such-file.toml"]);
     assert!(out.code == 2 && out.err.contains("the file cannot be read"), "{out:?}");
 }
+
+/// Where the new file would go there is a folder: as on a full disk, it cannot be written.
+#[test]
+fn a_state_that_cannot_be_written_is_told_and_is_no_good_end() {
+    for command in ["sim", "up"] {
+        let folder = tempfile::TempDir::new().unwrap();
+        let state = folder.path().to_str().unwrap();
+        let mut running = Running::start_with_pipes(&[command, "--listen", "127.0.0.1:0", "--state", state]);
+        let address = running.line().strip_prefix("listening on ").unwrap().to_owned();
+        let kept = folder.path().join("controller-1.json");
+        assert_eq!(r6(&["-r", &address, "command", "modifyCounter", "0", "3", "9"]).code, 0);
+        std::fs::create_dir(folder.path().join("controller-1.json.new")).unwrap();
+        let before = std::fs::read_to_string(&kept).unwrap();
+        assert_eq!(r6(&["-r", &address, "command", "switchTool", "1"]).code, 4, "it is not acknowledged");
+        let told = std::iter::repeat_with(|| running.line())
+            .take(20)
+            .find(|line| line.contains("cannot be written"));
+        assert!(told.as_ref().is_some_and(|line| line.contains("acknowledged")), "{told:?}");
+        running.signal("TERM");
+        let mut error = String::new();
+        running.close_stdin().read_to_string(&mut error).unwrap();
+        assert!(error.contains("cannot be written") && error.contains("controller-1.json"), "{error}");
+        assert_eq!(running.code(), Some(1), "{command}");
+        assert_eq!(std::fs::read_to_string(&kept).unwrap(), before);
+    }
+}
