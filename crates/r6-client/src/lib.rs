@@ -51,7 +51,7 @@ mod subscription;
 pub mod units;
 
 pub use camera::{PhotosEnded, Shot};
-pub use connect::{Connect, DEFAULT_PORT};
+pub use connect::{Connect, DEFAULT_PORT, check_address};
 pub use discover::{Discovered, discover};
 pub use error::{Effect, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 pub use follow::{FollowOptions, Followed};
