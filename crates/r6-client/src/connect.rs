@@ -114,6 +114,15 @@ impl fmt::Display for Once {
     }
 }
 
+/// Checks that a text names a controller as [`crate::Robot::connect`] takes it: `host`, `host:port`, `[v6]`, `[v6]:port` or a
+/// bare IPv6 address. Nothing is looked up and nothing is connected.
+///
+/// # Errors
+/// [`Invalid::BadAddress`] says what is wrong with it.
+pub fn check_address(address: &str) -> Result<(), Invalid> {
+    Tcp::parse(address).map(drop)
+}
+
 /// A controller that is reached over TCP.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Tcp {

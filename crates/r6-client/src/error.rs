@@ -1,5 +1,7 @@
 //! Why a request failed, sorted by what the caller must do.
 
+mod advice;
+
 use std::fmt;
 use std::io;
 use std::time::Duration;
@@ -7,6 +9,7 @@ use std::time::Duration;
 use r6_proto::CommandName;
 use r6_proto::client::SendError;
 use r6_proto::error::FieldError;
+use r6_proto::printable;
 
 use crate::identity::Identity;
 use crate::pushed::LostReason;
@@ -295,11 +298,11 @@ impl fmt::Display for Refused {
         };
         write!(f, "the controller refused {what}")?;
         match reason {
-            Some(reason) => write!(f, ": {reason}")?,
+            Some(reason) => write!(f, ": {}", printable(reason))?,
             None => f.write_str(" and gave no reason")?,
         }
         match self {
-            Self::Command { .. } => f.write_str("; look at mode and alarm, then send it again"),
+            Self::Command { command, .. } => write!(f, "; {}", advice::after_refusal(*command)),
             Self::InstructionList { .. } => f.write_str(
                 "; look at the arm before anything else, because controllers have run lists that they refused; the list \
                  is taken in mode 7, without alarm, and only while the pendant's program sits in its step that waits for \
@@ -324,6 +327,7 @@ impl fmt::Display for OutcomeUnknown {
             }
             Self::TimedOut { after, heard: Some(heard), .. } => {
                 let word = request.word;
+                let heard = printable(heard);
                 write!(f, "{word}: no usable reply within {after:?}; what came last was {heard}")?;
             }
             Self::ConnectionLost { reason, .. } => {
@@ -333,6 +337,7 @@ impl fmt::Display for OutcomeUnknown {
                 write!(f, "{}: the reply cannot be understood: {error}", request.word)?;
             }
             Self::Unclear { answer, .. } => {
+                let answer = printable(answer);
                 write!(f, "{}: the reply is neither ok nor err: `{answer}`", request.word)?;
             }
             Self::AnotherRobot { expected, found, .. } => {

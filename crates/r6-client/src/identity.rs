@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use r6_proto::OperationMode;
 use r6_proto::address::Address;
 use r6_proto::message::Reading;
+use r6_proto::{OperationMode, printable};
 
 use crate::error::RequestError;
 use crate::job::Answer;
@@ -96,7 +96,8 @@ impl fmt::Display for Identity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut text = |name: &str, value: &Option<String>| match value {
             Some(value) => {
-                write!(f, "{name} `{}`, ", value.chars().take(TOLD_CHARS).collect::<String>())
+                let value: String = value.chars().take(TOLD_CHARS).collect();
+                write!(f, "{name} `{}`, ", printable(&value))
             }
             None => write!(f, "no {name}, "),
         };

@@ -149,7 +149,7 @@ impl Work {
                 Err(OutcomeUnknown::Unreadable { request, error: rejection.error.clone() }.into())
             }
             (_, body) => {
-                let answer = format!("{body:?}").chars().take(48).collect();
+                let answer = kind_of(body).to_owned();
                 Err(OutcomeUnknown::Unclear { request, answer }.into())
             }
         }
@@ -171,6 +171,23 @@ impl Work {
                 }
             }),
         }
+    }
+}
+
+/// What a message is, in words: for one that came where another kind was due.
+fn kind_of(body: &Body<'_>) -> &'static str {
+    match body {
+        Body::Query(_) => "a query",
+        Body::QueryReply(_) => "a reply to a query",
+        Body::Command(_) => "a command",
+        Body::CommandReply(_) => "a reply to a command",
+        Body::Heartbreak => "a heartbreak",
+        Body::Photo(_) => "a request for a photo",
+        Body::PhotoAnswer(_) => "an answer to a photo",
+        Body::AddPoints(_) => "points of a camera",
+        Body::AddRcc(_) => "an instruction list",
+        Body::Unknown(_) => "a message of an unknown type",
+        Body::Rejected(_) => "a message that cannot be read",
     }
 }
 

@@ -57,7 +57,7 @@ pub mod units;
 
 pub use camera::{PhotosEnded, Shot};
 pub use closing::StopsUnderWay;
-pub use connect::{Connect, DEFAULT_PORT};
+pub use connect::{Connect, DEFAULT_PORT, check_address};
 pub use discover::{Discovered, discover};
 pub use error::{Effect, Invalid, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 pub use evidence::standstill::StandProof;

@@ -121,7 +121,8 @@ pub(crate) fn tells_frame(command: &Command<'_>) -> bool {
         | Command::RewriteData { .. }
         | Command::RewriteDataList { .. }
         | Command::ModifyAccDec { .. }
-        | Command::ClearAlarm => false,
+        | Command::ClearAlarm
+        | Command::ClearAlarmWith { .. } => false,
     }
 }
 

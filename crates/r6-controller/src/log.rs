@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::time::Duration;
 
+use r6_proto::printable;
 use r6_proto::time::Instant;
 
 use crate::controller::ConnectionId;
@@ -39,7 +40,7 @@ pub struct LogLine {
     pub connection: Option<ConnectionId>,
     /// How much it matters.
     pub level: Level,
-    /// What.
+    /// What, on one line: words of a peer are escaped (`r6_proto::printable`).
     pub text: String,
 }
 
@@ -86,6 +87,7 @@ impl Log {
             self.lines.pop_front();
             self.dropped += 1;
         }
+        let text = printable(&text).to_string();
         let text = if text.chars().nth(MAX_LINE_CHARS).is_some() {
             text.chars().take(MAX_LINE_CHARS).chain(['…']).collect()
         } else {

@@ -226,6 +226,21 @@ fn command_clear_alarm() {
 }
 
 #[test]
+fn command_clear_alarm_takes_the_arguments_of_the_newest_manual() {
+    // Unit B sends two, unit H sends one that no manual has.
+    for arguments in [&["1", "1"][..], &["0", "1"], &["0"]] {
+        let mut cell = alarmed_cell();
+        cell.ok(&[&["clearAlarm"], arguments].concat());
+        cell.pass(10.0);
+        assert_eq!(
+            cell.query(&["curAlarm", "curMode", "isMoving", "RemoteCmdLen"]),
+            [json!("0"), json!("2"), json!("0"), json!("2")],
+            "{arguments:?}"
+        );
+    }
+}
+
+#[test]
 fn command_modify_stack_data() {
     let mut cell = Cell::new();
     cell.ok(&["modifyStackData", "1", "100", "50.5", "20", "4", "3", "2"]);

@@ -167,6 +167,8 @@ fn instruction_51_gives_lines_a_speed_in_mm_per_second() {
     let mut cell = Cell::new();
     cell.run_ok(&json!([{"oneshot": "1", "action": "51", "isUse": "1", "speed": "0.05"}]));
     assert_eq!(cell.text("curAlarm"), "219");
+    let log = cell.log();
+    assert!(log.contains("the path speed 0.05 is no whole number of mm/s from 1"), "{log}");
 }
 
 #[test]

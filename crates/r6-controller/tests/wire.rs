@@ -259,6 +259,32 @@ fn heartbreak_is_not_answered_and_arms_the_watchdog() {
 }
 
 #[test]
+fn what_was_refused_is_not_called_carried_out() {
+    let mut cell = Cell::new();
+    cell.log();
+    // Without `reqType` there is no answer (manual 5.2, 6): the log tells what became of the request.
+    cell.send(r#"{"cmdData":["switchMold","nobody"]}"#);
+    let log = cell.log();
+    assert!(log.contains("command switchMold refused: there is no program `nobody`"), "{log}");
+    assert!(log.contains("command without `reqType`: not answered") && !log.contains("carried out"), "{log}");
+    cell.send(r#"{"cmdData":["modifyGSPD","50"]}"#);
+    let log = cell.log();
+    assert!(log.contains("command without `reqType`: carried out, not answered"), "{log}");
+    assert!(log.contains("modifyGSPD 50"), "the arguments as they were sent: {log}");
+}
+
+#[test]
+fn a_peer_cannot_forge_a_line_of_the_log() {
+    let mut cell = Cell::new();
+    cell.log();
+    cell.send("{\"reqType\":\"command\",\"cmdData\":[\"x\\r\\nREADY\\u001b[2J\"]}");
+    let log = cell.log();
+    assert!(log.contains(r"x\r\nREADY\u{1b}[2J"), "{log}");
+    assert!(!log.chars().any(|character| character.is_control() && character != '\n'), "{log:?}");
+    assert!(!log.lines().any(|line| line.starts_with("READY")), "{log}");
+}
+
+#[test]
 fn a_missed_heartbreak_stops_the_motion() {
     let mut cell = Cell::new();
     cell.send(r#"{"reqType":"heartbreak"}"#);

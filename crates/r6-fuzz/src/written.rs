@@ -90,7 +90,8 @@ impl Rounded {
             | Command::RewriteDataList { .. }
             | Command::SwitchTool { .. }
             | Command::SwitchCoordinate { .. }
-            | Command::ClearAlarm => {}
+            | Command::ClearAlarm
+            | Command::ClearAlarmWith { .. } => {}
         }
     }
 

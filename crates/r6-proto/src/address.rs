@@ -5,6 +5,7 @@
 use std::fmt;
 
 use crate::axis::AxisIndex;
+use crate::printable::printable;
 use crate::spelling;
 
 mod item;
@@ -436,7 +437,7 @@ impl UnknownAddress {
 
 impl fmt::Display for UnknownAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "`{}` is no query address", self.name)?;
+        write!(f, "`{}` is no query address", printable(&self.name))?;
         match self.nearest() {
             None => Ok(()),
             Some(row) => match row.indices {

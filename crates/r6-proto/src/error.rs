@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::grid::Nearest;
+use crate::printable::printable;
 
 /// A frame that is no JSON object.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,7 +41,7 @@ impl fmt::Display for JsonError {
         match &self.fault {
             JsonFault::Expected(wanted) => write!(f, "{wanted} was due at byte {at}")?,
             JsonFault::KeyWithoutValue(key) => {
-                write!(f, "key `{key}` has no value: `:` was due at byte {at}")?
+                write!(f, "key `{}` has no value: `:` was due at byte {at}", printable(key))?
             }
             JsonFault::StringNotClosed => write!(f, "a string is not closed at byte {at}")?,
             JsonFault::ControlByteInString => {
@@ -78,8 +79,11 @@ pub struct FieldError {
 impl fmt::Display for FieldError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.found {
-            None => write!(f, "`{}` is missing: it has to be {}", self.path, self.wanted)?,
-            Some(found) => write!(f, "`{}` is {found}, but has to be {}", self.path, self.wanted)?,
+            None => write!(f, "`{}` is missing: it has to be {}", printable(&self.path), self.wanted)?,
+            Some(found) => {
+                let (path, found) = (printable(&self.path), printable(found));
+                write!(f, "`{path}` is {found}, but has to be {}", self.wanted)?;
+            }
         }
         match self.nearest {
             None => Ok(()),

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::printable::printable;
+
 /// How many boards an address can name (`input-0` … `input-7`).
 const BOARDS: u8 = 8;
 
@@ -69,7 +71,7 @@ pub struct BadPoint {
 
 impl fmt::Display for BadPoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { text } = self;
+        let text = printable(&self.text);
         write!(
             f,
             "`{text}` names no point: the first one is X010, then X011 … X017, X020 … X047 (octal), on board 1 X1.010; \

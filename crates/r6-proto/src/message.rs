@@ -26,6 +26,7 @@ pub use vision::{Point, PointSet};
 
 use crate::encode::{Key, key};
 use crate::error::FieldError;
+use crate::printable::printable;
 use crate::value::{Node, Value};
 
 /// The keys that can stand at the top of a frame.
@@ -296,7 +297,7 @@ impl fmt::Display for UnknownType<'_> {
             None => f.write_str("the frame has neither `reqType` nor anything to tell its type by"),
             Some(word) => {
                 let text = word.text();
-                write!(f, "`reqType` is `{}`, which is no request type", excerpt(&text))?;
+                write!(f, "`reqType` is `{}`, which is no request type", printable(&excerpt(&text)))?;
                 if CommandName::exact(text.as_bytes()).is_some() {
                     return f.write_str("; it is a command: send it as `reqType` \"command\" with `cmdData`");
                 }

@@ -115,6 +115,12 @@ impl Command {
         Self(Sent::ClearAlarm)
     }
 
+    #[staticmethod]
+    #[pyo3(signature = (*, first_line, only_alarm))]
+    fn clear_alarm_with(first_line: bool, only_alarm: bool) -> Self {
+        Self(Sent::ClearAlarmWith { first_line, only_alarm })
+    }
+
     #[getter]
     fn word(&self) -> &'static str {
         self.name().word()
@@ -130,7 +136,7 @@ impl Command {
     }
 
     fn __repr__(&self) -> String {
-        format!("<Command {:?}>", self.0)
+        format!("<Command {}>", self.0)
     }
 }
 

@@ -135,6 +135,11 @@ impl Command {
             Sent::SwitchCoordinate { workbench } => {
                 made("switch_coordinate", (*workbench,).into_pyobject(py))
             }
+            Sent::ClearAlarmWith { first_line, only_alarm } => {
+                named.set_item("first_line", first_line)?;
+                named.set_item("only_alarm", only_alarm)?;
+                made("clear_alarm_with", none())
+            }
             Sent::ClearAlarm => made("clear_alarm", none()),
         }?;
         reduced(py, "Command", (name, arguments, named))

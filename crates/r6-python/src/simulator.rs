@@ -1,5 +1,6 @@
 //! `Simulator`: a virtual controller inside this process, on a thread of its own.
 
+use std::io::Read;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -50,6 +51,9 @@ const STARTS: [(&str, StartState); 4] = [
     ("stopped", StartState::Stopped),
 ];
 
+/// No file for a simulator is longer: a scenario has the longest text. A path may lead to a device that has no end.
+const MAX_FILE_BYTES: usize = r6_controller::scenario::MAX_TEXT_BYTES;
+
 /// A name or a text, or the text of the file at a path.
 enum Source {
     Name(String),
@@ -62,7 +66,18 @@ impl Source {
             return Ok(Self::Name(name.to_cow()?.into_owned()));
         }
         let path: PathBuf = given.extract().map_err(|_| PyTypeError::new_err("wanted: a str or a path"))?;
-        Ok(Self::File(std::fs::read_to_string(path)?))
+        let mut text = String::new();
+        // One byte more than is possible tells that it is too long.
+        let most = u64::try_from(MAX_FILE_BYTES).unwrap_or(u64::MAX).saturating_add(1);
+        std::fs::File::open(&path)?.take(most).read_to_string(&mut text)?;
+        if text.len() > MAX_FILE_BYTES {
+            let what = format!(
+                "{} is too long: a file for a simulator has {MAX_FILE_BYTES} bytes at most",
+                path.display()
+            );
+            return Err(PyValueError::new_err(what));
+        }
+        Ok(Self::File(text))
     }
 
     fn text(self) -> String {

@@ -4,19 +4,24 @@ use std::fmt;
 use std::process::ExitCode;
 
 use r6_client::{Effect, Invalid, NotSent, OutcomeUnknown, RequestError, WaitError};
+use r6_proto::printable;
+use serde_json::{Map, Value};
 
 use crate::hint;
-use crate::output::{self, alarm};
+use crate::output::alarm;
+use crate::output::problem::Code;
 
 /// The exit codes, for the help.
 pub const CODES: &str = "\
 Exit codes:
   0  done
   1  refused by the controller or by a guard, or a condition is not met; a motion that ended early, and the
-     arm was seen to stand; `inspect`: something is wrong; `plot`: the program does not get to its end
+     arm was seen to stand; `inspect`: something is wrong; `plot`: the program does not get to its end;
+     the answer to a query could not be written
   2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
-  4  outcome unknown: the request left and may have acted; look at the machine before going on";
+  4  outcome unknown: the request left and may have acted, or what came of it could not be written;
+     look at the machine before going on";
 
 /// Examples and exit codes, for the long help.
 pub const EXAMPLES_AND_CODES: &str = "\
@@ -32,15 +37,18 @@ Examples:
 Exit codes:
   0  done
   1  refused by the controller or by a guard, or a condition is not met; a motion that ended early, and the
-     arm was seen to stand; `inspect`: something is wrong; `plot`: the program does not get to its end
+     arm was seen to stand; `inspect`: something is wrong; `plot`: the program does not get to its end;
+     the answer to a query could not be written
   2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
-  4  outcome unknown: the request left and may have acted; look at the machine before going on";
+  4  outcome unknown: the request left and may have acted, or what came of it could not be written;
+     look at the machine before going on";
 
 /// How a run ends, as the shell sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Exit {
     /// 0: it is done.
+    #[default]
     Done,
     /// 1: the controller said no, or a condition was not met.
     Refused,
@@ -74,33 +82,72 @@ impl Exit {
 #[derive(Debug, PartialEq, Eq)]
 pub struct Failure {
     exit: Exit,
+    code: Code,
     what: String,
     advice: Option<String>,
+    /// What programs are told besides.
+    members: Map<String, Value>,
+    /// Whether programs were told already.
+    told: bool,
+    /// Whether people were told already.
+    said: bool,
 }
 
 impl Failure {
     /// Something was said no to.
     pub fn refused(what: impl fmt::Display) -> Self {
-        Self::new(Exit::Refused, what)
+        Self::new(Exit::Refused, Code::Refused, what)
     }
 
     /// The command line or a file is wrong.
     pub fn usage(what: impl fmt::Display) -> Self {
-        Self::new(Exit::Usage, what)
+        Self::new(Exit::Usage, Code::Usage, what)
     }
 
     /// Nobody knows what became of a request.
     pub fn unknown(what: impl fmt::Display) -> Self {
-        Self::new(Exit::Unknown, what)
+        Self::new(Exit::Unknown, Code::OutcomeUnknown, what)
     }
 
     /// There is no connection, or no reply to a question.
     pub fn no_reply(what: impl fmt::Display) -> Self {
-        Self::new(Exit::NoReply, what)
+        Self::new(Exit::NoReply, Code::NoReply, what)
     }
 
-    fn new(exit: Exit, what: impl fmt::Display) -> Self {
-        Self { exit, what: what.to_string(), advice: None }
+    fn new(exit: Exit, code: Code, what: impl fmt::Display) -> Self {
+        Self {
+            exit,
+            code,
+            what: what.to_string(),
+            advice: None,
+            members: Map::new(),
+            told: false,
+            said: false,
+        }
+    }
+
+    /// The same failure with another code for programs.
+    pub fn with_code(mut self, code: Code) -> Self {
+        self.code = code;
+        self
+    }
+
+    /// Adds what programs are told besides.
+    pub fn member(mut self, name: &str, value: impl Into<Value>) -> Self {
+        self.members.insert(name.to_owned(), value.into());
+        self
+    }
+
+    /// The same failure, of which stderr has told people already.
+    pub fn said(mut self) -> Self {
+        self.said = true;
+        self
+    }
+
+    /// The same failure, of which stdout has told programs already.
+    pub fn told(mut self) -> Self {
+        self.told = true;
+        self
     }
 
     /// Adds a second line: what to do.
@@ -148,18 +195,33 @@ impl Failure {
         self.advice.as_deref()
     }
 
-    /// Prints it and tells the exit code.
-    pub fn report(&self) -> ExitCode {
-        output::note(self);
-        self.exit.code()
+    /// What kind of failure it is.
+    pub fn code(&self) -> Code {
+        self.code
+    }
+
+    /// What programs are told besides.
+    pub fn members(&self) -> &Map<String, Value> {
+        &self.members
+    }
+
+    /// Whether people were told already.
+    pub fn is_said(&self) -> bool {
+        self.said
+    }
+
+    /// Whether programs were told already.
+    pub fn is_told(&self) -> bool {
+        self.told
     }
 }
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "r6: {}", self.what)?;
+        // A peer's words are among them: two lines are two lines.
+        write!(f, "r6: {}", printable(&self.what))?;
         match &self.advice {
-            Some(advice) => write!(f, "\n    {advice}"),
+            Some(advice) => write!(f, "\n    {}", printable(advice)),
             None => Ok(()),
         }
     }
@@ -193,7 +255,7 @@ impl From<RequestError> for Failure {
                 Effect::Changes | Effect::Moves | Effect::Stops => Exit::Unknown,
             },
         };
-        let failure = Self::new(exit, &error);
+        let failure = Self::new(exit, code_of(&error), &error);
         match &error {
             RequestError::NotSent(NotSent::Unreachable { address, .. }) if is_local(address) => {
                 failure.advise("for a virtual controller, start `r6 up` in another shell")
@@ -217,6 +279,42 @@ fn of_invalid(invalid: &Invalid) -> Exit {
     }
 }
 
+/// The word for programs.
+fn code_of(error: &RequestError) -> Code {
+    match error {
+        RequestError::Invalid(invalid) => code_of_invalid(invalid),
+        RequestError::NotSent(not_sent) => match not_sent {
+            NotSent::Unreachable { .. } | NotSent::ConnectTimedOut { .. } | NotSent::NoEngine { .. } => {
+                Code::Unreachable
+            }
+            NotSent::Disconnected
+            | NotSent::StateNotRead
+            | NotSent::Unidentified { .. }
+            | NotSent::Closed => Code::NoConnection,
+            NotSent::Busy { .. } | NotSent::NoRoom(_) => Code::Busy,
+            NotSent::AnotherRobot { .. } => Code::AnotherRobot,
+            NotSent::NotStopped(_) => Code::NotStopped,
+        },
+        RequestError::Refused(_) => Code::Refused,
+        RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. }) => Code::AnotherRobot,
+        RequestError::OutcomeUnknown(unknown) => match unknown.request().effect {
+            Effect::Reads => Code::NoReply,
+            Effect::Changes | Effect::Moves => Code::OutcomeUnknown,
+            Effect::Stops => Code::NotStopped,
+        },
+    }
+}
+
+fn code_of_invalid(invalid: &Invalid) -> Code {
+    match invalid {
+        Invalid::BadAddress { .. } | Invalid::Value(_) | Invalid::TooLong { .. } | Invalid::Step(_) => {
+            Code::Usage
+        }
+        Invalid::OutsideEnvelope(_) => Code::BeyondLimits,
+        Invalid::NotStopped(_) => Code::NotStopped,
+    }
+}
+
 fn is_local(address: &str) -> bool {
     ["127.", "localhost", "[::1]"].iter().any(|start| address.starts_with(start))
 }
@@ -225,29 +323,34 @@ impl From<WaitError> for Failure {
     fn from(error: WaitError) -> Self {
         match error {
             WaitError::AlarmRaised { code } => {
-                Self::refused(format!("the motion ended with alarm {}", alarm::short(code))).advise(format!(
-                    "{}; `{}` clears the rest of the list",
-                    alarm::advice(code),
-                    hint::r6("stop")
-                ))
+                Self::refused(format!("the motion ended with alarm {}", alarm::short(code)))
+                    .advise(format!(
+                        "{}; `{}` clears the rest of the list",
+                        alarm::advice(code),
+                        hint::r6("stop")
+                    ))
+                    .with_code(Code::Alarm)
             }
-            WaitError::Stopped { mode } => Self::refused(format!(
-                "the motion was stopped: the operation mode is now {mode}"
-            ))
-            .advise(format!("the rest of the list may start again later: `{}` clears it", hint::r6("stop"))),
+            WaitError::Stopped { mode } => {
+                Self::refused(format!("the motion was stopped: the operation mode is now {mode}"))
+                    .with_code(Code::Stopped)
+                    .advise(format!(
+                        "the rest of the list may start again later: `{}` clears it",
+                        hint::r6("stop")
+                    ))
+            }
             WaitError::TimedOut { after, list_length } => {
                 let left = match list_length {
                     Some(1) => ", with 1 instruction left in the list".to_owned(),
                     Some(length) => format!(", with {length} instructions left in the list"),
                     None => String::new(),
                 };
-                Self::unknown(format!("not done within {after:?}{left}; the arm may go on moving")).advise(
-                    format!(
-                        "look with `{}`, end it with `{}`; --timeout waits longer",
-                        hint::r6("status"),
-                        hint::r6("stop")
-                    ),
-                )
+                let what = format!("not done within {after:?}{left}; the arm may go on moving");
+                Self::unknown(what).with_code(Code::TimedOut).advise(format!(
+                    "look with `{}`, end it with `{}`; --timeout waits longer",
+                    hint::r6("status"),
+                    hint::r6("stop")
+                ))
             }
             WaitError::AnotherConnection => {
                 Self::unknown(&error).advise(format!("look with `{}`, then decide", hint::r6("status")))
@@ -255,7 +358,8 @@ impl From<WaitError> for Failure {
             WaitError::Motion(error) => Self::unknown(error),
             WaitError::Request(error) => Self::from(error)
                 .while_doing("the list was sent, then the state could not be read")
-                .with_exit(Exit::Unknown),
+                .with_exit(Exit::Unknown)
+                .with_code(Code::OutcomeUnknown),
         }
     }
 }

@@ -1,10 +1,12 @@
 //! Logs of the program itself, on stderr.
 
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 
 use clap::Args;
+use r6_proto::printable;
 use tracing_subscriber::EnvFilter;
 
+use crate::output;
 use crate::output::queue::LineQueue;
 
 /// How much the program tells about itself.
@@ -28,15 +30,66 @@ pub fn begin(args: &LogArgs, has_screen: bool) -> std::io::Result<LineQueue> {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
     let filter = if has_screen { EnvFilter::new("off") } else { filter };
     // A log that cannot be written is no reason to end.
-    let queue = LineQueue::start(|bytes| drop(std::io::stderr().write_all(bytes)))?;
-    let writer = queue.clone();
-    // Colours are for a terminal, and for who wants them there (https://no-color.org).
-    let unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-    let colours = std::io::stderr().is_terminal() && !unwanted;
+    let queue = LineQueue::start(|bytes| std::io::stderr().write_all(bytes))?;
+    let colours = output::has_colours(&std::io::stderr());
+    let records = Records { queue: queue.clone(), colours };
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_ansi(colours)
-        .with_writer(move || writer.clone())
+        .with_writer(move || records.clone())
         .init();
     Ok(queue)
+}
+
+/// Takes records, each of them in one piece, and makes a line of each: what a peer said in it cannot begin another one.
+#[derive(Clone, Debug)]
+struct Records {
+    queue: LineQueue,
+    /// Whether the subscriber writes colours.
+    colours: bool,
+}
+
+impl Write for Records {
+    fn write(&mut self, record: &[u8]) -> std::io::Result<usize> {
+        self.queue.write_all(&one_line(record, self.colours))?;
+        Ok(record.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// The record without control characters, but for the end of the line behind it and, where there are colours, what switches them.
+fn one_line(record: &[u8], colours: bool) -> Vec<u8> {
+    let text = String::from_utf8_lossy(record);
+    let (text, end) = text.strip_suffix('\n').map_or((&*text, ""), |text| (text, "\n"));
+    let mut pieces = text.split('\u{1b}');
+    let mut line = printable(pieces.next().unwrap_or_default()).to_string();
+    for piece in pieces {
+        line.push_str(if colours && switches_colour(piece) { "\u{1b}" } else { r"\u{1b}" });
+        line.push_str(&printable(piece).to_string());
+    }
+    line.push_str(end);
+    line.into_bytes()
+}
+
+/// Whether an escape character before this makes it a change of the colour: `[`, digits and semicolons, `m`.
+fn switches_colour(text: &str) -> bool {
+    let numbers =
+        text.strip_prefix('[').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';'));
+    numbers.is_some_and(|rest| rest.starts_with('m'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_is_one_line() {
+        let record = "\u{1b}[32mINFO\u{1b}[0m refused: no\r\nREADY\u{1b}[2J\n".as_bytes();
+        let shown = |colours| String::from_utf8(one_line(record, colours)).unwrap();
+        assert_eq!(shown(true), "\u{1b}[32mINFO\u{1b}[0m refused: no\\r\\nREADY\\u{1b}[2J\n");
+        assert!(!shown(false).contains('\u{1b}'), "{}", shown(false));
+    }
 }

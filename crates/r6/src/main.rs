@@ -14,6 +14,7 @@ mod signals;
 mod text_file;
 mod words;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::error::{ContextKind, ContextValue};
@@ -78,24 +79,68 @@ fn command_line() -> clap::Command {
 }
 
 fn main() -> ExitCode {
-    let matches = command_line().try_get_matches().unwrap_or_else(|error| without_moves(error).exit());
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    let robot_typed = is_typed(&matches, "robot");
+    if output::begin().is_err() {
+        // Nothing can be said without a thread that writes.
+        return Exit::Usage.code();
+    }
+    let (ended, as_json) = match parse() {
+        Ok((cli, matches)) => (start(cli, is_typed(&matches, "robot")), wants_json(&matches)),
+        Err(error) => (refuse(&error), asks_for_json(std::env::args_os())),
+    };
+    output::ending::conclude(ended, as_json).code()
+}
+
+/// Reads the command line.
+fn parse() -> Result<(Cli, ArgMatches), Box<clap::Error>> {
+    let matches = command_line().try_get_matches().map_err(without_moves)?;
+    Ok((Cli::from_arg_matches(&matches)?, matches))
+}
+
+/// Begins to log, and does what the command line asks for.
+fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     hint::remember(cli.robot.address(), robot_typed);
     if robot_typed && matches!(cli.subcommand, Subcommands::Panel(_)) {
-        return cmd::panel::no_robot(cli.robot.address()).report();
+        return Err(cmd::panel::no_robot(cli.robot.address()));
     }
     let has_screen = matches!(&cli.subcommand, Subcommands::Up(args) if args.has_screen());
-    let logs = match logs::begin(&cli.logs, has_screen) {
-        Ok(logs) => logs,
-        Err(error) => return Failure::usage(format!("the system gives no threads: {error}")).report(),
-    };
+    let logs = logs::begin(&cli.logs, has_screen)
+        .map_err(|error| Failure::usage(format!("the system gives no threads: {error}")))?;
     let ended = run(cli);
     logs.flush();
-    match ended {
-        Ok(exit) => exit.code(),
-        Err(failure) => failure.report(),
+    ended
+}
+
+/// What the parser has to say: help on stdout, or what is wrong with the command line.
+fn refuse(error: &clap::Error) -> Result<Exit, Failure> {
+    let text = error.render();
+    if !error.use_stderr() {
+        let text = if output::is_terminal() { text.ansi().to_string() } else { text.to_string() };
+        output::bytes(text.as_bytes());
+        return Ok(Exit::Done);
     }
+    let plain = text.to_string();
+    let is_coloured = output::has_colours(&std::io::stderr());
+    output::note_as_it_is(&if is_coloured { text.ansi().to_string() } else { plain.clone() });
+    // The first paragraph says what is wrong, the second may say what was meant; usage and a hint at the help follow.
+    let mut paragraphs =
+        plain.split("\n\n").map(|part| part.split_whitespace().collect::<Vec<_>>().join(" "));
+    let wrong = paragraphs.next().unwrap_or_default();
+    let failure = Failure::usage(wrong.strip_prefix("error: ").unwrap_or(&wrong)).said();
+    match paragraphs.next().as_deref().and_then(|part| part.strip_prefix("tip: ")) {
+        Some(tip) => Err(failure.advise(tip)),
+        None => Err(failure),
+    }
+}
+
+/// Whether stdout is for programs.
+fn wants_json(matches: &ArgMatches) -> bool {
+    let own = matches.try_get_one::<bool>("json").ok().flatten().copied().unwrap_or_default();
+    own || matches.subcommand().is_some_and(|(_, matches)| wants_json(matches))
+}
+
+/// The same of a command line that the parser refused.
+fn asks_for_json(arguments: impl Iterator<Item = OsString>) -> bool {
+    arguments.skip(1).take_while(|argument| argument != "--").any(|argument| argument == "--json")
 }
 
 /// Whether an option stands on the command line itself.
@@ -107,7 +152,7 @@ fn is_typed(matches: &ArgMatches, option: &str) -> bool {
 const MOVING: [&str; 2] = ["move", "run"];
 
 /// The same error, without the advice to type a subcommand that moves the arm.
-fn without_moves(mut error: clap::Error) -> clap::Error {
+fn without_moves(mut error: clap::Error) -> Box<clap::Error> {
     let moves = |word: &String| MOVING.contains(&word.as_str());
     match error.remove(ContextKind::SuggestedSubcommand) {
         Some(ContextValue::Strings(mut words)) => {
@@ -121,7 +166,7 @@ fn without_moves(mut error: clap::Error) -> clap::Error {
         }
         Some(_) | None => {}
     }
-    error
+    Box::new(error)
 }
 
 fn run(cli: Cli) -> Result<Exit, Failure> {

@@ -1,19 +1,64 @@
 //! What people and programs see: lines, tables, JSON.
+//!
+//! Threads write to stdout and stderr (`queue.rs`), and output that cannot be written is a value that they keep. Nothing here
+//! ends the program or panics, because a motion may be under way; `ending.rs` makes an exit code of that value.
 
 pub mod action;
 pub mod alarm;
 pub mod drawing;
+pub mod ending;
 pub mod panel;
 pub mod plot;
+pub mod problem;
 pub mod queue;
 pub mod readings;
 pub mod screen;
 pub mod status;
 pub mod table;
 
-use std::io::{IsTerminal, Write};
+use std::io::{self, IsTerminal, Write};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
+use r6_proto::printable;
 use serde::Serialize;
+
+use self::queue::{LineQueue, WhenFull};
+
+/// How long a line for one of stdout and stderr waits for the lines of the other, so that a terminal shows both in their
+/// order. Longer than a reader who reads takes, and too short to keep a stop waiting.
+const IN_ORDER_WITHIN: Duration = Duration::from_millis(50);
+
+/// Where stdout and stderr are written; there is one pair for each run of r6.
+static OUTPUT: OnceLock<Output> = OnceLock::new();
+
+struct Output {
+    out: LineQueue,
+    err: LineQueue,
+    /// Whether something left that can change the machine.
+    acts: AtomicBool,
+}
+
+/// Starts the threads that write.
+///
+/// # Errors
+/// The system gives no thread.
+pub fn begin() -> io::Result<()> {
+    let out = LineQueue::start(|bytes| {
+        let mut out = io::stdout().lock();
+        out.write_all(bytes).and_then(|()| out.flush())
+    })?;
+    let err = LineQueue::start(|bytes| io::stderr().write_all(bytes))?;
+    // The first one counts, and there is no second.
+    let _ = OUTPUT.set(Output { out, err, acts: AtomicBool::new(false) });
+    Ok(())
+}
+
+/// The queue of stdout, for lines that are dropped where nobody reads them in time.
+pub fn lines() -> LineQueue {
+    OUTPUT.get().map(|output| output.out.clone()).unwrap_or_default()
+}
 
 /// Prints one line (or several) to stdout.
 pub fn line(text: impl std::fmt::Display) {
@@ -21,33 +66,60 @@ pub fn line(text: impl std::fmt::Display) {
 }
 
 /// The text without control characters other than the end of a line: what a peer or a file says must not steer the
-/// terminal.
+/// terminal. A text of a peer is escaped before it becomes a part of a line ([`printable`]), so that it cannot end that line.
 pub fn clean(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{FFFD}' } else { c }).collect()
+    text.split('\n').map(|line| printable(line).to_string()).collect::<Vec<_>>().join("\n")
 }
 
-/// Writes to stdout and ends the program quietly where nobody reads it any more (`r6 … | head`).
+/// Writes to stdout.
 pub fn bytes(bytes: &[u8]) {
-    let mut out = std::io::stdout().lock();
-    if out.write_all(bytes).and_then(|()| out.flush()).is_err() {
-        std::process::exit(0);
-    }
+    let Some(output) = OUTPUT.get() else { return };
+    output.err.flush_within(IN_ORDER_WITHIN);
+    // Nothing that supervises an arm waits for a reader.
+    let when_full = if has_acted() { WhenFull::Exceed } else { WhenFull::Wait };
+    output.out.push(bytes.to_vec(), when_full);
 }
 
 /// Prints a value as one line of JSON.
 pub fn json(value: &impl Serialize) {
-    match serde_json::to_string(value) {
-        Ok(text) => line(text),
-        Err(error) => eprintln!("r6: this cannot be written as JSON: {error}"),
-    }
+    print_json(serde_json::to_string(value));
 }
 
 /// Prints a value as JSON over several lines.
 pub fn json_pretty(value: &impl Serialize) {
-    match serde_json::to_string_pretty(value) {
-        Ok(text) => line(text),
-        Err(error) => eprintln!("r6: this cannot be written as JSON: {error}"),
+    print_json(serde_json::to_string_pretty(value));
+}
+
+/// Prints a value as one line of JSON that other lines make up for: where many wait already, it is dropped and counted.
+pub fn passing_json(value: &impl Serialize) {
+    let Some(output) = OUTPUT.get() else { return };
+    match serde_json::to_string(value) {
+        Ok(text) => output.out.push(format!("{}\n", escaped_json(&text)).into_bytes(), WhenFull::DropJson),
+        Err(error) => note(format_args!("r6: this cannot be written as JSON: {error}")),
     }
+}
+
+fn print_json(text: serde_json::Result<String>) {
+    match text {
+        Ok(text) => bytes(format!("{}\n", escaped_json(&text)).as_bytes()),
+        Err(error) => note(format_args!("r6: this cannot be written as JSON: {error}")),
+    }
+}
+
+/// The same JSON without characters that steer a terminal. Those that JSON does not escape itself stand only inside strings, and
+/// there an escape means the same.
+fn escaped_json(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for character in text.chars() {
+        let shown = printable(character.encode_utf8(&mut [0; 4])).to_string();
+        if character == '\n' || shown.chars().eq([character]) {
+            escaped.push(character);
+        } else {
+            // All of them are in the first plane: one unit of UTF-16.
+            escaped.push_str(&format!("\\u{:04x}", u32::from(character)));
+        }
+    }
+    escaped
 }
 
 /// `1 line`, `2 lines`, `0 lines`.
@@ -62,12 +134,84 @@ pub fn lost_lines(lost: u64) -> String {
 
 /// Whether stdout is a terminal.
 pub fn is_terminal() -> bool {
-    std::io::stdout().is_terminal()
+    io::stdout().is_terminal()
+}
+
+/// Whether a stream shows colours: a terminal does, unless they are not wanted there (<https://no-color.org>).
+pub fn has_colours(stream: &impl IsTerminal) -> bool {
+    let unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    stream.is_terminal() && !unwanted
+}
+
+/// Prints a text of this program on stderr as it is laid out, colours included.
+pub fn note_as_it_is(text: &str) {
+    let Some(output) = OUTPUT.get() else { return };
+    output.err.push(text.as_bytes().to_vec(), WhenFull::Exceed);
 }
 
 /// Prints a line for the person at the terminal, on stderr, so that it never mixes with what programs read.
 pub fn note(text: impl std::fmt::Display) {
-    eprintln!("{}", clean(&text.to_string()));
+    let Some(output) = OUTPUT.get() else { return };
+    output.out.flush_within(IN_ORDER_WITHIN);
+    output.err.push(format!("{}\n", clean(&text.to_string())).into_bytes(), WhenFull::Exceed);
+}
+
+/// Writes over the present line of stderr, a terminal; not where something waits there already.
+pub fn rewrite_line(text: impl std::fmt::Display) {
+    let Some(output) = OUTPUT.get() else { return };
+    if output.err.flush_within(Duration::ZERO) {
+        output.err.push(format!("\r{text}").into_bytes(), WhenFull::Drop);
+    }
+}
+
+/// Takes what was shown on the present line of stderr away, where that is a terminal.
+pub fn clear_line() {
+    let Some(output) = OUTPUT.get() else { return };
+    if io::stderr().is_terminal() {
+        let mut escape = Vec::new();
+        let line = crossterm::terminal::Clear(crossterm::terminal::ClearType::CurrentLine);
+        // Writing to memory cannot fail.
+        let _ = crossterm::queue!(escape, line, crossterm::cursor::MoveToColumn(0));
+        output.err.push(escape, WhenFull::Exceed);
+    }
+}
+
+/// From now on something may have left that changes or moves the machine: no line waits for a reader any more, and where
+/// stdout cannot be written, the outcome is unknown to whoever reads it.
+pub fn acts() {
+    if let Some(output) = OUTPUT.get() {
+        output.acts.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Whether something may have left that changes or moves the machine.
+pub fn has_acted() -> bool {
+    OUTPUT.get().is_some_and(|output| output.acts.load(Ordering::Relaxed))
+}
+
+/// Whether everything so far is written, or on its way to a slow reader: what waits gets [`queue::FLUSH_WITHIN`] to be written.
+pub fn is_written() -> bool {
+    let Some(output) = OUTPUT.get() else { return true };
+    output.out.flush();
+    output.out.failure().is_none()
+}
+
+/// Waits until everything so far is written or cannot be written, as long as a slow reader takes.
+pub async fn settled() {
+    let Some(output) = OUTPUT.get() else { return };
+    if !output.out.flush_within(IN_ORDER_WITHIN) {
+        while !output.out.flush_within(Duration::ZERO) {
+            tokio::time::sleep(IN_ORDER_WITHIN).await;
+        }
+    }
+}
+
+/// Waits until stdout cannot be written: for ever, where it can.
+pub async fn fails() {
+    match OUTPUT.get() {
+        Some(output) => output.out.fails().await,
+        None => std::future::pending().await,
+    }
 }
 
 #[cfg(test)]
@@ -82,7 +226,18 @@ mod tests {
 
     #[test]
     fn a_peer_cannot_steer_the_terminal() {
-        assert_eq!(clean("a\u{1b}[2Jb\r\nc\u{9b}d"), "a\u{FFFD}[2Jb\u{FFFD}\nc\u{FFFD}d");
+        assert_eq!(clean("a\u{1b}[2Jb\r\nc\u{9b}d"), "a\\u{1b}[2Jb\\r\nc\\u{9b}d");
         assert_eq!(clean("模号"), "模号");
+    }
+
+    #[test]
+    fn json_means_the_same_and_steers_no_terminal() {
+        let value = serde_json::json!({ "模\u{9b}": "a\u{1b}[2J\u{202e}\r\n\u{7f}\\\"字😀" });
+        for text in [serde_json::to_string(&value), serde_json::to_string_pretty(&value)] {
+            let escaped = escaped_json(&text.unwrap());
+            assert_eq!(serde_json::from_str::<serde_json::Value>(&escaped).unwrap(), value);
+            assert_eq!(clean(&escaped), escaped);
+            assert!(escaped.contains('模') && escaped.contains('😀'), "{escaped}");
+        }
     }
 }

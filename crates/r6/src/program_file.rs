@@ -11,7 +11,7 @@ use r6_proto::message::instruction::Coordinates;
 use r6_proto::{AXES, AxisIndex, AxisMask};
 
 /// The largest program file that is read, bytes: far more than any list of instructions, and little enough for memory.
-pub const MAX_FILE_BYTES: u64 = 16 * 1024 * 1024;
+pub const MAX_FILE_BYTES: usize = 16 * 1024 * 1024;
 
 /// What a file says.
 #[derive(Debug, PartialEq)]

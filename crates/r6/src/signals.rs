@@ -1,8 +1,19 @@
-//! Ctrl-C, and the signal that ends a service.
+//! Ctrl-C, and the signals that end a service.
+
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::exit::Failure;
 
-/// The signals that end a program. From the moment it is made they no longer kill it: make it before anything that has
+/// Whether one of the signals came.
+static ASKED: AtomicBool = AtomicBool::new(false);
+
+/// Whether a signal has asked this run to end.
+pub fn asked_to_end() -> bool {
+    ASKED.load(Ordering::Relaxed)
+}
+
+/// The signals that end a program: interrupt, terminate, and hangup (the terminal is gone), unless the program was started to
+/// survive that one (`nohup`). From the moment it is made they no longer kill it: make it before anything that has
 /// to be ended in order, and before telling anybody that it can be ended.
 #[derive(Debug)]
 pub struct Ending {
@@ -10,6 +21,8 @@ pub struct Ending {
     interrupt: tokio::signal::unix::Signal,
     #[cfg(unix)]
     terminate: tokio::signal::unix::Signal,
+    #[cfg(unix)]
+    hangup: Option<tokio::signal::unix::Signal>,
 }
 
 impl Ending {
@@ -18,9 +31,11 @@ impl Ending {
     pub fn watch() -> Result<Self, Failure> {
         use tokio::signal::unix::{SignalKind, signal};
         let failed = |error: std::io::Error| Failure::usage(format!("the system gives no signals: {error}"));
+        let hangup = if hangup_is_ignored() { None } else { Some(SignalKind::hangup()) };
         Ok(Self {
             interrupt: signal(SignalKind::interrupt()).map_err(failed)?,
             terminate: signal(SignalKind::terminate()).map_err(failed)?,
+            hangup: hangup.map(signal).transpose().map_err(failed)?,
         })
     }
 
@@ -33,10 +48,18 @@ impl Ending {
     /// Waits for one of them.
     #[cfg(unix)]
     pub async fn signalled(&mut self) {
+        let hangup = async {
+            match &mut self.hangup {
+                Some(hangup) => hangup.recv().await,
+                None => std::future::pending().await,
+            }
+        };
         tokio::select! {
             _ = self.interrupt.recv() => {}
             _ = self.terminate.recv() => {}
+            _ = hangup => {}
         }
+        ASKED.store(true, Ordering::Relaxed);
     }
 
     /// Waits for one of them.
@@ -45,5 +68,31 @@ impl Ending {
         if tokio::signal::ctrl_c().await.is_err() {
             std::future::pending::<()>().await;
         }
+        ASKED.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Whether this program was started with hangups ignored, as Linux tells it; elsewhere it counts as not.
+#[cfg(unix)]
+fn hangup_is_ignored() -> bool {
+    std::fs::read_to_string("/proc/self/status").is_ok_and(|status| ignores_hangup(&status))
+}
+
+/// Whether bit 0 of `SigIgn` (signal 1, SIGHUP) is set in the text of `/proc/self/status`.
+#[cfg(unix)]
+fn ignores_hangup(status: &str) -> bool {
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 == 1)
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hangup_that_the_caller_ignores_stays_ignored() {
+        assert!(ignores_hangup("Name:\tr6\nSigIgn:\t0000000000001001\nSigCgt:\t0000000000000000\n"));
+        assert!(!ignores_hangup("Name:\tr6\nSigIgn:\t0000000000001000\nSigCgt:\t0000000000000001\n"));
+        assert!(!ignores_hangup(""));
     }
 }

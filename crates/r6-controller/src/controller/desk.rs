@@ -158,16 +158,19 @@ impl<'c> Desk<'c> {
         ));
     }
 
-    /// Lets `write` append a reply, unless the request had no type (manual 5.2, 6: no reply without it).
+    /// Lets `write` append a reply, unless the request had no type (manual 5.2, 6: no reply without it). Then the log says so, and
+    /// with `done` that the request was carried out all the same.
     fn reply(
         &mut self,
         header: &Header<'_>,
         request: RequestType,
+        done: bool,
         outbox: &mut Outbox,
         write: impl FnOnce(&ReplyWriter<'_>, &Machine, &mut Vec<u8>),
     ) {
         if header.type_word.is_none() {
-            self.warn(format!("{request} without `reqType`: carried out, not answered"));
+            let what = if done { "carried out, not answered" } else { "not answered" };
+            self.warn(format!("{request} without `reqType`: {what}"));
             return;
         }
         let writer = ReplyWriter::new(self.machine.profile.dialect, *header, request);
@@ -190,12 +193,16 @@ impl<'c> Desk<'c> {
         verdict: Verdict<'_>,
         outbox: &mut Outbox,
     ) {
-        self.reply(header, request, outbox, |writer, _, out| writer.verdict(word, verdict, out));
+        let done = match &verdict {
+            Verdict::Ok | Verdict::Points(_) => !self.strikes.not_executed,
+            Verdict::Err(_) | Verdict::BareErr => false,
+        };
+        self.reply(header, request, done, outbox, |writer, _, out| writer.verdict(word, verdict, out));
     }
 
     fn query(&mut self, header: &Header<'_>, query: &Query<'_>, outbox: &mut Outbox) {
         let mut known = 0;
-        self.reply(header, RequestType::Query, outbox, |writer, machine, out| {
+        self.reply(header, RequestType::Query, false, outbox, |writer, machine, out| {
             let answers = Answers::of(machine);
             writer.query(query.addresses, out, |data| {
                 for address in query.resolved().filter_map(|(_, address)| address.ok()) {
@@ -218,10 +225,9 @@ impl<'c> Desk<'c> {
         let done = if self.strikes.not_executed { Ok(()) } else { self.machine.execute(words) };
         match done {
             Ok(()) => {
-                let arguments = words.arguments();
-                let text =
-                    if arguments.is_empty() { word.to_string() } else { format!("{word} {arguments:?}") };
-                self.info(text + self.not_done());
+                let arguments = words.arguments().iter().map(|argument| argument.text());
+                let said: Vec<_> = std::iter::once(word.clone()).chain(arguments).collect();
+                self.info(said.join(" ") + self.not_done());
                 self.verdict(header, RequestType::Command, &word, Verdict::Ok, outbox);
             }
             Err(reason) => {
@@ -414,7 +420,7 @@ impl<'c> Desk<'c> {
             RequestType::Command => {
                 self.verdict(header, RequestType::Command, "", Verdict::Err(&reason), outbox);
             }
-            RequestType::Query => self.reply(header, RequestType::Query, outbox, |writer, _, out| {
+            RequestType::Query => self.reply(header, RequestType::Query, false, outbox, |writer, _, out| {
                 writer.query(r6_proto::value::Values::EMPTY, out, |_| {});
             }),
             RequestType::Heartbreak | RequestType::Photo => {}

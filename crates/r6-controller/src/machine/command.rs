@@ -87,7 +87,8 @@ impl Machine {
                 self.tools.insert(number, Placed { offset: *offset, frame });
             }
             Command::SwitchCoordinate { workbench } => self.bench = frame_number(*workbench)?,
-            Command::ClearAlarm => self.clear_alarm()?,
+            // What the arguments of the newest manual do besides is not known (reported, unit B): they are taken, and do nothing more.
+            Command::ClearAlarm | Command::ClearAlarmWith { .. } => self.clear_alarm()?,
         }
         Ok(())
     }

@@ -113,6 +113,11 @@ pub(super) fn path_speed(step: &PathSpeed) -> Result<Option<f64>, (u32, String)>
     match (step.in_use, step.speed) {
         (false, _) => Ok(None),
         (true, Some(speed)) if speed >= 1.0 && speed.fract() == 0.0 => Ok(Some(speed)),
-        (true, speed) => Err((219, format!("the path speed {speed:?} is no whole number of mm/s from 1"))),
+        (true, Some(speed)) => {
+            Err((219, format!("the path speed {speed} is no whole number of mm/s from 1")))
+        }
+        (true, None) => {
+            Err((219, "the path speed is missing: it is a whole number of mm/s from 1".to_owned()))
+        }
     }
 }

@@ -10,6 +10,7 @@ use crate::encode::{Decimals, write_fixed, write_integer};
 use crate::error::{EncodeError, FieldError};
 use crate::grid::Grid;
 use crate::message::fields::excerpt;
+use crate::printable::printable;
 use crate::spelling;
 use crate::text;
 use crate::value::{Value, Values};
@@ -40,10 +41,16 @@ pub struct ArgumentInfo {
     pub name: &'static str,
     /// Its meaning and unit, as a person types it and as the wire has it.
     pub meaning: &'static str,
+    /// Whether it can be left out. The optional arguments of a command are given all together, or not at all.
+    pub optional: bool,
 }
 
 const fn argument(name: &'static str, meaning: &'static str) -> ArgumentInfo {
-    ArgumentInfo { name, meaning }
+    ArgumentInfo { name, meaning, optional: false }
+}
+
+const fn optional(name: &'static str, meaning: &'static str) -> ArgumentInfo {
+    ArgumentInfo { name, meaning, optional: true }
 }
 
 /// The name of a command: the 18 of manual 4.2.1 in its order, then `clearAlarm`.
@@ -101,7 +108,7 @@ pub const COMMANDS: [CommandInfo; 19] = {
         row("switchTool", &[argument("tool", "number of the tool")], "switches to another tool", Both, "V6.0", "4.2.1 #16"),
         row("modifyTool", &[argument("tool", "number of the tool"), argument("x", "mm; the wire has mm x 1000"), argument("y", "mm"), argument("z", "mm"), argument("rx", "degrees; the wire has degrees x 1000"), argument("ry", "degrees"), argument("rz", "degrees")], "changes a tool", Both, "V6.0", "4.2.1 #17"),
         row("switchCoordinate", &[argument("workbench", "number of the workbench")], "switches to another workbench", Both, "V6.0", "4.2.1 #18"),
-        row("clearAlarm", &[], "resets and clears the alarm", Both, "207beta57", "later manual"),
+        row("clearAlarm", &[optional("first_line", "1: the program goes to its first line (newest manual)"), optional("only_alarm", "1: only the alarm is cleared (newest manual)")], "resets and clears the alarm", Both, "207beta57", "later manual"),
     ];
     table
 };
@@ -222,7 +229,7 @@ impl fmt::Display for CommandError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::UnknownCommand { word, nearest } => {
-                write!(f, "unknown command `{word}`")?;
+                write!(f, "unknown command `{}`", printable(word))?;
                 match nearest {
                     None => Ok(()),
                     Some(near) => write!(f, "; nearest: `{near}`"),
@@ -333,6 +340,13 @@ pub enum Command<'a> {
     },
     /// Resets and clears the alarm.
     ClearAlarm,
+    /// Clears the alarm with the two arguments of the newest manual (V1.4; reported, unit B). Older firmware has no arguments.
+    ClearAlarmWith {
+        /// Whether the program goes to its first line.
+        first_line: bool,
+        /// Whether only the alarm is cleared. What else the controller resets without it is not known.
+        only_alarm: bool,
+    },
 }
 
 const NUMBER: &str = "a number from 0";
@@ -453,7 +467,7 @@ impl<'a> Command<'a> {
                 }
             }
             CommandName::SwitchCoordinate => Self::SwitchCoordinate { workbench: arguments.number(0)? },
-            CommandName::ClearAlarm => Self::ClearAlarm,
+            CommandName::ClearAlarm => Self::read_clear_alarm(&arguments),
         })
     }
 
@@ -470,6 +484,16 @@ impl<'a> Command<'a> {
             .map(|n| arguments.read(n + 3, WHOLE, |value| value.integer()))
             .collect::<Result<_, _>>()?;
         Ok(Self::RewriteDataList { first, savable, values })
+    }
+
+    /// The two arguments of the newest manual; any others are ignored, because clients send some that no manual has (unit H
+    /// sends `"0"`).
+    fn read_clear_alarm(arguments: &Arguments<'a>) -> Self {
+        let flag = |index| arguments.values.at(index).and_then(|value| value.flag());
+        match (arguments.values.len(), flag(0), flag(1)) {
+            (2, Some(first_line), Some(only_alarm)) => Self::ClearAlarmWith { first_line, only_alarm },
+            _ => Self::ClearAlarm,
+        }
     }
 
     /// The command's name.
@@ -494,7 +518,7 @@ impl<'a> Command<'a> {
             Self::SwitchTool { .. } => CommandName::SwitchTool,
             Self::ModifyTool { .. } => CommandName::ModifyTool,
             Self::SwitchCoordinate { .. } => CommandName::SwitchCoordinate,
-            Self::ClearAlarm => CommandName::ClearAlarm,
+            Self::ClearAlarm | Self::ClearAlarmWith { .. } => CommandName::ClearAlarm,
         }
     }
 
@@ -583,8 +607,27 @@ impl<'a> Command<'a> {
                 }
             }
             Self::SwitchCoordinate { workbench } => integers(out, [i64::from(*workbench)]),
+            Self::ClearAlarmWith { first_line, only_alarm } => {
+                integers(out, [flag(first_line), flag(only_alarm)]);
+            }
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for Command<'_> {
+    /// The word and the arguments as the wire has them, such as `modifyOutput "0","5","1"`. Arguments that cannot be sent are left
+    /// out.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name().word())?;
+        let mut arguments = Vec::new();
+        match self.encode_arguments(&mut arguments) {
+            Ok(()) => match String::from_utf8_lossy(&arguments).strip_prefix(',') {
+                Some(arguments) => write!(f, " {}", printable(arguments)),
+                None => Ok(()),
+            },
+            Err(_) => Ok(()),
+        }
     }
 }
 
@@ -619,6 +662,20 @@ fn fixed(out: &mut Vec<u8>, field: &'static str, value: f64) -> Result<(), Encod
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_command_is_shown_as_the_wire_has_it() {
+        for (command, shown) in [
+            (Command::ActionStop, "actionStop"),
+            (Command::ModifyGspd { percent: 5.0 }, r#"modifyGSPD "50""#),
+            (Command::ModifyGspd { percent: 500.0 }, "modifyGSPD"),
+            (Command::ModifyOutput { board: 0, point: 5, on: true }, r#"modifyOutput "0","5","1""#),
+            (Command::ClearAlarmWith { first_line: true, only_alarm: false }, r#"clearAlarm "1","0""#),
+            (Command::SwitchMold { mold: "a\nb\u{9b}".into() }, r#"switchMold "a\nb\u{9b}""#),
+        ] {
+            assert_eq!(command.to_string(), shown);
+        }
+    }
 
     #[test]
     fn every_name_has_its_own_row() {

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::printable::printable;
 use crate::value::{Node, Value};
 
 /// Where in a frame something stands.
@@ -88,7 +89,7 @@ impl Extra<'_> {
 
 impl fmt::Display for Extra<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: `{}`: {}", self.place, self.key.text(), self.kind)?;
+        write!(f, "{}: `{}`: {}", self.place, printable(&self.key.text()), self.kind)?;
         match self.nearest() {
             None => Ok(()),
             Some(near) => write!(f, "; nearest: `{near}`"),

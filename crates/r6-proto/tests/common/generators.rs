@@ -128,6 +128,8 @@ pub fn command() -> impl Strategy<Value = Command<'static>> {
             Some(Command::ModifyTool { tool, offset: offset.try_into().ok()? })
         }),
         any::<u32>().prop_map(|workbench| Command::SwitchCoordinate { workbench }),
+        any::<[bool; 2]>()
+            .prop_map(|[first_line, only_alarm]| Command::ClearAlarmWith { first_line, only_alarm }),
     ]
 }
 

@@ -669,6 +669,9 @@ class Command:
     @staticmethod
     def clear_alarm() -> Command:
         """Resets and clears the alarm (207beta57)."""
+    @staticmethod
+    def clear_alarm_with(*, first_line: bool, only_alarm: bool) -> Command:
+        """Clears the alarm as the newest manual has it: whether the program goes to its first line, and whether only the alarm is cleared."""
     @property
     def word(self) -> str:
         """The word on the wire."""

@@ -5,6 +5,7 @@ use r6_proto::alarm::AlarmCode;
 
 use crate::exit::{Exit, Failure};
 use crate::output;
+use crate::output::problem::{self, Code};
 
 /// Say what alarm codes mean, which axis they name, and what to do
 #[derive(Debug, Args)]
@@ -37,14 +38,19 @@ pub fn run(args: &AlarmArgs) -> Result<Exit, Failure> {
         let list: Vec<_> = alarms
             .iter()
             .map(|alarm| {
-                serde_json::json!({
+                let mut entry = serde_json::json!({
                     "code": alarm.code.0,
                     "text": alarm.text,
                     "axis": alarm.axis.map(|axis| axis.to_string()),
                     "remedy": alarm.remedy,
                     "known": alarm.known,
                     "seen_live": alarm.seen_live,
-                })
+                });
+                if !alarm.known {
+                    let what = format!("alarm {} is not in the table", alarm.code.0);
+                    entry["problem"] = problem::object(&Failure::refused(what).with_code(Code::NoValue));
+                }
+                entry
             })
             .collect();
         output::json_pretty(&list);

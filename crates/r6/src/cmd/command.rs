@@ -5,11 +5,12 @@ mod said;
 
 use clap::Args;
 use r6_client::Robot;
-use r6_proto::message::command::{COMMANDS, CommandInfo};
+use r6_proto::message::command::{ArgumentInfo, COMMANDS, CommandInfo};
 use r6_proto::{Address, CommandName};
 
 use crate::exit::{Exit, Failure};
 use crate::hint;
+use crate::output::problem::Code;
 use crate::output::{self, table::Table};
 use crate::robot::RobotArgs;
 use crate::words::CommandWord;
@@ -33,7 +34,8 @@ Examples:
   r6 command modifyOutput 0 3 1              … or by board and point, counted from 0: the same
   r6 command rewriteData 800 -300000 0       register 800, not kept over a power cut
   r6 command modifyCounter 0 -1 20           target of counter 0; -1 keeps its count
-  r6 command clearAlarm"
+  r6 command clearAlarm
+  r6 command clearAlarm 1 1                  as the newest manual has it: to the first line, only the alarm"
 )]
 pub struct CommandArgs {
     /// Name of the command
@@ -70,6 +72,7 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
             let (means, wire) = (said::words(&command), said::on_the_wire(&command));
             let scaled = said::is_scaled(&command);
             let accepted = robot.command(command).await?;
+            output::acts();
             let milliseconds = output::readings::milliseconds(accepted.after);
             if args.json {
                 output::json(&serde_json::json!({
@@ -113,6 +116,7 @@ async fn check_list(robot: &Robot, name: CommandName) -> Result<(), Failure> {
     Err(Failure::refused(format!(
         "{name} was not sent: {left} left in the list, and the arm would run the list"
     ))
+    .with_code(Code::LeftoverList)
     .advise(format!("`{}` clears the list; --run-leftover runs it", hint::r6("stop"))))
 }
 
@@ -138,9 +142,15 @@ fn usage(info: &CommandInfo) -> String {
 
 fn pattern(info: &CommandInfo) -> String {
     let mut pattern = info.word.to_owned();
-    for argument in info.arguments {
+    let (needed, optional): (Vec<&ArgumentInfo>, Vec<_>) =
+        info.arguments.iter().partition(|argument| !argument.optional);
+    for argument in needed {
         pattern.push(' ');
         pattern.push_str(&argument.name.to_uppercase());
+    }
+    if !optional.is_empty() {
+        let names: Vec<_> = optional.iter().map(|argument| argument.name.to_uppercase()).collect();
+        pattern.push_str(&format!(" [{}]", names.join(" ")));
     }
     if info.word == CommandName::RewriteDataList.word() {
         pattern.push('…');
@@ -159,7 +169,10 @@ fn list(json: bool) {
                 let arguments: Vec<_> = row
                     .arguments
                     .iter()
-                    .map(|argument| serde_json::json!({ "name": argument.name, "meaning": argument.meaning }))
+                    .map(|argument| {
+                        let (name, meaning, optional) = (argument.name, argument.meaning, argument.optional);
+                        serde_json::json!({ "name": name, "meaning": meaning, "optional": optional })
+                    })
                     .collect();
                 serde_json::json!({
                     "word": row.word, "arguments": arguments, "meaning": row.meaning, "since": row.since,

@@ -1,11 +1,12 @@
 //! `r6 discover`: who answers at the addresses that are named.
 
 use clap::Args;
-use r6_client::{Discovered, Identity, discover};
+use r6_client::{Discovered, Identity, RequestError, check_address, discover};
+use r6_proto::printable;
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
-use crate::output;
+use crate::output::{self, problem};
 use crate::robot;
 
 /// More addresses than a cell has; a network is not scanned.
@@ -21,7 +22,8 @@ order. There is no scan of a network, on purpose: controllers have very few conn
 that is left half open can block their port. The port is 9760 where none is given; others were \
 seen on 9700, 502, 503, 3388 and 8888.
 
-The exit code is 0 if a controller answers at each address, else 3.
+The exit code is 0 if a controller answers at each address, else 3; it is 2 if one of them is no \
+address, and nobody was asked.
 
 Examples:
   r6 discover 192.168.1.10 192.168.1.11
@@ -39,6 +41,9 @@ pub struct DiscoverArgs {
 /// Asks all of them and prints who answered.
 pub async fn run(args: DiscoverArgs) -> Result<Exit, Failure> {
     let addresses: Vec<_> = args.addresses.iter().map(String::as_str).collect();
+    for address in &addresses {
+        check_address(address).map_err(RequestError::from)?;
+    }
     let found = discover(&addresses, &robot::settings()).await;
     let silent = found.iter().filter(|found| found.who.is_err()).count();
     if args.json {
@@ -46,14 +51,15 @@ pub async fn run(args: DiscoverArgs) -> Result<Exit, Failure> {
     } else {
         for Discovered { address, who } in &found {
             match who {
-                Ok(identity) => output::line(format_args!("{address}: {identity}")),
-                Err(error) => output::line(format_args!("{address}: {error}")),
+                Ok(identity) => output::line(format_args!("{}: {identity}", printable(address))),
+                Err(error) => output::line(format_args!("{}: {error}", printable(address))),
             }
         }
     }
     if silent > 0 {
         let asked = found.len();
-        return Err(Failure::no_reply(format!("no controller answered at {silent} of {asked}")));
+        // Each of those that are silent has its problem in the array.
+        return Err(Failure::no_reply(format!("no controller answered at {silent} of {asked}")).told());
     }
     Ok(Exit::Done)
 }
@@ -63,6 +69,9 @@ fn as_json(Discovered { address, who }: &Discovered) -> Value {
         Ok(Identity { firmware, machine_name, axis_count }) => json!({
             "robot": address, "firmware": firmware, "machine_name": machine_name, "axis_count": axis_count,
         }),
-        Err(error) => json!({ "robot": address, "error": error.to_string() }),
+        Err(error) => {
+            let problem = problem::object(&Failure::from(error.clone()));
+            json!({ "robot": address, "error": error.to_string(), "problem": problem })
+        }
     }
 }

@@ -8,12 +8,14 @@ use std::io::Read;
 use std::path::PathBuf;
 
 use clap::Args;
+use r6_proto::printable;
 use serde_json::{Value, json};
 
 use crate::cmd::inspect::finding::{Finding, Judge};
 use crate::cmd::inspect::source::{At, Piece, Pieces};
 use crate::exit::{Exit, Failure};
 use crate::output;
+use crate::output::problem::{self, Code};
 
 /// The largest input that is read into memory: hours of traffic.
 const MAX_INPUT_BYTES: u64 = 256 * 1024 * 1024;
@@ -70,8 +72,10 @@ fn read(file: &PathBuf) -> Result<Vec<u8>, Failure> {
     };
     source.take(MAX_INPUT_BYTES + 1).read_to_end(&mut input).map_err(unreadable)?;
     if u64::try_from(input.len()).unwrap_or(u64::MAX) > MAX_INPUT_BYTES {
-        return Err(Failure::usage(format!("{name} has more than {MAX_INPUT_BYTES} bytes"))
-            .advise("cut the capture into parts"));
+        return Err(Failure::usage(format!(
+            "{name} has more than {MAX_INPUT_BYTES} bytes: a capture is read into memory as a whole"
+        ))
+        .advise("cut the capture into parts"));
     }
     Ok(input)
 }
@@ -127,14 +131,16 @@ impl Report {
             let Finding { direction, kind, summary, problems, notes } = finding;
             let colon = if summary.is_empty() { "" } else { ": " };
             output::line(format_args!(
-                "#{number} line {} offset {}  {direction}  {kind}{colon}{summary}",
-                at.line, at.offset
+                "#{number} line {} offset {}  {direction}  {kind}{colon}{}",
+                at.line,
+                at.offset,
+                printable(summary)
             ));
             for problem in problems {
-                output::line(format_args!("    problem: {problem}"));
+                output::line(format_args!("    problem: {}", printable(problem)));
             }
             for note in notes {
-                output::line(format_args!("    note: {note}"));
+                output::line(format_args!("    note: {}", printable(note)));
             }
         }
         output::line(self.summary());
@@ -172,12 +178,17 @@ impl Report {
                 })
             })
             .collect();
-        json!({
+        let mut report = json!({
             "frames": frames,
             "frame_count": self.frames.len(),
             "counts": self.counts(),
             "problem_count": self.problems(),
             "other_bytes": self.other_bytes,
-        })
+        });
+        if self.problems() > 0 {
+            let failure = Failure::refused(self.summary()).with_code(Code::ProblemsFound);
+            report["problem"] = problem::object(&failure);
+        }
+        report
     }
 }

@@ -15,7 +15,6 @@ use r6_client::{Envelope, Motion, Robot, RunOptions, Unmet};
 
 use crate::cmd::job::ended::Ended;
 use crate::cmd::job::guard::GuardArgs;
-pub use crate::cmd::job::progress::clear_progress;
 use crate::exit::{Exit, Failure};
 use crate::hint;
 use crate::output::{self, status};
@@ -35,7 +34,8 @@ pub struct JobArgs {
     /// How long --wait waits at most; nothing more is sent then [default: to the end; with --append 60s]
     #[arg(long, value_name = "TIME", value_parser = units::duration, requires = "wait")]
     timeout: Option<Duration>,
-    /// Stop the arm, verified, and clear its list on Ctrl-C or after --timeout; else it finishes its list
+    /// Stop the arm, verified, and clear its list on Ctrl-C, after --timeout, or if stdout cannot be written; else it
+    /// finishes its list
     #[arg(long)]
     stop_on_interrupt: bool,
     #[command(flatten)]
@@ -76,13 +76,7 @@ pub async fn carry_out(
     options: RunOptions,
     robot: &RobotArgs,
 ) -> Result<Exit, Failure> {
-    let result = attempt(args, batches, options, robot).await;
-    if args.json
-        && let Err(ended) = &result
-    {
-        output::json(&events::failed(ended));
-    }
-    result.map_err(|ended| ended.failure)
+    attempt(args, batches, options, robot).await.map_err(events::failed)
 }
 
 async fn attempt(
@@ -126,12 +120,19 @@ fn print_motion(motion: &Motion, envelope: Option<&Envelope>, options: RunOption
 }
 
 /// Says what is not met, and that nothing was sent.
-fn not_ready(robot: &Robot, unmet: &[Unmet], json: bool) -> Exit {
-    if json {
-        output::json(&events::not_sent(robot.address(), unmet));
-    }
+fn not_ready(robot: &Robot, unmet: &[Unmet]) -> Ended {
     output::note(format_args!("r6: nothing was sent. {}", status::not_ready(unmet)));
-    Exit::Refused
+    events::not_sent(robot.address(), unmet).into()
+}
+
+/// Waits until stdout cannot be written, where the arm has to be stopped then: for ever, where it has not.
+async fn untold(args: &JobArgs) {
+    if args.stop_on_interrupt { output::fails().await } else { std::future::pending().await }
+}
+
+/// Whether the arm has to be stopped because what was said last could not be written.
+fn is_untold(args: &JobArgs) -> bool {
+    args.stop_on_interrupt && !output::is_written()
 }
 
 /// How to go on from here.

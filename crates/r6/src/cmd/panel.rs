@@ -8,9 +8,12 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 use r6_proto::AxisIndex;
 use r6_proto::io_point::{IoPoint, PointKind};
-use r6_sim::panel::{ActionDto, ButtonDto, KeyDto};
+use r6_sim::panel::{ActionDto, ButtonDto, KeyDto, SnapshotDto};
+use serde::Serialize;
+use serde_json::Value;
 
 use crate::exit::{Exit, Failure};
+use crate::output::problem::{self, Code};
 use crate::output::{self, alarm, panel};
 use crate::units;
 use http::Panel;
@@ -181,26 +184,38 @@ pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
     let looks = matches!(args.what, What::Status);
     let state = match args.what.wish()? {
         Wish::Look => panel.state(args.controller).await?,
-        Wish::Act(action) => panel.act(args.controller, &action).await?,
+        Wish::Act(action) => panel.act(args.controller, &action).await.inspect(|_| output::acts())?,
         Wish::Load { file, name, text } => panel
             .load(args.controller, &name, text)
             .await
+            .inspect(|_| output::acts())
             .map_err(|failure| failure.while_doing(file.display()))?,
     };
+    // A start is refused while there is an alarm: this one is new.
+    let alarmed = (starts && state.alarm != 0).then(|| {
+        let code = i64::from(state.alarm);
+        Failure::refused(format!("the program ended at once with alarm {}", alarm::short(code)))
+            .with_code(Code::Alarm)
+            .advise(alarm::advice(code))
+            .told()
+    });
     if args.json {
-        output::json_pretty(&state);
+        output::json_pretty(&Seen { state: &state, problem: alarmed.as_ref().map(problem::object) });
     } else if looks {
         output::line(panel::text(&state));
     } else {
         output::line(panel::summary(&state));
     }
-    // A start is refused while there is an alarm: this one is new.
-    if starts && state.alarm != 0 {
-        let code = i64::from(state.alarm);
-        return Err(Failure::refused(format!("the program ended at once with alarm {}", alarm::short(code)))
-            .advise(alarm::advice(code)));
-    }
-    Ok(Exit::Done)
+    alarmed.map_or(Ok(Exit::Done), Err)
+}
+
+/// The state of a machine, and what went wrong with it.
+#[derive(Serialize)]
+struct Seen<'s> {
+    #[serde(flatten)]
+    state: &'s SnapshotDto,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    problem: Option<Value>,
 }
 
 /// `--robot` names a port of the protocol: a panel has another address, and another machine may be behind the usual one.

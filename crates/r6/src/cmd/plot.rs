@@ -3,7 +3,7 @@
 mod inputs;
 mod playback;
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -17,6 +17,7 @@ use crate::cmd::run;
 use crate::cmd::{job, sim};
 use crate::exit::{Exit, Failure};
 use crate::output::drawing::{self, Picture};
+use crate::output::problem::{self, Code};
 use crate::output::{self, plot};
 use crate::recording::Recording;
 use crate::units;
@@ -126,11 +127,11 @@ pub fn run(args: PlotArgs) -> Result<Exit, Failure> {
         std::fs::write(&out, &picture)
             .map_err(|error| Failure::usage(format!("{} cannot be written: {error}", out.display())))?;
     }
-    report(&args, &recording, &instructions, &out);
-    match trouble {
-        None => Ok(Exit::Done),
-        Some(trouble) => Err(Failure::refused(trouble).advise(advice(&recording))),
-    }
+    let failure = trouble.map(|trouble| {
+        Failure::refused(trouble).with_code(Code::NotFinished).advise(advice(&recording)).told()
+    });
+    report(&args, &recording, &instructions, &out, failure.as_ref());
+    failure.map_or(Ok(Exit::Done), Err)
 }
 
 /// Whether both names lead to one file that is there.
@@ -172,7 +173,13 @@ fn draw(args: &PlotArgs, recording: &Recording, trouble: Option<&str>) -> String
     })
 }
 
-fn report(args: &PlotArgs, recording: &Recording, instructions: &[Instruction], out: &Path) {
+fn report(
+    args: &PlotArgs,
+    recording: &Recording,
+    instructions: &[Instruction],
+    out: &Path,
+    failure: Option<&Failure>,
+) {
     let to_stdout = out == Path::new("-");
     if args.json {
         let mut figures = plot::json(recording, &args.model, instructions);
@@ -180,6 +187,7 @@ fn report(args: &PlotArgs, recording: &Recording, instructions: &[Instruction], 
             figures.insert("profile".to_owned(), args.profile.name.as_str().into());
             figures.insert("global_speed_percent".to_owned(), args.global_speed.into());
             figures.insert("picture".to_owned(), out.display().to_string().into());
+            figures.extend(failure.map(|failure| ("problem".to_owned(), problem::object(failure))));
         }
         output::json(&figures);
         return;
@@ -225,8 +233,7 @@ impl Progress {
     fn show(&mut self, seconds: f64) {
         let now = Instant::now();
         if self.next.is_some_and(|next| next <= now) {
-            eprint!("\r{seconds:.1} s of the program");
-            let _ = std::io::stderr().flush();
+            output::rewrite_line(format_args!("{seconds:.1} s of the program"));
             self.next = Some(now + PROGRESS_INTERVAL);
             self.shown = true;
         }
@@ -234,7 +241,7 @@ impl Progress {
 
     fn clear(&self) {
         if self.shown {
-            job::clear_progress();
+            output::clear_line();
         }
     }
 }

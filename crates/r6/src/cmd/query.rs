@@ -1,7 +1,7 @@
 //! `r6 query`: reads values once.
 
 use clap::Args;
-use r6_client::NoReading;
+use r6_client::QueryResult;
 use r6_proto::{ADDRESSES, Address};
 
 use crate::exit::{Exit, Failure};
@@ -49,19 +49,19 @@ pub async fn run(args: QueryArgs, robot: RobotArgs) -> Result<Exit, Failure> {
             } else {
                 output::line(readings::table(&result));
             }
-            Ok(report_missing(&result))
+            Ok(report_missing(&result, &[]))
         })
         .await
 }
 
-/// Says on stderr which addresses have no value and why.
-fn report_missing(result: &r6_client::QueryResult) -> Exit {
+/// Says on stderr which addresses have no value and why, but for those of which it was `said`; and how a run ends that reads
+/// only this.
+pub fn report_missing(result: &QueryResult, said: &[Address]) -> Exit {
     let mut exit = Exit::Done;
     for (address, error) in readings::problems(result) {
         exit = Exit::Refused;
-        match error {
-            NoReading::Unsupported => output::note(format_args!("r6: {address}: {error}")),
-            NoReading::Unreadable(_) => output::note(format_args!("r6: {error}")),
+        if !said.contains(&address) {
+            output::note(format_args!("r6: {}", readings::problem_text(address, error)));
         }
     }
     exit

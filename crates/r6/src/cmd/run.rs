@@ -1,6 +1,5 @@
 //! `r6 run`: sends the instructions of a file.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -11,6 +10,7 @@ use crate::cmd::job::{self, JobArgs};
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::robot::RobotArgs;
+use crate::text_file;
 
 /// As [`RunOptions::room`] has it.
 const USUAL_ROOM: u16 = 24;
@@ -142,12 +142,14 @@ pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
 /// It cannot be read, or is wrong: where, and what.
 pub fn read(file: &Path) -> Result<ProgramFile, Failure> {
     let name = name(file);
-    let text = if is_stdin(file) { read_stdin()? } else { read_text(file)? };
-    let program = match file.extension().and_then(|extension| extension.to_str()) {
-        _ if is_stdin(file) && begins_as_json(&text) => ProgramFile::from_json(&text),
-        _ if is_stdin(file) => ProgramFile::from_toml(&text),
-        Some("json") => ProgramFile::from_json(&text),
-        Some("toml") => ProgramFile::from_toml(&text),
+    let extension = file.extension().and_then(|extension| extension.to_str());
+    let program = match extension {
+        _ if is_stdin(file) => {
+            let text = read_text(file)?;
+            if begins_as_json(&text) { ProgramFile::from_json(&text) } else { ProgramFile::from_toml(&text) }
+        }
+        Some("json") => ProgramFile::from_json(&read_text(file)?),
+        Some("toml") => ProgramFile::from_toml(&read_text(file)?),
         Some(_) | None => {
             return Err(Failure::usage(format!("{name}: a program ends in .json or .toml")));
         }
@@ -174,26 +176,13 @@ fn begins_as_json(text: &str) -> bool {
     text.starts_with('{') || text.starts_with("//")
 }
 
-fn read_stdin() -> Result<String, Failure> {
-    let mut text = String::new();
-    let read = std::io::stdin().lock().take(MAX_FILE_BYTES + 1).read_to_string(&mut text);
-    let length = read.map_err(|error| Failure::usage(format!("stdin cannot be read: {error}")))?;
-    if u64::try_from(length).is_ok_and(|length| length > MAX_FILE_BYTES) {
-        return Err(Failure::usage(format!("stdin has more than the {MAX_FILE_BYTES} bytes of a program")));
-    }
-    Ok(text)
-}
-
 fn read_text(file: &Path) -> Result<String, Failure> {
-    let name = file.display();
-    let unreadable = |error: std::io::Error| Failure::usage(format!("{name} cannot be read: {error}"));
-    let length = std::fs::metadata(file).map_err(unreadable)?.len();
-    if length > MAX_FILE_BYTES {
-        return Err(Failure::usage(format!(
-            "{name} has {length} bytes; a program has at most {MAX_FILE_BYTES}"
-        )));
+    if is_stdin(file) {
+        let text = text_file::read_from(std::io::stdin().lock(), "stdin", "a program", MAX_FILE_BYTES);
+        return text.map_err(Failure::usage);
     }
-    std::fs::read_to_string(file).map_err(unreadable)
+    text_file::read(file, "a program", MAX_FILE_BYTES)
+        .map_err(|problem| Failure::usage(problem).while_doing(file.display()))
 }
 
 #[cfg(test)]

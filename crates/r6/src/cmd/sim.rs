@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use r6_controller::{LogLine, Profile, RobotModel, Scenario, StartState};
+use r6_proto::printable;
 use r6_sim::{Camera, Clock, ControllerHandle, SimSettings, Simulation};
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
@@ -133,7 +134,7 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
     };
     let simulation = start(settings).await?;
     let controllers = simulation.controllers();
-    let lines = output_queue()?;
+    let lines = output::lines();
     let listening = controllers.iter().map(|controller| format!("listening on {}", controller.address()));
     let panel = simulation.panel().map(panel_line);
     let listening: Vec<_> = listening.chain(panel).collect();
@@ -237,12 +238,6 @@ pub fn model(text: &str) -> Result<RobotModel, String> {
     })
 }
 
-/// The lines of stdout, written by a thread of their own: a controller answers even if nobody reads them.
-pub fn output_queue() -> Result<LineQueue, Failure> {
-    LineQueue::start(output::bytes)
-        .map_err(|error| Failure::usage(format!("the system gives no threads: {error}")))
-}
-
 /// Prints what happens, for ever.
 pub async fn print_log(
     controller: ControllerHandle,
@@ -262,5 +257,6 @@ pub async fn print_log(
 
 /// A line of a controller's log with its time since it was switched on.
 pub fn log_text(line: &LogLine) -> String {
-    format!("{:10.3} s  {line}", line.at.as_secs_f64())
+    let said = line.to_string();
+    format!("{:10.3} s  {}", line.at.as_secs_f64(), printable(&said))
 }

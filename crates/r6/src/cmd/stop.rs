@@ -4,10 +4,12 @@ use clap::Args;
 use r6_client::{
     Invalid, ListAfterStop, NotSent, RequestError, SecondConnection, StandProof, StopMeans, StopReport,
 };
+use r6_proto::printable;
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
 use crate::output;
+use crate::output::problem::{self, Code};
 use crate::robot::RobotArgs;
 
 const NO_EMERGENCY_STOP: &str = "This is an ordinary command over a network, not an emergency stop: only the wired button protects people.";
@@ -22,7 +24,8 @@ before the next motion.
 This is an ordinary command over a network, not an emergency stop: only the wired button protects \
 people.
 
-The exit code is 0 once the machine was seen to stand, 3 if it cannot be reached, else 4.
+The exit code is 0 once the machine was seen to stand, 3 if it cannot be reached, else 4. It is 4, too, \
+if stdout cannot be written: the stop was sent, and nobody was told what was seen.
 
 Examples:
   r6 stop
@@ -40,6 +43,7 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         RequestError::NotSent(why) => NotSent::NotStopped(Box::new(why)).into(),
         RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
     })?;
+    output::acts();
     let result = connected.stop().await;
     let address = connected.address().to_owned();
     connected.close().await;
@@ -47,7 +51,7 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     if args.json {
         output::json_pretty(&as_json(&address, &report));
     } else {
-        output::line(&report);
+        output::line(printable(&report.to_string()));
         output::line(NO_EMERGENCY_STOP);
     }
     Ok(if report.confirmed { Exit::Done } else { Exit::Unknown })
@@ -56,6 +60,9 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
 fn as_json(address: &str, report: &StopReport) -> Value {
     let mut json = seen(report);
     json["robot"] = address.into();
+    if !report.confirmed {
+        json["problem"] = problem::object(&Failure::unknown(report).with_code(Code::NotStopped));
+    }
     json
 }
 

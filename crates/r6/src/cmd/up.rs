@@ -133,7 +133,7 @@ fn hints(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Vec<String
 async fn show_lines(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Result<(), Failure> {
     let log = controller.log_from_start();
     let state = controller.snapshot();
-    let lines = sim::output_queue()?;
+    let lines = output::lines();
     lines.line(format_args!("listening on {}", controller.address()));
     lines.line(format_args!("{}, profile {}, mode {}", state.machine_name, state.profile, state.mode));
     if let Some(panel) = panel {

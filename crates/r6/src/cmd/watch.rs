@@ -6,11 +6,12 @@ use std::time::Duration;
 use clap::Args;
 use crossterm::{cursor, queue, terminal};
 use r6_client::{QueryResult, RequestError, Robot};
-use r6_proto::Address;
+use r6_proto::{Address, printable};
 use tokio::time::MissedTickBehavior;
 
+use crate::cmd::query;
 use crate::exit::{Exit, Failure};
-use crate::output::{self, readings};
+use crate::output::{self, problem, readings};
 use crate::robot::RobotArgs;
 use crate::signals::Ending;
 use crate::units;
@@ -23,7 +24,9 @@ use crate::words::AddressWord;
     after_help = "\
 On a terminal one table is refreshed in place; elsewhere there is one line for each reading, with \
 --json one object. A reading that fails is reported, and watching goes on; with \
---times the exit code is then that of the last failure, mostly 3.
+--times the exit code is then that of the last failure, mostly 3. A value that the controller does not \
+have is shown as `-`, and the exit code is then 1. If stdout cannot be written, watching ends \
+with exit code 1.
 
 Examples:
   r6 watch axis-0 axis-1 isMoving --every 100ms
@@ -48,48 +51,70 @@ pub struct WatchArgs {
 /// Reads and prints until Ctrl-C or the last of `--times`.
 pub async fn run(args: WatchArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     let mut ending = Ending::watch()?;
+    let mut seen = Seen::default();
     robot
         .with(async |robot| {
             tokio::select! {
-                result = watch(&args, robot) => result,
-                () = ending.signalled() => Ok(Exit::Done),
+                result = watch(&args, robot, &mut seen) => result,
+                () = ending.signalled() => Ok(seen.last),
+                () = output::fails() => Ok(seen.last),
             }
         })
         .await
 }
 
-async fn watch(args: &WatchArgs, robot: &Robot) -> Result<Exit, Failure> {
+/// What the readings came to so far.
+#[derive(Default)]
+struct Seen {
+    readings: u64,
+    failed: u64,
+    /// Whether the robot was ever reached.
+    reached: bool,
+    /// The addresses that have no value, as far as it was said.
+    missing: Vec<Address>,
+    /// How the last reading ended.
+    last: Exit,
+    /// How the last reading ended that did not give every value.
+    worst: Exit,
+}
+
+async fn watch(args: &WatchArgs, robot: &Robot, seen: &mut Seen) -> Result<Exit, Failure> {
     let mut view = View::of(args);
     let mut ticks = tokio::time::interval(args.every);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut readings = 0;
-    let mut seen = false;
-    let mut failed = 0_u64;
-    let mut exit = Exit::Done;
     loop {
         ticks.tick().await;
         match robot.query(&args.addresses).await {
             Ok(result) => {
-                seen = true;
+                seen.reached = true;
                 view.show(robot.address(), &result);
+                seen.last = query::report_missing(&result, &seen.missing);
+                seen.missing.extend(readings::problems(&result).map(|(address, _)| address));
+                seen.missing.sort_unstable();
+                seen.missing.dedup();
             }
             // It was never reached: there is no robot here. Later on it may come back.
-            Err(error @ (RequestError::NotSent(_) | RequestError::Invalid(_))) if !seen => {
+            Err(error @ (RequestError::NotSent(_) | RequestError::Invalid(_))) if !seen.reached => {
                 return Err(error.into());
             }
             Err(error) => {
                 let failure = Failure::from(error);
-                view.show_failure(&failure);
-                failed += 1;
-                exit = failure.exit();
+                view.show_failure(robot.address(), &failure);
+                seen.failed += 1;
+                seen.last = failure.exit();
             }
         }
-        readings += 1;
-        if args.times.is_some_and(|times| readings >= times) {
-            if failed > 0 {
-                output::note(format_args!("r6: {failed} of {readings} readings failed"));
+        seen.readings += 1;
+        // A reader that does not read keeps no Ctrl-C waiting.
+        output::settled().await;
+        if seen.last != Exit::Done {
+            seen.worst = seen.last;
+        }
+        if args.times.is_some_and(|times| seen.readings >= times) {
+            if seen.failed > 0 {
+                output::note(format_args!("r6: {} of {} readings failed", seen.failed, seen.readings));
             }
-            return Ok(exit);
+            return Ok(seen.worst);
         }
     }
 }
@@ -121,8 +146,11 @@ impl View {
             Self::Json => output::json(&readings::Sample::now(robot, result)),
             Self::Screen { lines } => {
                 let table = readings::table(result);
-                let text =
-                    format!("{robot}, answered in {:.1} ms\n{table}\n", result.took().as_secs_f64() * 1e3);
+                let text = format!(
+                    "{}, answered in {:.1} ms\n{table}\n",
+                    printable(robot),
+                    result.took().as_secs_f64() * 1e3
+                );
                 redraw(*lines, &text);
                 *lines = u16::try_from(table.height() + 1).unwrap_or(u16::MAX);
             }
@@ -138,14 +166,20 @@ impl View {
         }
     }
 
-    fn show_failure(&mut self, failure: &Failure) {
+    fn show_failure(&mut self, robot: &str, failure: &Failure) {
         match self {
+            Self::Json => {
+                output::note(failure);
+                let mut object = problem::object(failure);
+                object["robot"] = robot.into();
+                output::json(&object);
+            }
             Self::Screen { lines } => {
                 let text = format!("{failure}\n");
                 redraw(*lines, &text);
                 *lines = u16::try_from(text.lines().count()).unwrap_or(u16::MAX);
             }
-            Self::Json | Self::Lines { .. } => output::note(failure),
+            Self::Lines { .. } => output::note(failure),
         }
     }
 }

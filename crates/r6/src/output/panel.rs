@@ -1,5 +1,6 @@
 //! What a person sees at a virtual machine, as text.
 
+use r6_proto::printable;
 use r6_sim::panel::{AxisDto, SnapshotDto};
 
 use crate::output::table::Table;
@@ -23,10 +24,10 @@ pub fn text(state: &SnapshotDto) -> String {
     table.row([&"connections", &state.connections]);
     format!(
         "{}, firmware {}, controller {} at {}, a virtual controller\n\n{table}\n\n{}",
-        state.machine_name,
-        state.firmware,
+        printable(&state.machine_name),
+        printable(&state.firmware),
         state.number,
-        state.address,
+        printable(&state.address),
         axes(&state.axes)
     )
 }
@@ -36,7 +37,7 @@ pub fn summary(state: &SnapshotDto) -> String {
     let motion = if state.moving { "moving" } else { "at rest" };
     let pressed = if state.emergency_stop { ", EMERGENCY STOP pressed" } else { "" };
     let alarm = if state.alarm == 0 { "no alarm".to_owned() } else { format!("alarm {}", alarm(state)) };
-    format!("mode {}, {alarm}, {motion}{pressed}", state.mode_name)
+    printable(&format!("mode {}, {alarm}, {motion}{pressed}", state.mode_name)).to_string()
 }
 
 fn alarm(state: &SnapshotDto) -> String {

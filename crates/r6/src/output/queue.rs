@@ -1,19 +1,54 @@
-//! Lines that a thread of its own writes, so that a reader who stops reading stops nothing but the lines.
+//! Lines that a thread of its own writes: a reader who stops reading stops nothing but the lines, and output that cannot be
+//! written ends nothing.
 
 use std::collections::VecDeque;
-use std::io::Write;
+use std::fmt;
+use std::io::{self, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+
+use tokio::sync::Notify;
 
 /// Lines that wait to be written. A burst of a busy second fits; lines are at most a few kilobytes long, so that the
 /// queue stays within a few megabytes.
 const MOST_WAITING: usize = 1024;
 
-/// How long the end of the program waits for the last lines: longer than any reader who reads, and hardly noticed.
+/// How many of the pieces that could not be written are kept, the last ones: what a command says at its end.
+const MOST_UNWRITTEN: usize = 4;
+
+/// How long the end of the program waits for the last lines once somebody asked for that end: longer than any reader who
+/// reads, and hardly noticed.
 pub const FLUSH_WITHIN: Duration = Duration::from_millis(500);
 
-/// Where lines wait for the thread that writes them. Clones are the same queue. Adding a line never waits: when
-/// 1024 lines wait already, it is dropped and counted, and a line in its place says how many were lost.
+/// What becomes of a line where [`MOST_WAITING`] lines wait already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WhenFull {
+    /// The caller waits until there is room.
+    Wait,
+    /// It waits with the others. For the few lines that are said while an arm moves and must not be lost.
+    Exceed,
+    /// It is dropped and counted, and a line in its place says how many were lost.
+    Drop,
+    /// As [`WhenFull::Drop`]; the line in its place is a JSON object.
+    DropJson,
+}
+
+/// The first failure to write: from then on nothing more is written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unwritten {
+    /// What the system calls it.
+    pub kind: io::ErrorKind,
+    /// What the system says.
+    pub why: String,
+}
+
+impl fmt::Display for Unwritten {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "it cannot be written: {}", self.why)
+    }
+}
+
+/// Where lines wait for the thread that writes them. Clones are the same queue.
 #[derive(Clone, Debug, Default)]
 pub struct LineQueue {
     shared: Arc<Shared>,
@@ -23,6 +58,7 @@ pub struct LineQueue {
 struct Shared {
     state: Mutex<State>,
     changed: Condvar,
+    failed: Notify,
 }
 
 #[derive(Debug, Default)]
@@ -32,37 +68,55 @@ struct State {
     texts: usize,
     /// The thread writes what it took out last.
     writing: bool,
+    failure: Option<Unwritten>,
+    /// The last pieces of what was not written.
+    unwritten: VecDeque<Vec<u8>>,
 }
 
 #[derive(Debug)]
 enum Entry {
     Text(Vec<u8>),
     /// So many lines were dropped here.
-    Lost(u64),
+    Lost {
+        count: u64,
+        json: bool,
+    },
 }
 
 impl LineQueue {
     /// A queue, and the thread that hands its lines to `write` in order. The thread lives as long as the program.
-    pub fn start(write: impl FnMut(&[u8]) + Send + 'static) -> std::io::Result<Self> {
+    pub fn start(write: impl FnMut(&[u8]) -> io::Result<()> + Send + 'static) -> io::Result<Self> {
         let queue = Self::default();
         let shared = Arc::clone(&queue.shared);
         std::thread::Builder::new().name("lines".to_owned()).spawn(move || shared.write_all(write))?;
         Ok(queue)
     }
 
-    /// Adds one line (or several that belong together) without its end.
-    pub fn line(&self, text: impl std::fmt::Display) {
-        self.push(format!("{}\n", super::clean(&text.to_string())).into_bytes());
+    /// Adds one line (or several that belong together) without its end; where many wait already, it is dropped.
+    pub fn line(&self, text: impl fmt::Display) {
+        self.push(format!("{}\n", super::clean(&text.to_string())).into_bytes(), WhenFull::Drop);
     }
 
     /// Adds bytes that are complete lines.
-    fn push(&self, bytes: Vec<u8>) {
+    pub fn push(&self, bytes: Vec<u8>, when_full: WhenFull) {
         let mut state = self.shared.lock();
-        if state.texts < MOST_WAITING {
-            state.texts += 1;
-            state.entries.push_back(Entry::Text(bytes));
-        } else {
-            state.lose(1);
+        if when_full == WhenFull::Wait {
+            let full = |state: &mut State| state.texts >= MOST_WAITING && state.failure.is_none();
+            let waited = self.shared.changed.wait_while(state, full);
+            state = waited.unwrap_or_else(PoisonError::into_inner);
+        }
+        if state.failure.is_some() {
+            state.keep_unwritten(bytes);
+            return;
+        }
+        match when_full {
+            WhenFull::Drop | WhenFull::DropJson if state.texts >= MOST_WAITING => {
+                state.lose(1, when_full == WhenFull::DropJson);
+            }
+            WhenFull::Wait | WhenFull::Exceed | WhenFull::Drop | WhenFull::DropJson => {
+                state.texts += 1;
+                state.entries.push_back(Entry::Text(bytes));
+            }
         }
         drop(state);
         self.shared.changed.notify_all();
@@ -70,34 +124,89 @@ impl LineQueue {
 
     /// Says in its place that lines were lost before they came here.
     pub fn lose(&self, count: u64) {
-        self.shared.lock().lose(count);
+        self.shared.lock().lose(count, false);
         self.shared.changed.notify_all();
     }
 
-    /// Waits until everything is written, or for [`FLUSH_WITHIN`] where nobody reads.
+    /// Waits until everything is written or cannot be written, at most for [`FLUSH_WITHIN`].
     pub fn flush(&self) {
-        let busy = |state: &mut State| state.writing || !state.entries.is_empty();
-        drop(self.shared.changed.wait_timeout_while(self.shared.lock(), FLUSH_WITHIN, busy));
+        self.flush_within(FLUSH_WITHIN);
+    }
+
+    /// Waits until everything is written or cannot be written, at most so long; whether nothing waits any more.
+    pub fn flush_within(&self, most: Duration) -> bool {
+        let busy = |state: &mut State| state.is_busy();
+        let waited = self.shared.changed.wait_timeout_while(self.shared.lock(), most, busy);
+        !waited.unwrap_or_else(PoisonError::into_inner).0.is_busy()
+    }
+
+    /// Why nothing is written any more.
+    pub fn failure(&self) -> Option<Unwritten> {
+        self.shared.lock().failure.clone()
+    }
+
+    /// The end of what was not written.
+    pub fn unwritten(&self) -> String {
+        let state = self.shared.lock();
+        state.unwritten.iter().map(|bytes| String::from_utf8_lossy(bytes)).collect()
+    }
+
+    /// Waits until something cannot be written.
+    pub async fn fails(&self) {
+        loop {
+            let mut failed = std::pin::pin!(self.shared.failed.notified());
+            // From here on no failure is missed.
+            failed.as_mut().enable();
+            if self.failure().is_some() {
+                return;
+            }
+            failed.await;
+        }
     }
 }
 
 impl Write for LineQueue {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.push(bytes.to_vec());
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.push(bytes.to_vec(), WhenFull::Drop);
         Ok(bytes.len())
     }
 
-    fn flush(&mut self) -> std::io::Result<()> {
+    fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
 }
 
 impl State {
-    fn lose(&mut self, count: u64) {
+    fn is_busy(&self) -> bool {
+        self.failure.is_none() && (self.writing || !self.entries.is_empty())
+    }
+
+    fn lose(&mut self, more: u64, as_json: bool) {
         match self.entries.back_mut() {
-            Some(Entry::Lost(lost)) => *lost = lost.saturating_add(count),
-            Some(Entry::Text(_)) | None => self.entries.push_back(Entry::Lost(count)),
+            Some(Entry::Lost { count, json }) if *json == as_json => *count = count.saturating_add(more),
+            Some(Entry::Text(_) | Entry::Lost { .. }) | None => {
+                self.entries.push_back(Entry::Lost { count: more, json: as_json });
+            }
         }
+    }
+
+    fn keep_unwritten(&mut self, bytes: Vec<u8>) {
+        if self.unwritten.len() >= MOST_UNWRITTEN {
+            self.unwritten.pop_front();
+        }
+        self.unwritten.push_back(bytes);
+    }
+
+    /// What could not be written, and what waits behind it, is never written.
+    fn fail(&mut self, bytes: Vec<u8>, error: &io::Error) {
+        self.keep_unwritten(bytes);
+        for entry in std::mem::take(&mut self.entries) {
+            if let Entry::Text(bytes) = entry {
+                self.keep_unwritten(bytes);
+            }
+        }
+        self.texts = 0;
+        self.failure = Some(Unwritten { kind: error.kind(), why: error.to_string() });
     }
 }
 
@@ -107,7 +216,7 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn write_all(&self, mut write: impl FnMut(&[u8])) {
+    fn write_all(&self, mut write: impl FnMut(&[u8]) -> io::Result<()>) {
         loop {
             let mut state = self
                 .changed
@@ -120,13 +229,24 @@ impl Shared {
                     state.texts -= 1;
                     bytes
                 }
-                Entry::Lost(1) => b"(1 line was lost)\n".to_vec(),
-                Entry::Lost(lost) => format!("{}\n", super::lost_lines(lost)).into_bytes(),
+                Entry::Lost { count, json: true } => {
+                    format!("{{\"event\":\"lost\",\"lines\":{count}}}\n").into_bytes()
+                }
+                Entry::Lost { count, json: false } => format!("{}\n", super::lost_lines(count)).into_bytes(),
             };
             drop(state);
-            write(&bytes);
-            self.lock().writing = false;
+            let written = write(&bytes);
+            let mut state = self.lock();
+            state.writing = false;
+            if let Err(error) = &written {
+                state.fail(bytes, error);
+            }
+            drop(state);
             self.changed.notify_all();
+            if written.is_err() {
+                self.failed.notify_waiters();
+                return;
+            }
         }
     }
 }
@@ -146,6 +266,7 @@ mod tests {
             begun.send(()).unwrap();
             gate.recv().unwrap();
             written.send(String::from_utf8(bytes.to_vec()).unwrap()).unwrap();
+            Ok(())
         })
         .unwrap();
         queue.line("first");
@@ -165,17 +286,56 @@ mod tests {
         // From then on every line counts again.
         queue.line("late\u{1b}");
         go_on.send(()).unwrap();
-        assert_eq!(lines.recv().unwrap(), "late\u{FFFD}\n");
+        assert_eq!(lines.recv().unwrap(), "late\\u{1b}\n");
     }
 
     #[test]
     fn a_flush_waits_for_the_last_line() {
         let (written, lines) = mpsc::channel();
-        let queue = LineQueue::start(move |bytes| written.send(bytes.len()).unwrap()).unwrap();
+        let queue = LineQueue::start(move |bytes| {
+            written.send(bytes.len()).unwrap();
+            Ok(())
+        })
+        .unwrap();
         for _ in 0..100 {
             queue.line("abc");
         }
         queue.flush();
         assert_eq!(lines.try_iter().collect::<Vec<_>>(), vec![4; 100]);
+    }
+
+    #[test]
+    fn the_first_failure_is_kept_and_nothing_is_written_behind_it() {
+        let (written, lines) = mpsc::channel();
+        let queue = LineQueue::start(move |bytes| {
+            written.send(bytes.to_vec()).unwrap();
+            if bytes == b"two\n" { Err(io::ErrorKind::StorageFull.into()) } else { Ok(()) }
+        })
+        .unwrap();
+        for line in ["one", "two", "three"] {
+            queue.line(line);
+        }
+        queue.flush();
+        assert_eq!(queue.failure().map(|failure| failure.kind), Some(io::ErrorKind::StorageFull));
+        // Nobody waits for what is never written.
+        for _ in 0..2 * MOST_WAITING {
+            queue.push(b"four\n".to_vec(), WhenFull::Wait);
+        }
+        assert!(queue.flush_within(Duration::ZERO));
+        assert_eq!(lines.iter().collect::<Vec<_>>(), [b"one\n", b"two\n"]);
+        assert_eq!(queue.unwritten(), "four\n".repeat(MOST_UNWRITTEN), "the last ones are kept");
+    }
+
+    #[tokio::test]
+    async fn a_failure_wakes_whoever_waits_for_it() {
+        let queue = LineQueue::start(|_| Err(io::ErrorKind::BrokenPipe.into())).unwrap();
+        let waiting = tokio::spawn({
+            let queue = queue.clone();
+            async move { queue.fails().await }
+        });
+        queue.line("one");
+        waiting.await.unwrap();
+        // Later, too.
+        queue.fails().await;
     }
 }

@@ -3,9 +3,11 @@
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use r6_client::{NoReading, QueryResult};
-use r6_proto::{Address, Reading};
+use r6_proto::{Address, Reading, printable};
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
+use crate::exit::Failure;
+use crate::output::problem::{self, Code};
 use crate::output::table::Table;
 
 /// Each address with its value, unit and meaning.
@@ -19,7 +21,8 @@ pub fn table(result: &QueryResult) -> Table {
 
 /// One line: only the values, in the order asked.
 pub fn values_line(result: &QueryResult) -> String {
-    let values: Vec<_> = result.rows().iter().map(|(address, value)| value_text(*address, value)).collect();
+    let values = result.rows().iter().map(|(address, value)| value_text(*address, value));
+    let values: Vec<_> = values.map(|value| printable(&value).to_string()).collect();
     values.join("  ")
 }
 
@@ -73,6 +76,20 @@ pub fn problems(result: &QueryResult) -> impl Iterator<Item = (Address, &NoReadi
     result.rows().iter().filter_map(|(address, value)| value.as_ref().err().map(|error| (*address, error)))
 }
 
+/// Why some addresses have no value, if some have none.
+pub fn missing(result: &QueryResult) -> Option<Failure> {
+    let words: Vec<_> = problems(result).map(|(address, error)| problem_text(address, error)).collect();
+    (!words.is_empty()).then(|| Failure::refused(words.join("; ")).with_code(Code::NoValue))
+}
+
+/// Why one address has no value.
+pub fn problem_text(address: Address, error: &NoReading) -> String {
+    match error {
+        NoReading::Unsupported => format!("{address}: {error}"),
+        NoReading::Unreadable(_) => error.to_string(),
+    }
+}
+
 /// One sample as a JSON object: when, how long it took, the values by address, and why some are missing.
 pub struct Sample<'r> {
     robot: &'r str,
@@ -96,6 +113,9 @@ impl Serialize for Sample<'_> {
         map.serialize_entry("took_ms", &milliseconds(self.result.took()))?;
         map.serialize_entry("values", &Values(self.result))?;
         map.serialize_entry("problems", &Problems(self.result))?;
+        if let Some(failure) = missing(self.result) {
+            map.serialize_entry("problem", &problem::object(&failure))?;
+        }
         map.end()
     }
 }

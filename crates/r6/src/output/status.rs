@@ -1,11 +1,13 @@
 //! The state of a machine, for eyes and for programs.
 
 use r6_client::{Readiness, Status, Unmet, Unproved};
-use r6_proto::{AXES, AxisIndex, OperationMode};
+use r6_proto::{AXES, AxisIndex, OperationMode, printable};
 use serde_json::{Map, Value, json};
 
+use crate::exit::Failure;
 use crate::hint;
 use crate::output::alarm;
+use crate::output::problem::{self, Code};
 use crate::output::table::Table;
 
 /// How many axes and pose components are shown where the controller does not say how many it has.
@@ -39,6 +41,7 @@ fn head(address: &str, status: &Status) -> String {
     let name = status.machine_name.as_deref().unwrap_or("unnamed machine");
     let firmware = status.firmware.as_deref().unwrap_or("unknown");
     let kind = if is_virtual(status) { ", a virtual controller" } else { "" };
+    let (name, firmware, address) = (printable(name), printable(firmware), printable(address));
     format!("{name}, firmware {firmware}, at {address}{kind}")
 }
 
@@ -133,13 +136,18 @@ fn unproved_word(unproved: Unproved) -> &'static str {
 
 /// `NOT READY:`, the conditions in one line, and a line for each that says what to do.
 pub fn not_ready(unmet: &[Unmet]) -> String {
-    let names: Vec<_> = unmet.iter().map(|unmet| condition(*unmet).1).collect();
-    let mut text = format!("NOT READY: {}", names.join(", "));
+    let mut text = format!("NOT READY: {}", conditions(unmet));
     for unmet in unmet {
         text.push_str("\n  ");
         text.push_str(&advice(*unmet));
     }
     text
+}
+
+/// The conditions that are not met, in one line.
+pub fn conditions(unmet: &[Unmet]) -> String {
+    let names: Vec<_> = unmet.iter().map(|unmet| condition(*unmet).1).collect();
+    names.join(", ")
 }
 
 /// A condition's word for programs and its name for people.
@@ -221,8 +229,13 @@ pub fn json(address: &str, status: &Status, remote_program: Option<&str>) -> Val
         Readiness::NotReady(_) => Some(false),
         Readiness::Unknown(_) => None,
     };
-    let unmet = unmet_json(&status.unmet());
-    json!({
+    let conditions = status.unmet();
+    let problem = (!conditions.is_empty()).then(|| {
+        let what = format!("NOT READY: {}", self::conditions(&conditions));
+        problem::object(&Failure::refused(what).with_code(Code::NotReady))
+    });
+    let unmet = unmet_json(&conditions);
+    let mut json = json!({
         "robot": address,
         "machine_name": status.machine_name,
         "virtual": is_virtual(status),
@@ -243,7 +256,11 @@ pub fn json(address: &str, status: &Status, remote_program: Option<&str>) -> Val
         "ready": ready,
         "unmet": unmet,
         "unknown": unknown,
-    })
+    });
+    if let Some(problem) = problem {
+        json["problem"] = problem;
+    }
+    json
 }
 
 #[cfg(test)]

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use r6_proto::printable;
+
 /// Rows of cells.
 #[derive(Debug, Default)]
 pub struct Table {
@@ -25,9 +27,9 @@ impl Table {
         self.push(cells.iter().map(ToString::to_string).collect());
     }
 
-    /// Adds a row of any length.
+    /// Adds a row of any length. A cell is one line, whatever a peer has put into it.
     pub fn push(&mut self, cells: Vec<String>) {
-        self.rows.push(cells);
+        self.rows.push(cells.iter().map(|cell| printable(cell).to_string()).collect());
     }
 
     /// How many rows there are.
@@ -83,5 +85,12 @@ mod tests {
         table.row([&"axis-0", &10.5, &"deg"]);
         table.row([&"模号", &-137.25, &""]);
         assert_eq!(table.to_string(), "axis-0     10.5  deg\n模号      -137.25");
+    }
+
+    #[test]
+    fn a_cell_is_one_line() {
+        let mut table = Table::new();
+        table.row([&"version", &"v1\r\nREADY\u{1b}[2J"]);
+        assert_eq!(table.to_string(), r"version  v1\r\nREADY\u{1b}[2J");
     }
 }

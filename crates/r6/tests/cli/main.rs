@@ -1,14 +1,18 @@
 //! The built binary as people use it: its help, the commands that need no robot, and all others against `r6 sim`.
 
+mod forged;
 mod help;
 mod inspect;
+mod limits;
 mod motion;
 mod offline;
 mod panel;
 mod plot;
 mod power_cut;
+mod problems;
 mod robot;
 mod run;
 mod sim;
 mod streaming;
 mod support;
+mod unwritten;

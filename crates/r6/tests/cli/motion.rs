@@ -184,7 +184,7 @@ fn programs_are_told_what_happens_line_by_line() {
     assert_eq!(outcome.code, 1, "{outcome:?}");
     let events_of = events(&outcome.out);
     let failed = events_of.last().unwrap();
-    assert_eq!((&failed["event"], &failed["exit_code"]), (&"failed".into(), &1.into()));
+    assert_eq!((&failed["event"], &failed["exit"]), (&"failed".into(), &1.into()));
     assert!(failed["message"].as_str().unwrap().contains("alarm 130"), "{failed}");
     assert!(outcome.err.contains("alarm 130"), "{}", outcome.err);
     // Then it is not ready.
@@ -206,5 +206,5 @@ fn a_program_that_is_run_tells_each_frame() {
     assert_eq!((&accepted["event"], &accepted["repeats"]), (&"accepted".into(), &true.into()));
     assert_eq!(robot.r6(&["stop"]).code, 0);
     let outcome = r6(&["-r", "127.0.0.1:1", "run", "examples/programs/square.toml", "--json"]);
-    assert_eq!((outcome.code, &events(&outcome.out)[0]["exit_code"]), (3, &3.into()));
+    assert_eq!((outcome.code, &events(&outcome.out)[0]["exit"]), (3, &3.into()));
 }

@@ -14,22 +14,22 @@ use crate::support::{Outcome, Running, TempFile, r6};
 const ROOM: usize = 24;
 
 /// Looks at a controller before it is given up: each takes a program that is started, so this is minutes.
-const MANY_LOOKS: usize = 10_000;
+pub const MANY_LOOKS: usize = 10_000;
 
 /// A virtual controller in this process, and what it logs.
-struct Cell {
+pub struct Cell {
     _runtime: Runtime,
-    controller: VirtualController,
+    pub controller: VirtualController,
     log: Receiver<LogLine>,
-    address: String,
+    pub address: String,
 }
 
 impl Cell {
-    fn new(profile: &str, clock: Clock) -> Self {
+    pub fn new(profile: &str, clock: Clock) -> Self {
         Self::with(Profile::named(profile).unwrap(), clock, "")
     }
 
-    fn with(profile: Profile, clock: Clock, scenario: &str) -> Self {
+    pub fn with(profile: Profile, clock: Clock, scenario: &str) -> Self {
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().unwrap();
         let builder = VirtualController::builder().profile(profile).clock(clock);
         let builder = builder.scenario(Scenario::read(scenario).unwrap());
@@ -38,24 +38,24 @@ impl Cell {
         Self { _runtime: runtime, controller, log, address }
     }
 
-    fn r6(&self, args: &[&str]) -> Outcome {
+    pub fn r6(&self, args: &[&str]) -> Outcome {
         r6(&[&["-r", &self.address], args].concat())
     }
 
-    fn start(&self, args: &[&str]) -> Running {
+    pub fn start(&self, args: &[&str]) -> Running {
         Running::start(&[&["-r", &self.address], args].concat())
     }
 
-    fn list_length(&self) -> usize {
+    pub fn list_length(&self) -> usize {
         self.controller.handle().snapshot().list_length
     }
 
-    fn axes(&self) -> [f64; 8] {
+    pub fn axes(&self) -> [f64; 8] {
         self.controller.handle().snapshot().axes
     }
 
     /// How many instructions the controller took since the last time.
-    fn taken(&mut self) -> usize {
+    pub fn taken(&mut self) -> usize {
         let mut taken = 0;
         while let Ok(line) = self.log.try_recv() {
             if let Some(text) = line.text.strip_prefix("AddRCC: ") {
@@ -80,7 +80,7 @@ impl Cell {
 }
 
 /// The points of a wave: every axis sways in its own time.
-fn wave(points: u32) -> Vec<[f64; 6]> {
+pub fn wave(points: u32) -> Vec<[f64; 6]> {
     let point = |n| {
         let t = f64::from(n) / 12.0;
         [40.0, 15.0, 20.0, 30.0, 25.0, 60.0].map(|size: f64| size * (t / (1.0 + size / 40.0)).sin())
@@ -89,7 +89,7 @@ fn wave(points: u32) -> Vec<[f64; 6]> {
 }
 
 /// A program in TOML that goes through these points.
-fn through(points: &[[f64; 6]], speed: u32) -> String {
+pub fn through(points: &[[f64; 6]], speed: u32) -> String {
     let mut text = String::new();
     for point in points {
         let to: Vec<_> = point.iter().map(|angle| format!("{angle:.3}")).collect();
@@ -214,7 +214,7 @@ fn interrupted_in_the_middle_the_arm_finishes_its_list() {
 
 #[test]
 fn interrupted_with_the_wish_to_stop_the_arm_stands() {
-    for signal in ["INT", "TERM"] {
+    for signal in ["INT", "TERM", "HUP"] {
         let mut cell = Cell::new("hc1", Clock::Real);
         let file = TempFile::new(&format!("stopped-by-{signal}.toml"), &through(&wave(200), 60));
         let mut running = cell.start(&["run", file.path(), "--wait", "--json", "--stop-on-interrupt"]);

@@ -50,6 +50,32 @@ pub fn r6(args: &[&str]) -> Outcome {
     outcome(command(args).output().unwrap())
 }
 
+/// Where nothing can be written: the device is always full.
+pub fn full() -> Stdio {
+    std::fs::File::options().write(true).open("/dev/full").unwrap().into()
+}
+
+/// A pipe that nobody reads any more.
+pub fn broken() -> Stdio {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    writer.into()
+}
+
+/// Runs r6 to its end with these in the place of stdout and stderr; `None`: a pipe that is read.
+pub fn r6_onto(args: &[&str], out: Option<Stdio>, err: Option<Stdio>) -> Outcome {
+    let mut command = command(args);
+    command.stdout(out.unwrap_or_else(Stdio::piped)).stderr(err.unwrap_or_else(Stdio::piped));
+    outcome(command.output().unwrap())
+}
+
+/// Runs r6 to its end out of a line of the shell, where it is `"$R6"`.
+pub fn shell(line: &str, args: &[&str]) -> Outcome {
+    let mut shell = Command::new("sh");
+    shell.args(["-c", line, "sh"]).args(args).env("R6", env!("CARGO_BIN_EXE_r6")).current_dir(root());
+    outcome(shell.stdin(Stdio::null()).output().unwrap())
+}
+
 /// Runs r6 to its end with something on stdin.
 pub fn r6_with_input(args: &[&str], input: &[u8]) -> Outcome {
     let mut child = command(args).stdin(Stdio::piped()).spawn().unwrap();
@@ -68,22 +94,35 @@ fn outcome(output: std::process::Output) -> Outcome {
 /// A run of r6 that goes on until it is ended.
 pub struct Running {
     child: Child,
-    out: BufReader<ChildStdout>,
+    /// `None` where it has another stdout, or this end of it is closed.
+    out: Option<BufReader<ChildStdout>>,
 }
 
 impl Running {
     /// Starts r6.
     pub fn start(args: &[&str]) -> Self {
-        let mut child = command(args).stderr(Stdio::null()).spawn().unwrap();
-        let out = BufReader::new(child.stdout.take().unwrap());
+        Self::of(command(args).stderr(Stdio::null()))
+    }
+
+    /// Starts r6 with a stdout of another kind.
+    pub fn start_with_stdout(args: &[&str], out: impl Into<Stdio>) -> Self {
+        Self::of(command(args).stderr(Stdio::null()).stdout(out))
+    }
+
+    fn of(command: &mut Command) -> Self {
+        let mut child = command.spawn().unwrap();
+        let out = child.stdout.take().map(BufReader::new);
         Self { child, out }
     }
 
     /// Starts r6 with a stdin to write to, and a stderr that nobody reads.
     pub fn start_with_pipes(args: &[&str]) -> Self {
-        let mut child = command(args).stdin(Stdio::piped()).spawn().unwrap();
-        let out = BufReader::new(child.stdout.take().unwrap());
-        Self { child, out }
+        Self::of(command(args).stdin(Stdio::piped()))
+    }
+
+    /// Ends as a reader of its stdout: what it writes from now on cannot be written.
+    pub fn close_stdout(&mut self) {
+        drop(self.out.take());
     }
 
     /// Writes a line to its stdin.
@@ -100,7 +139,7 @@ impl Running {
     /// The next line of stdout; empty once there is none.
     pub fn line(&mut self) -> String {
         let mut line = String::new();
-        self.out.read_line(&mut line).unwrap();
+        self.out.as_mut().unwrap().read_line(&mut line).unwrap();
         line.trim_end().to_owned()
     }
 

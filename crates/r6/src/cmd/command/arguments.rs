@@ -22,7 +22,10 @@ pub fn read(name: CommandName, words: &[String]) -> Result<Command<'static>, Str
         CommandName::StopButton => Command::StopButton,
         CommandName::ClearAlarmRunNext => Command::ClearAlarmRunNext,
         CommandName::ClearAlarmContinue => Command::ClearAlarmContinue,
-        CommandName::ClearAlarm => Command::ClearAlarm,
+        CommandName::ClearAlarm if words.is_empty() => Command::ClearAlarm,
+        CommandName::ClearAlarm => {
+            Command::ClearAlarmWith { first_line: arguments.flag(0)?, only_alarm: arguments.flag(1)? }
+        }
         CommandName::SwitchMold => Command::SwitchMold { mold: Cow::Owned(arguments.word(0).to_owned()) },
         CommandName::ModifyCounter => Command::ModifyCounter {
             id: arguments.whole(0)?,
@@ -82,10 +85,14 @@ struct Arguments<'a> {
 impl Arguments<'_> {
     fn check_count(&self) -> Result<(), String> {
         let wanted = self.name.info().arguments.len();
+        let optional = self.name.info().arguments.iter().filter(|argument| argument.optional).count();
         let given = self.words.len();
         let open_ended = self.name == CommandName::RewriteDataList;
         let by_name = self.names_signal();
-        let enough = if by_name { given == 2 } else { given == wanted || (open_ended && given > wanted) };
+        let enough = match by_name {
+            true => given == 2,
+            false => given == wanted || given + optional == wanted || (open_ended && given > wanted),
+        };
         if enough {
             return Ok(());
         }
@@ -94,6 +101,12 @@ impl Arguments<'_> {
             1 => "1 argument".to_owned(),
             _ => format!("{wanted} arguments"),
         };
+        if optional > 0 {
+            return Err(format!(
+                "it takes {arguments}, or {} without the optional ones; {given} given",
+                wanted - optional
+            ));
+        }
         if by_name {
             return Err(format!("a signal's name takes 1 more argument, on or off; {} given", given - 1));
         }
@@ -278,8 +291,19 @@ mod tests {
             .map(str::to_owned)
             .collect();
             assert_eq!(read(name, &words).map(|command| command.name()), Ok(name));
-            assert!(read(name, &[]).is_err() || name.info().arguments.is_empty(), "{name}");
+            let needs_none = name.info().arguments.iter().all(|argument| argument.optional);
+            assert_eq!(read(name, &[]).is_ok(), needs_none, "{name}");
         }
+    }
+
+    #[test]
+    fn arguments_that_are_optional_are_given_together_or_not_at_all() {
+        assert_eq!(read_words("clearAlarm"), Ok(Command::ClearAlarm));
+        let both = Command::ClearAlarmWith { first_line: true, only_alarm: false };
+        assert_eq!(read_words("clearAlarm 1 0"), Ok(both));
+        let wanted = "it takes 2 arguments, or 0 without the optional ones; 1 given";
+        assert_eq!(read_words("clearAlarm 1"), Err(wanted.to_owned()));
+        assert!(read_words("clearAlarm 1 2").unwrap_err().starts_with("only_alarm is `2`"));
     }
 
     #[test]

@@ -40,6 +40,10 @@ pub fn words(command: &Command<'_>) -> Option<String> {
         Command::SwitchMold { mold } => format!("program `{mold}`"),
         Command::SwitchTool { tool } => format!("tool {tool}"),
         Command::SwitchCoordinate { workbench } => format!("workbench {workbench}"),
+        Command::ClearAlarmWith { first_line, only_alarm } => {
+            let yes_no = |flag: &bool| if *flag { "yes" } else { "no" };
+            format!("to the first line: {}, only the alarm: {}", yes_no(first_line), yes_no(only_alarm))
+        }
         Command::ActionStop
         | Command::ActionPause
         | Command::ActionSingleCycle

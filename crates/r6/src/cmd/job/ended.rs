@@ -9,6 +9,7 @@ use crate::cmd::job::guard;
 use crate::exit::{Exit, Failure};
 use crate::hint;
 use crate::output::alarm;
+use crate::output::problem::Code;
 
 /// What to do where the arm stands elsewhere.
 pub fn elsewhere() -> String {
@@ -51,10 +52,12 @@ impl Ended {
     pub fn stopped(failure: Failure, stop: Result<StopReport, RequestError>) -> Self {
         let (failure, stop) = match stop {
             Ok(report) if report.confirmed => (failure.add(format_args!("stopped: {report}")), Some(report)),
-            Ok(report) => (failure.add(&report).with_exit(Exit::Unknown), Some(report)),
+            Ok(report) => {
+                (failure.add(&report).with_exit(Exit::Unknown).with_code(Code::NotStopped), Some(report))
+            }
             Err(error) => {
                 // An arm that goes on comes before everything else.
-                (failure.lead(error).with_exit(Exit::Unknown), None)
+                (failure.lead(error).with_exit(Exit::Unknown).with_code(Code::NotStopped), None)
             }
         };
         Self { failure, progress: None, stop }
@@ -66,7 +69,9 @@ impl Ended {
         progress: Option<Progress>,
         stop: Result<StopReport, RequestError>,
     ) -> Self {
-        let failure = Failure::refused(why);
+        let failure = Failure::refused(why).with_code(why.code());
+        // Nobody is told what was seen of the arm.
+        let failure = if why == GivenUp::Untold { failure.with_exit(Exit::Unknown) } else { failure };
         let failure = match &progress {
             Some(progress) if progress.total > 1 => failure.add(steps(progress)),
             Some(_) | None => failure,
@@ -82,6 +87,18 @@ pub enum GivenUp {
     Interrupted,
     /// The time of `--timeout` is up.
     TimedOut(Duration),
+    /// What is said of the motion cannot be written.
+    Untold,
+}
+
+impl GivenUp {
+    /// The word for programs.
+    pub fn code(self) -> Code {
+        match self {
+            Self::Interrupted | Self::Untold => Code::Interrupted,
+            Self::TimedOut(_) => Code::TimedOut,
+        }
+    }
 }
 
 impl fmt::Display for GivenUp {
@@ -89,6 +106,7 @@ impl fmt::Display for GivenUp {
         match self {
             Self::Interrupted => f.write_str("interrupted"),
             Self::TimedOut(after) => write!(f, "not done within {after:?}"),
+            Self::Untold => f.write_str("stdout cannot be written"),
         }
     }
 }
@@ -108,7 +126,8 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
     match cause {
         Cause::Step(_) => Failure::usage(cause),
         Cause::OutsideEnvelope(violation) => guard::beyond(violation),
-        Cause::NotReady(_) | Cause::AnotherRuns => Failure::refused(cause),
+        Cause::NotReady(_) => Failure::refused(cause).with_code(Code::NotReady),
+        Cause::AnotherRuns => Failure::refused(cause).with_code(Code::Busy),
         Cause::NotCleared(error) => Failure::from(error.clone()),
         // Code 3 would say that nothing of the job was carried out.
         Cause::NotSent(error) if some_left => {
@@ -124,14 +143,18 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
         Cause::OutcomeUnknown(error) => Failure::from(RequestError::from(error.clone())),
         Cause::AlarmRaised { code } => {
             Failure::refused(format!("the motion ended with alarm {}", alarm::short(*code)))
+                .with_code(Code::Alarm)
                 .advise(alarm::advice(*code))
         }
         Cause::Stopped { mode } => {
             Failure::refused(format!("the motion was stopped: the operation mode is now {mode}"))
+                .with_code(Code::Stopped)
                 .advise("somebody stopped or paused it, or turned the key: look at the machine first")
         }
         Cause::Elsewhere(missed @ Missed { found: Some(_), .. }) => {
-            Failure::refused(format!("the list was accepted, but {missed}")).advise(elsewhere())
+            Failure::refused(format!("the list was accepted, but {missed}"))
+                .with_code(Code::NotAtTarget)
+                .advise(elsewhere())
         }
         Cause::Elsewhere(missed) => {
             Failure::unknown(format!("the list was accepted and the arm stands, but {missed}"))
@@ -139,11 +162,13 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
         }
         Cause::Stalled { after } => {
             Failure::refused(format!("nothing has gone on for {:.1} s", after.as_secs_f64()))
+                .with_code(Code::Stalled)
                 .advise("look at the global speed, at the pendant, and at what the list waits for")
         }
         Cause::Unreadable(error) if some_left => Failure::from(error.clone())
             .while_doing("the list was sent, then the state could not be read")
-            .with_exit(Exit::Unknown),
+            .with_exit(Exit::Unknown)
+            .with_code(Code::OutcomeUnknown),
         Cause::Unreadable(error) => Failure::from(error.clone()),
         Cause::NotSeen => Failure::unknown(cause).advise(format!(
             "look at the arm and at `{}`; `{}` stops it",

@@ -7,14 +7,21 @@ use serde_json::{Value, json};
 
 use crate::cmd::job::ended::Ended;
 use crate::cmd::stop;
+use crate::exit::Failure;
+use crate::output::problem::Code;
 use crate::output::{readings, status};
 
 /// How many axes are told: as many as are asked for.
 const AXES: usize = 6;
 
-/// A condition was not met, and nothing was sent.
-pub fn not_sent(robot: &str, unmet: &[Unmet]) -> Value {
-    json!({ "event": "not_sent", "robot": robot, "unmet": status::unmet_json(unmet) })
+/// A condition was not met, and nothing was sent. Stderr was told.
+pub fn not_sent(robot: &str, unmet: &[Unmet]) -> Failure {
+    Failure::refused(format!("nothing was sent: {}", status::conditions(unmet)))
+        .with_code(Code::NotReady)
+        .member("event", "not_sent")
+        .member("robot", robot)
+        .member("unmet", status::unmet_json(unmet))
+        .said()
 }
 
 /// The controller took a list.
@@ -73,21 +80,18 @@ pub fn stands(robot: &str, done: &Done) -> Value {
     })
 }
 
-/// It did not come to what was asked for. Where steps were streamed, it tells what became of them, and where the arm was
-/// stopped, of the arm.
-pub fn failed(ended: &Ended) -> Value {
-    let failure = &ended.failure;
-    let mut event = json!({
-        "event": "failed",
-        "message": failure.what(),
-        "advice": failure.advice(),
-        "exit_code": failure.exit().number(),
-    });
-    if let Some(progress) = &ended.progress {
-        event["steps"] = steps(progress);
+/// It did not come to what was asked for. Where steps were streamed, programs are told what became of them, and where the arm
+/// was stopped, of the arm.
+pub fn failed(ended: Ended) -> Failure {
+    let Ended { mut failure, progress, stop } = ended;
+    if !failure.members().contains_key("event") {
+        failure = failure.member("event", "failed");
     }
-    if let Some(report) = &ended.stop {
-        event["stop"] = stop::seen(report);
+    if let Some(progress) = &progress {
+        failure = failure.member("steps", steps(progress));
     }
-    event
+    if let Some(report) = &stop {
+        failure = failure.member("stop", stop::seen(report));
+    }
+    failure
 }

@@ -10,6 +10,7 @@ use r6_client::{Envelope, Instruction, Motion, Violation};
 
 use crate::cmd::job::guard::file::Limits;
 use crate::exit::Failure;
+use crate::output::problem::Code;
 use crate::units;
 
 /// What a list may ask for.
@@ -64,6 +65,7 @@ pub fn check(envelope: &Envelope, instructions: &[Instruction], repeats: bool) -
 /// What is told where a step goes beyond.
 pub fn beyond(violation: &Violation) -> Failure {
     Failure::refused(format!("nothing was sent: {violation}"))
+        .with_code(Code::BeyondLimits)
         .advise("the limits are those of --guard, --max-speed and --max-axis-step")
 }
 

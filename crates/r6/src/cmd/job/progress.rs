@@ -1,7 +1,7 @@
 //! Tells how far a motion is while it runs: lines for programs, one line that is written over for people.
 
 use std::convert::Infallible;
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -65,7 +65,7 @@ impl<'r> Teller<'r> {
         let (told_at, told) = self.told;
         if self.json && progress.done > told && told_at.elapsed() >= TOLD_EVERY {
             self.told = (Instant::now(), progress.done);
-            output::json(&events::progress(self.robot, &progress));
+            output::passing_json(&events::progress(self.robot, &progress));
         }
         self.seen = progress;
     }
@@ -74,9 +74,9 @@ impl<'r> Teller<'r> {
         let accepted =
             Accepted { instructions: list.len(), replaced_list: list.start == 0, repeats: false, after };
         if self.json {
-            output::json(&accepted.streamed(self.robot, list.end, progress));
+            output::passing_json(&accepted.streamed(self.robot, list.end, progress));
         } else if self.each_list {
-            clear_progress();
+            output::clear_line();
             accepted.say();
         }
     }
@@ -111,15 +111,6 @@ pub async fn show_progress(robot: &Robot, progress: Option<watch::Receiver<Progr
             .into_iter()
             .filter_map(|axis| Some(format!("{axis} {:9.3}", result.decimal(Address::Axis(axis))?)));
         let cells: Vec<_> = steps.into_iter().chain(axes).collect();
-        eprint!("\r{}", cells.join("  "));
-        let _ = std::io::stderr().flush();
-    }
-}
-
-/// Takes what was shown on the present line of the terminal away.
-pub fn clear_progress() {
-    if std::io::stderr().is_terminal() {
-        let line = crossterm::terminal::Clear(crossterm::terminal::ClearType::CurrentLine);
-        let _ = crossterm::execute!(std::io::stderr(), line, crossterm::cursor::MoveToColumn(0));
+        output::rewrite_line(cells.join("  "));
     }
 }

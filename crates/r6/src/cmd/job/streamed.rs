@@ -6,10 +6,11 @@ use r6_client::{Cause, Done, Envelope, Motion, MotionError, MotionHandle, Progre
 use tokio::time::{sleep, timeout};
 
 use crate::cmd::job::ended::{Ended, GivenUp};
-use crate::cmd::job::progress::{TOLD_EVERY, Teller, clear_progress, show_progress};
-use crate::cmd::job::{JobArgs, events, not_ready, say_how_to_follow};
+use crate::cmd::job::progress::{TOLD_EVERY, Teller, show_progress};
+use crate::cmd::job::{JobArgs, events, is_untold, not_ready, say_how_to_follow, untold};
 use crate::exit::{Exit, Failure};
 use crate::hint;
+use crate::output::problem::Code;
 use crate::output::{self, action, status};
 use crate::robot;
 use crate::signals::Ending;
@@ -28,16 +29,24 @@ pub async fn run(
     let mut ending = Ending::watch()?;
     let begun = tokio::select! {
         biased;
-        () = ending.signalled() => return Err(Failure::refused("interrupted; nothing was sent").into()),
+        () = ending.signalled() => {
+            return Err(Failure::refused("interrupted; nothing was sent").with_code(Code::Interrupted).into());
+        }
         begun = guarded.run(motion, options) => begun,
     };
     let handle = match begun {
         Ok(handle) => handle,
         Err(MotionError { cause: Cause::NotReady(unmet), .. }) => {
-            return Ok(not_ready(robot, &unmet, args.json));
+            return Err(not_ready(robot, &unmet));
         }
-        Err(error) => return Err(error.into()),
+        Err(error) => {
+            if !error.nothing_left() {
+                output::acts();
+            }
+            return Err(error.into());
+        }
     };
+    output::acts();
     let is_long = motion.len() > options.room;
     if is_long && !args.json {
         output::line(format_args!(
@@ -51,10 +60,11 @@ pub async fn run(
         biased;
         () = follow(&mut teller, &handle, args.wait) => None,
         () = ending.signalled() => Some(GivenUp::Interrupted),
+        () = untold(args) => Some(GivenUp::Untold),
         after = time_is_up(args.timeout) => Some(GivenUp::TimedOut(after)),
         never = show_progress(robot, Some(handle.watch())) => match never {},
     };
-    clear_progress();
+    output::clear_line();
     if let Some(why) = given_up {
         return Err(give_up(robot, handle, why, args.stop_on_interrupt).await);
     }
@@ -67,13 +77,19 @@ pub async fn run(
             stands(robot, &done, args.json);
             return Ok(Exit::Done);
         }
-    } else {
-        // The arm finishes what is in its list.
-        drop(handle);
+        if !args.json {
+            say_how_to_follow();
+        }
+        return Ok(Exit::Done);
     }
     if !args.json {
         say_how_to_follow();
     }
+    if is_untold(args) {
+        return Err(give_up(robot, handle, GivenUp::Untold, true).await);
+    }
+    // The arm finishes what is in its list.
+    drop(handle);
     Ok(Exit::Done)
 }
 
@@ -119,7 +135,7 @@ async fn give_up(robot: &Robot, handle: MotionHandle, why: GivenUp, stop: bool) 
     let progress = *watch.borrow();
     let length = robot.status().await.ok().and_then(|status| status.list_length);
     let advice = match why {
-        GivenUp::Interrupted => {
+        GivenUp::Interrupted | GivenUp::Untold => {
             format!("the arm finishes its list: end the motion with `{}`", hint::r6("stop"))
         }
         GivenUp::TimedOut(_) => format!(
@@ -129,7 +145,8 @@ async fn give_up(robot: &Robot, handle: MotionHandle, why: GivenUp, stop: bool) 
         ),
     };
     let what = format!("{why}; the arm may go on moving: {}", what_goes_on(&progress, length));
-    Ended { progress: Some(progress), ..Failure::unknown(what).advise(advice).into() }
+    let failure = Failure::unknown(what).with_code(why.code()).advise(advice);
+    Ended { progress: Some(progress), ..failure.into() }
 }
 
 /// What the arm still does when nothing more is sent, where the controller tells the length of its list and where not.

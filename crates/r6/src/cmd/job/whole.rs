@@ -7,13 +7,14 @@ use r6_proto::message::Action;
 
 use crate::cmd::job::ended::{Ended, GivenUp, elsewhere};
 use crate::cmd::job::events::Accepted;
-use crate::cmd::job::progress::{clear_progress, show_progress};
+use crate::cmd::job::progress::show_progress;
 use crate::cmd::job::streamed::stands;
 use crate::cmd::job::target::{Missed, Target};
-use crate::cmd::job::{JobArgs, guard, not_ready, repeats, say_how_to_follow};
+use crate::cmd::job::{JobArgs, guard, is_untold, not_ready, repeats, say_how_to_follow, untold};
 use crate::exit::{Exit, Failure};
 use crate::hint;
 use crate::output;
+use crate::output::problem::Code;
 use crate::signals::Ending;
 use r6::program_file::{Batch, cut};
 
@@ -71,12 +72,16 @@ pub async fn run(
     // Appending to a list that runs is what appending is for.
     let unmet: Vec<_> = state.unmet().into_iter().filter(|unmet| !(appends && is_running(unmet))).collect();
     if !unmet.is_empty() {
-        return Ok(not_ready(robot, &unmet, args.json));
+        return Err(not_ready(robot, &unmet));
     }
     // From here on the arm may move, and Ctrl-C has to say so.
-    let ending = args.wait.then(Ending::watch).transpose()?;
-    send(robot, batches, envelope, args.json).await?;
-    if let Some(ending) = ending {
+    let mut ending = Ending::watch()?;
+    tokio::select! {
+        biased;
+        sent = send(robot, batches, envelope, args.json) => sent?,
+        () = ending.signalled() => return Err(interrupted(args, robot, "it is not known which lists were accepted").await),
+    }
+    if args.wait {
         let instructions: Vec<_> = batches.iter().flat_map(|batch| &batch.instructions).collect();
         let usual = WaitOptions::default();
         let options = WaitOptions {
@@ -92,7 +97,21 @@ pub async fn run(
         }
         say_how_to_follow();
     }
+    if is_untold(args) {
+        return Err(Ended::given_up(GivenUp::Untold, None, robot.stop().await));
+    }
     Ok(Exit::Done)
+}
+
+/// Somebody pressed Ctrl-C after something left: stops the arm if that is wished.
+async fn interrupted(args: &JobArgs, robot: &Robot, what: &str) -> Ended {
+    if args.stop_on_interrupt {
+        return Ended::given_up(GivenUp::Interrupted, None, robot.stop().await);
+    }
+    Failure::unknown(format!("{}; {what}, and the arm may go on moving", GivenUp::Interrupted))
+        .with_code(GivenUp::Interrupted.code())
+        .advise(format!("end the motion with `{}`", hint::r6("stop")))
+        .into()
 }
 
 fn is_running(unmet: &Unmet) -> bool {
@@ -148,9 +167,11 @@ async fn send(
                         "after {number} of {} frames had been accepted and run",
                         batches.len()
                     ))
-                    .with_exit(Exit::Unknown),
+                    .with_exit(Exit::Unknown)
+                    .with_code(Code::OutcomeUnknown),
             }
         })?;
+        output::acts();
         let accepted = Accepted {
             instructions: batch.instructions.len(),
             replaced_list: batch.replace,
@@ -175,23 +196,25 @@ async fn follow(
     mut ending: Ending,
 ) -> Result<Exit, Ended> {
     let waited = tokio::select! {
-        waited = robot.wait_until_done(options) => Some(waited),
+        waited = robot.wait_until_done(options) => Ok(waited),
         never = show_progress(robot, None) => match never {},
-        () = ending.signalled() => None,
+        () = ending.signalled() => Err(GivenUp::Interrupted),
+        () = untold(args) => Err(GivenUp::Untold),
     };
-    clear_progress();
+    output::clear_line();
     let (why, failure) = match waited {
-        Some(Ok(done)) => {
+        Ok(Ok(done)) => {
             stands(robot, &done, args.json);
             return Ok(compare(target, &done)?);
         }
-        Some(Err(error @ WaitError::TimedOut { after, .. })) => {
+        Ok(Err(error @ WaitError::TimedOut { after, .. })) => {
             (GivenUp::TimedOut(after), Failure::from(error))
         }
-        Some(Err(error)) => return Err(Failure::from(error).into()),
-        None => (
-            GivenUp::Interrupted,
+        Ok(Err(error)) => return Err(Failure::from(error).into()),
+        Err(why) => (
+            why,
             Failure::unknown("no longer waiting; the arm goes on")
+                .with_code(why.code())
                 .advise(format!("end the motion with `{}`", hint::r6("stop"))),
         ),
     };
@@ -210,7 +233,9 @@ fn compare(target: Option<Target>, done: &Done) -> Result<Exit, Failure> {
                 .advise(format!("look at the arm and at `{}`", hint::r6("status"))))
         }
         Some(missed @ Missed::Elsewhere { .. }) => {
-            Err(Failure::refused(format!("the list was accepted, but {missed}")).advise(elsewhere()))
+            Err(Failure::refused(format!("the list was accepted, but {missed}"))
+                .with_code(Code::NotAtTarget)
+                .advise(elsewhere()))
         }
     }
 }

@@ -1,0 +1,111 @@
+//! The end of a run: the last lines, and the exit code where stdout cannot be written.
+
+use std::io::ErrorKind;
+use std::time::Duration;
+
+use super::queue::{FLUSH_WITHIN, LineQueue, Unwritten};
+use super::{OUTPUT, has_acted, json, note, problem};
+use crate::exit::{Exit, Failure};
+use crate::signals::{self, Ending};
+
+/// How often it is looked whether a slow reader has read the last lines.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// Says why a run failed, waits until everything is written, and tells how the run ends. `as_json`: programs read stdout.
+pub fn conclude(ended: Result<Exit, Failure>, as_json: bool) -> Exit {
+    let (exit, failed) = match &ended {
+        Ok(exit) => (*exit, false),
+        Err(failure) => {
+            if as_json && !failure.is_told() {
+                json(&problem::object(failure));
+            }
+            if !failure.is_said() {
+                note(failure);
+            }
+            (failure.exit(), true)
+        }
+    };
+    let Some(output) = OUTPUT.get() else { return exit };
+    let all_written = settle(&output.out);
+    let exit = match (output.out.failure(), all_written) {
+        (Some(unwritten), _) => {
+            say_unwritten(&unwritten, (!failed).then(|| output.out.unwritten()));
+            where_nobody_was_told(exit, has_acted())
+        }
+        (None, false) if has_acted() => {
+            note("r6: nobody reads stdout: what it says of the machine was not read");
+            where_nobody_was_told(exit, true)
+        }
+        (None, _) => exit,
+    };
+    settle(&output.err);
+    exit
+}
+
+/// How a run ends whose stdout could not be written. Nobody was told what became of a machine that was acted on.
+fn where_nobody_was_told(exit: Exit, acted: bool) -> Exit {
+    match (exit, acted) {
+        (Exit::Done | Exit::Refused, true) => Exit::Unknown,
+        (Exit::Done, false) => Exit::Refused,
+        (Exit::Refused | Exit::Usage | Exit::NoReply | Exit::Unknown, _) => exit,
+    }
+}
+
+/// Says on stderr that stdout cannot be written, and what it does not say. A reader of mere answers who has had enough
+/// (`r6 query --list | head`) needs no words.
+fn say_unwritten(unwritten: &Unwritten, text: Option<String>) {
+    if unwritten.kind == ErrorKind::BrokenPipe && !has_acted() {
+        return;
+    }
+    note(format_args!("r6: stdout: {unwritten}"));
+    if let Some(text) = text.filter(|text| has_acted() && !text.is_empty()) {
+        let lines: Vec<_> = text.lines().map(|line| format!("    {line}")).collect();
+        note(format_args!("r6: it would have ended with:\n{}", lines.join("\n")));
+    }
+}
+
+/// Waits until everything is written: as long as a slow reader takes, or until a signal asks for the end. Whether everything is
+/// written, or never will be.
+fn settle(queue: &LineQueue) -> bool {
+    if queue.flush_within(FLUSH_WITHIN) {
+        return true;
+    }
+    if signals::asked_to_end() {
+        return false;
+    }
+    let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else {
+        return false;
+    };
+    runtime.block_on(async {
+        let Ok(mut ending) = Ending::watch() else { return false };
+        let written = async {
+            while !queue.flush_within(Duration::ZERO) {
+                tokio::time::sleep(LOOK_EVERY).await;
+            }
+        };
+        tokio::select! {
+            () = written => true,
+            () = ending.signalled() => false,
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_nobody_was_told_is_not_done() {
+        for (exit, acted, wanted) in [
+            (Exit::Done, true, Exit::Unknown),
+            (Exit::Refused, true, Exit::Unknown),
+            (Exit::Done, false, Exit::Refused),
+            (Exit::Refused, false, Exit::Refused),
+            (Exit::Usage, false, Exit::Usage),
+            (Exit::NoReply, true, Exit::NoReply),
+            (Exit::Unknown, true, Exit::Unknown),
+        ] {
+            assert_eq!(where_nobody_was_told(exit, acted), wanted, "{exit:?} {acted}");
+        }
+    }
+}
