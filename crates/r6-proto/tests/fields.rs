@@ -629,7 +629,7 @@ fn instruction_oneshot() {
     // Which ones have none is told besides: a firmware may take it otherwise.
     let steps = r#"{"action":"800","cnt_id":"0"},{"action":"800","cnt_id":"0","oneshot":"0"},{"action":"800","cnt_id":"0"}"#;
     for (steps, without) in [(steps, &[0, 2][..]), (r#"{"action":"800","cnt_id":"0","oneshot":"1"}"#, &[])] {
-        look(&format!(r#"{{"reqType":"AddRCC","instructions":[{steps}]}}"#), |message| {
+        look(format!(r#"{{"reqType":"AddRCC","instructions":[{steps}]}}"#), |message| {
             let Body::AddRcc(list) = message.body else { panic!("{message:?}") };
             assert_eq!(list.without_oneshot, without);
         });

@@ -10,7 +10,7 @@ use pyo3::types::{PyBytes, PyDict, PyList, PyString, PyTuple};
 use r6_client::{
     Accepted, Done, EndProof, Followed, Found, Identity, LinkQuality, LinkState, ListAfterStop, NoReading,
     OperationMode, Pushed, Quality, QueryResult, SecondConnection, Snapshot, StandProof, Status, StopMeans,
-    StopReport, Unmet,
+    StopReport, Unmet, Unproved,
 };
 use r6_proto::Reading;
 use r6_proto::axis::AXES;
@@ -96,7 +96,17 @@ pub fn status<'py>(py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyAn
         .with("cycle", status.cycle)?
         .with("last_cycle", status.last_cycle)?
         .with("unmet", unmet(py, &status.unmet())?)?
+        .with("unproved", unproved(py, status)?)?
         .build()
+}
+
+/// What no value tells, by the words that `r6 status --json` uses.
+fn unproved<'py>(py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyTuple>> {
+    let word = |unproved| match unproved {
+        Unproved::RemoteStep => "remote_step",
+        Unproved::ListLength => "list_length",
+    };
+    PyTuple::new(py, status.unproved(None).into_iter().map(word))
 }
 
 /// Conditions that are not met.

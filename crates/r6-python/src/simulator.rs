@@ -13,7 +13,7 @@ use r6_controller::{
     StartState,
 };
 use r6_proto::io_point::{IoPoint, PointKind};
-use r6_sim::{Camera, Clock, ControllerHandle, VirtualController};
+use r6_sim::{Camera, Clock, ControllerHandle, SimError, VirtualController};
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::TryRecvError;
 
@@ -180,11 +180,12 @@ impl Simulator {
         self.address.port()
     }
 
-    /// Ends it and its connections. Closing again does nothing.
+    /// Ends it and its connections; raises where its state could not be written. Closing again does nothing.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let taken = self.controller.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
-        interpreter::released(py, || drop(taken));
-        Ok(())
+        let ended =
+            interpreter::released(py, || taken.map_or(Ok(()), VirtualController::shutdown_blocking)).0;
+        raise(py, ended.map_err(SimError::State))
     }
 
     fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {

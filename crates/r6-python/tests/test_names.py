@@ -18,8 +18,8 @@ COMMAND = Path(__file__).parents[2] / "r6-proto" / "src" / "message" / "command.
 # Names of the crate. What begins with a blank is a reason, all else a name of the package.
 ELSEWHERE = {
     "Address": "addresses",
-    "AxisIndex": " a number from 0",
     "AxisCoordinate": " Degrees or Millimetres",
+    "AxisIndex": " a number from 0",
     "BlendLevel": " a number from 0 to 9",
     "BoardOutput": "Motion.set_board",
     "CameraSet": "Robot.add_points",
@@ -46,11 +46,13 @@ ELSEWHERE = {
     "PairMask": "Motion.set_board",
     "PhotoAnswer": "Robot.answer_photo",
     "Pushed": "Event",
+    "Readiness": "Status.unproved",
     "Reconnect": "RobotSettings",
     "RegisterError": "NotTaken",
     "RegisterIndex": " a number from 800 to 900",
     "Sent": "OutcomeUnknown.request",
     "StepHandle": "Step",
+    "Unproved": "Status.unproved",
     "Violation": "OutsideEnvelope",
     "WaitCondition": "Motion.wait_for",
     "WaitOptions": "Robot.wait_until_done",

@@ -45,6 +45,8 @@ def test_an_unknown_address_names_the_nearest(virtual_robot: r6.Robot) -> None:
 def test_a_status_has_positions_as_arrays(virtual_robot: r6.Robot) -> None:
     status = virtual_robot.status()
     assert status.is_ready and status.unmet == () and status.homed and status.alarm == 0
+    # All that can be read is met; that the program waits for instructions is nothing that can be read.
+    assert status.unproved == ("remote_step",)
     assert status.axes.shape == status.pose.shape == (6,) and status.axes.dtype == np.float64
     assert virtual_robot.firmware() == status.firmware
     identity = virtual_robot.identity()

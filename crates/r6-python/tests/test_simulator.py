@@ -65,6 +65,16 @@ def test_it_keeps_its_state_in_a_folder(tmp_path: Path) -> None:
                 assert robot.counter(2).current == wanted
 
 
+def test_a_state_that_cannot_be_written_is_raised_at_the_end(tmp_path: Path) -> None:
+    controller = r6.Simulator(state=tmp_path)
+    # Where the new file would go there is a folder.
+    (tmp_path / "controller-1.json.new").mkdir()
+    controller.turn_key("manual")
+    with pytest.raises(r6.SimulatorError, match="cannot be written"):
+        controller.close()
+    controller.close()
+
+
 def test_what_is_wrong_with_its_arguments_is_told(tmp_path: Path) -> None:
     with pytest.raises(r6.SimulatorError, match="hc1, r6-host"):
         r6.Simulator(profile="hc2")

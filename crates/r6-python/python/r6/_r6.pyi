@@ -715,7 +715,7 @@ class Simulator:
     def port(self) -> int:
         """The port it listens on."""
     def close(self) -> None:
-        """Ends it and its connections. Closing again does nothing."""
+        """Ends it and its connections; raises where its state could not be written. Closing again does nothing."""
     def __enter__(self) -> Simulator: ...
     def __exit__(self, *_exception: object) -> None: ...
     def emergency_stop(self) -> None:

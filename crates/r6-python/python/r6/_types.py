@@ -176,10 +176,13 @@ class Status:
     """Time of the last cycle, seconds."""
     unmet: tuple[Unmet, ...]
     """What keeps the machine from taking instructions, in the order in which it is to be dealt with."""
+    unproved: tuple[Literal["remote_step", "list_length"], ...]
+    """What has to hold, and no value tells: whether the program sits in its step that waits for remote commands, which no firmware tells;
+    how many instructions are left in the list, which older firmware does not tell."""
 
     @property
     def is_ready(self) -> bool:
-        """Whether nothing keeps the machine from taking instructions, as far as the wire tells."""
+        """Whether nothing that can be read keeps the machine from taking instructions. It is no proof that it takes them: see ``unproved``."""
         return not self.unmet
 
 
