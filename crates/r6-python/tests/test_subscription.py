@@ -112,7 +112,8 @@ def test_closing_ends_the_waiting_of_another_task(virtual_controller: r6.Simulat
                 return [snapshot async for snapshot in state]
 
             waiting = asyncio.ensure_future(rest())
-            await asyncio.sleep(0)
+            await asyncio.wait([waiting], timeout=0.2)
+            assert not waiting.done(), "the next values are an hour away"
             state.close()
             assert await asyncio.wait_for(waiting, 30) is not None
             assert await state.next() is None
