@@ -84,6 +84,15 @@ impl fmt::Display for Progress {
     }
 }
 
+/// What the owner of a motion wishes before it has come to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wish {
+    /// The arm stops.
+    Stop,
+    /// Nothing more is sent.
+    Release,
+}
+
 /// A motion that runs ([`Robot::run`]).
 ///
 /// Dropping it does not end the motion: it is streamed on to its end, and [`Robot::wait_until_done`] waits for that. With
@@ -94,8 +103,8 @@ pub struct MotionHandle {
     pub(crate) robot: Robot,
     pub(crate) number: u64,
     pub(crate) progress: watch::Receiver<Progress>,
-    /// Sends when the arm is to stop; dropped with the handle.
-    pub(crate) end: Option<oneshot::Sender<()>>,
+    /// Tells what the owner wishes; dropped with the handle.
+    pub(crate) end: Option<oneshot::Sender<Wish>>,
     pub(crate) task: JoinHandle<Ended>,
     /// How it ended, once that was seen.
     pub(crate) outcome: Option<Ended>,
@@ -179,6 +188,16 @@ impl MotionHandle {
         ended
     }
 
+    /// Ends the streaming: nothing more is sent, and the arm finishes what is in its list. Tells what had left by then. A stop of
+    /// somebody else that is under way is waited for.
+    pub async fn release(mut self) -> Progress {
+        if let Some(end) = self.end.take() {
+            end.send(Wish::Release).ok();
+        }
+        self.ended().await;
+        self.progress()
+    }
+
     /// Ends the streaming and stops the arm, verified, its list cleared ([`Robot::stop`]). A motion that has ended is stopped
     /// all the same.
     ///
@@ -186,7 +205,7 @@ impl MotionHandle {
     /// As [`Robot::stop`].
     pub async fn stop(mut self) -> Result<StopReport, RequestError> {
         if let Some(end) = self.end.take() {
-            end.send(()).ok();
+            end.send(Wish::Stop).ok();
         }
         match self.ended().await {
             Ended { result: Err(MotionError { stop: Some(stopped), .. }), stopped_as_asked: true } => {

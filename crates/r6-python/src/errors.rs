@@ -256,6 +256,7 @@ impl Raise for Cause {
             | Self::StoppedHere
             | Self::Dropped
             | Self::Closed
+            | Self::Released
             | Self::NotSeen
             | Self::AnotherList { .. }
             | Self::Elsewhere(_)
@@ -294,6 +295,7 @@ impl Raise for MotionError {
             | Cause::StoppedHere
             | Cause::Dropped
             | Cause::Closed
+            | Cause::Released
             | Cause::NotSeen
             | Cause::Elsewhere(_)
             | Cause::Stalled { .. }
@@ -319,6 +321,7 @@ fn cause_word(cause: &Cause) -> &'static str {
         Cause::StoppedHere => "stopped_here",
         Cause::Dropped => "dropped",
         Cause::Closed => "closed",
+        Cause::Released => "released",
         Cause::NotSeen => "not_seen",
         Cause::AnotherList { .. } => "another_list",
         Cause::Elsewhere(_) => "elsewhere",

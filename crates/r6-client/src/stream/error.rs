@@ -59,6 +59,8 @@ pub enum Cause {
     StoppedHere,
     /// The handle of the motion was dropped, and the motion was to be stopped then ([`crate::RunOptions::stop_on_drop`]).
     Dropped,
+    /// The handle of the motion ended the streaming ([`crate::MotionHandle::release`]): the arm finishes what is in its list.
+    Released,
     /// The robot's handle was closed ([`crate::Robot::close`]) before all of the motion had left.
     Closed,
     /// The lists were accepted, the arm stands and the controller's list is empty, but nothing proves that they were carried out:
@@ -208,6 +210,9 @@ impl fmt::Display for Cause {
             }
             Self::StoppedHere => f.write_str("a stop or a pause was sent over this connection"),
             Self::Dropped => f.write_str("the handle of the motion was dropped"),
+            Self::Released => {
+                f.write_str("the streaming was ended here; the arm finishes what is in its list")
+            }
             Self::Closed => f.write_str(
                 "the robot's handle was closed before the motion was at its end; the arm finishes what is in its list",
             ),

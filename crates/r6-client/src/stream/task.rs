@@ -6,13 +6,14 @@ use std::ops::Range;
 use std::time::Duration;
 
 use r6_proto::axis::AXES;
+use tokio::sync::oneshot::error::TryRecvError;
 use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, oneshot, watch};
 use tokio::time::{Instant, sleep};
 
 use crate::error::{NotSent, RequestError};
 use crate::evidence::rest::Rest;
 use crate::evidence::{About, Observation, Sample};
-use crate::handle::Progress;
+use crate::handle::{Progress, Wish};
 use crate::job::{Terms, Work};
 use crate::link::Lane;
 use crate::motion::{Done, EndProof, WaitOptions};
@@ -94,7 +95,7 @@ impl Task {
     /// goes on to its end, unless it is to be stopped.
     pub async fn run(
         self,
-        ended: oneshot::Receiver<()>,
+        ended: oneshot::Receiver<Wish>,
         stops: watch::Receiver<u64>,
         turn: OwnedSemaphorePermit,
         lists: OwnedMutexGuard<()>,
@@ -109,7 +110,7 @@ impl Task {
 
     async fn run_and_stop(
         mut self,
-        mut ended: oneshot::Receiver<()>,
+        mut ended: oneshot::Receiver<Wish>,
         mut stops: watch::Receiver<u64>,
         lists: OwnedMutexGuard<()>,
     ) -> Ended {
@@ -120,7 +121,8 @@ impl Task {
             biased;
             cause = asked(&mut ended, stop_on_drop) => {
                 asked_to_stop = cause == Cause::StoppedHere;
-                Err((cause, true))
+                let stop = cause != Cause::Released;
+                Err((cause, stop))
             }
             cause = stopped(&mut stops) => Err((cause, false)),
             () = robot.is_closing() => Err((Cause::Closed, stop_on_drop)),
@@ -136,7 +138,13 @@ impl Task {
         };
         self.publish(true);
         let progress = *self.progress.borrow();
-        tracing::warn!(%cause, ?progress, "the motion did not come to its end");
+        let dropped = matches!(ended.try_recv(), Err(TryRecvError::Closed));
+        if dropped && !asked_to_stop && cause != Cause::Released {
+            // Its handle is gone: nobody may ever ask.
+            tracing::warn!(%cause, ?progress, "a motion whose handle was dropped did not come to its end");
+        } else {
+            tracing::info!(%cause, ?progress, "the motion did not come to its end");
+        }
         let stop = match cause {
             _ if stop && progress.left > 0 => Some(self.robot.stop().await),
             // Somebody else stops the arm: until that is done, its list may not be cleared.
@@ -295,9 +303,10 @@ impl Task {
 }
 
 /// Ends when the motion's own handle wants the arm to stop. One that is dropped wants that only if it was said before.
-async fn asked(ended: &mut oneshot::Receiver<()>, stop_on_drop: bool) -> Cause {
+async fn asked(ended: &mut oneshot::Receiver<Wish>, stop_on_drop: bool) -> Cause {
     match ended.await {
-        Ok(()) => Cause::StoppedHere,
+        Ok(Wish::Stop) => Cause::StoppedHere,
+        Ok(Wish::Release) => Cause::Released,
         Err(_dropped) if stop_on_drop => Cause::Dropped,
         Err(_dropped) => future::pending().await,
     }

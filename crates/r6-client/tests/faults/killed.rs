@@ -29,7 +29,7 @@ const STEP: f64 = 0.5;
 
 /// The speed, %, of a motion that the watchdog stops: a step lasts some two seconds, and more than one is left when the client is
 /// killed.
-const SLOW: f64 = 0.15;
+const SLOW: f64 = 0.2;
 
 /// Long enough for a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(20);

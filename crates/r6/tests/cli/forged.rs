@@ -42,7 +42,8 @@ fn a_controller_cannot_forge_a_line() {
     }
     let status = cell.r6(&["status"]);
     assert!(status.out.contains(&format!("firmware {SHOWN}, at ")), "{status:?}");
-    assert_eq!(status.out.matches("\nREADY").count(), 1, "its own: {status:?}");
+    assert_eq!(status.out.matches("\nREADY").count(), 0, "the controller's, not its own: {status:?}");
+    assert_eq!(status.out.matches("\nUNKNOWN").count(), 1, "its own: {status:?}");
     // Programs get the text itself.
     let json = cell.r6(&["query", "version", "--json"]);
     assert_eq!(json.json()["values"]["version"], FORGED);

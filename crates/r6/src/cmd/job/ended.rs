@@ -176,7 +176,9 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
             hint::r6("stop")
         )),
         Cause::AnotherList { .. } => Failure::unknown(cause),
-        Cause::StoppedHere | Cause::Dropped | Cause::Closed | Cause::Abandoned => Failure::unknown(cause),
+        Cause::StoppedHere | Cause::Dropped | Cause::Released | Cause::Closed | Cause::Abandoned => {
+            Failure::unknown(cause)
+        }
     }
 }
 

@@ -89,7 +89,7 @@ pub async fn run(
         return Err(give_up(robot, handle, GivenUp::Untold, true).await);
     }
     // The arm finishes what is in its list.
-    drop(handle);
+    handle.release().await;
     Ok(Exit::Done)
 }
 
@@ -123,16 +123,13 @@ async fn time_is_up(after: Option<Duration>) -> Duration {
 
 /// Ends the streaming, stops the arm if that is wished, and tells the truth about what goes on.
 async fn give_up(robot: &Robot, handle: MotionHandle, why: GivenUp, stop: bool) -> Ended {
-    let mut watch = handle.watch();
     if stop {
+        let watch = handle.watch();
         let stop = handle.stop().await;
         let progress = *watch.borrow();
         return Ended::given_up(why, Some(progress), stop);
     }
-    drop(handle);
-    // The task sees to its end at once: nothing more leaves.
-    watch.wait_for(|progress| progress.ended).await.ok();
-    let progress = *watch.borrow();
+    let progress = handle.release().await;
     let length = robot.status().await.ok().and_then(|status| status.list_length);
     let advice = match why {
         GivenUp::Interrupted | GivenUp::Untold => {
