@@ -46,13 +46,13 @@ impl<C> fmt::Debug for Dialer<C> {
     }
 }
 
+/// An attempt to connect that is under way.
+pub(crate) type Dialling<'d> = Pin<Box<dyn Future<Output = Result<Box<dyn Carrier>, NotSent>> + Send + 'd>>;
+
 /// The same, whatever makes them: for a second connection beside the first.
 pub(crate) trait Dial: fmt::Debug + Send + Sync {
     /// One attempt to connect, within a time.
-    fn dial(
-        &self,
-        within: Duration,
-    ) -> Pin<Box<dyn Future<Output = Result<Box<dyn Carrier>, NotSent>> + Send + '_>>;
+    fn dial(&self, within: Duration) -> Dialling<'_>;
 }
 
 impl<C: Connect> Dialer<C> {
@@ -81,10 +81,7 @@ impl<C: Connect> Dialer<C> {
 }
 
 impl<C: Connect> Dial for Dialer<C> {
-    fn dial(
-        &self,
-        within: Duration,
-    ) -> Pin<Box<dyn Future<Output = Result<Box<dyn Carrier>, NotSent>> + Send + '_>> {
+    fn dial(&self, within: Duration) -> Dialling<'_> {
         Box::pin(async move { Ok(Box::new(self.connect(within).await?) as Box<dyn Carrier>) })
     }
 }

@@ -146,7 +146,7 @@ impl Halt {
 
     /// Hands the next means to the connection. What is read from then on is read after it.
     async fn send(&mut self, answers: &mut JoinSet<(StopMeans, Result<Answer, RequestError>)>) {
-        let means = StopMeans::IN_ORDER[self.next % StopMeans::IN_ORDER.len()];
+        let means = StopMeans::nth(self.next);
         self.next += 1;
         self.next_at = Instant::now() + NEXT_AFTER;
         let about = self.about();

@@ -3,8 +3,8 @@
 use std::fmt;
 use std::time::Duration;
 
-use r6_proto::OperationMode;
 use r6_proto::message::Command;
+use r6_proto::{OperationMode, printable};
 
 use crate::error::{Invalid, NotSent, OutcomeUnknown, RequestError};
 use crate::evidence::Observation;
@@ -64,6 +64,12 @@ impl StopMeans {
     /// move, `actionPause` once had no effect (reported, unit B); an empty list raises an alarm while the arm moves (reported,
     /// unit A).
     pub const IN_ORDER: [Self; 4] = [Self::ActionStop, Self::StopButton, Self::ActionPause, Self::ClearList];
+
+    /// The one whose turn it is after so many; after the last comes the first again.
+    pub(super) fn nth(number: usize) -> Self {
+        let [first, ..] = Self::IN_ORDER;
+        Self::IN_ORDER.into_iter().cycle().nth(number % Self::IN_ORDER.len()).unwrap_or(first)
+    }
 
     /// Its word on the wire.
     #[must_use]
@@ -301,7 +307,7 @@ impl fmt::Display for ListAfterStop {
             Self::WasEmpty => f.write_str("the instruction list was empty"),
             Self::Cleared => f.write_str("the instruction list was cleared"),
             Self::Refused(Some(reason)) => {
-                write!(f, "the instruction list was not cleared, refused: {reason}")
+                write!(f, "the instruction list was not cleared, refused: {}", printable(reason))
             }
             Self::Refused(None) => {
                 f.write_str("the instruction list was not cleared, refused without a reason")
