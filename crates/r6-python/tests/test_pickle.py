@@ -71,7 +71,7 @@ def by_annotation(kind: type) -> Any:
 NATIVE: list[Any] = [
     r6.Degrees(0.1 + 0.2),
     r6.Millimetres(-1e-9),
-    r6.Percent(33.333),
+    r6.Percent(33.3),
     r6.MillimetresPerSecond(250),
     r6.AxisMask(0, 6),
     r6.AxisPosition.degrees([1 / 3, -2.5]).with_axis(6, r6.Millimetres(1200.125)),
