@@ -39,7 +39,8 @@ async def main(address: str) -> None:
                 following.target(target(middle, min(time, SECONDS)))
                 await asyncio.sleep(EVERY)
         followed = await following.finished()
-        print(f"{followed.steps} steps, the arm stands at {followed.axes[0]:.2f}, {followed.behind:.2f} deg behind")
+        behind = "not known how far" if followed.behind is None else f"{followed.behind:.2f} deg"
+        print(f"{followed.steps} steps, the arm stands at {followed.axes[0]:.2f}, {behind} behind")
 
 
 with addresses() as (address,):

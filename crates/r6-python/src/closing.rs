@@ -1,11 +1,10 @@
-//! Closing a connection without losing a stop that was asked for (`stop_on_drop`), or one that is under way: what is closed can stop
-//! nobody.
+//! Closing a connection without losing a stop that is under way. A closed connection cannot stop the arm.
 
 use std::future::{Future, poll_fn};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::task::Poll;
 
-use r6_client::{Progress, RequestError, Robot, StopReport, StopsUnderWay};
+use r6_client::{Closed, RequestError, Robot, StopReport, StopsUnderWay};
 use tokio::sync::watch;
 use tokio::time::timeout;
 
@@ -16,9 +15,6 @@ use crate::operation::{Operation, STOP_GOES_ON};
 /// What all handles of a connection share.
 #[derive(Default)]
 pub struct Connection {
-    /// Motions that are to be stopped when nobody holds them any more. The sender goes once a motion, and the stop that may follow
-    /// it, is over. One runs at a time: there are few.
-    living: Mutex<Vec<watch::Receiver<Progress>>>,
     closed: watch::Sender<bool>,
     /// Motions whose handles came to nobody and that are being stopped.
     unowned: watch::Sender<usize>,
@@ -42,42 +38,21 @@ impl Drop for Unowned {
 }
 
 impl Connection {
-    /// Keeps a motion in mind until it is over.
-    pub fn add(&self, motion: watch::Receiver<Progress>) {
-        let mut living = self.living.lock().unwrap_or_else(PoisonError::into_inner);
-        living.retain(lives);
-        living.push(motion);
-    }
-
-    /// Stops the arm if one of them lives, waits for a stop that is under way, and closes the connection.
-    pub async fn close(&self, robot: Robot) {
-        let mut living = std::mem::take(&mut *self.living.lock().unwrap_or_else(PoisonError::into_inner));
-        living.retain(lives);
-        // Out of time, or a stop that failed: the connection ends all the same, as who closes it wants.
-        let _ = timeout(StopsUnderWay::WITHIN, async {
-            // The sender is here.
-            let _ = self.unowned.subscribe().wait_for(|count| *count == 0).await;
-            // One that has ended and still lives is being stopped.
-            if living.iter().any(|motion| !motion.borrow().ended) {
-                let _ = robot.stop().await;
-            }
-            for mut motion in living {
-                while motion.changed().await.is_ok() {}
-            }
-        })
-        .await;
-        robot.close().await;
+    /// Waits for the stops of motions whose handles came to nobody, and closes the connection. The client itself waits for every
+    /// other stop, and for the motion that it ends.
+    pub async fn close(&self, robot: Robot) -> Closed {
+        // Out of time: the connection ends all the same, as the caller wants. The sender is here.
+        let mut unowned = self.unowned.subscribe();
+        let _ = timeout(StopsUnderWay::WITHIN, unowned.wait_for(|count| *count == 0)).await;
+        let closed = robot.close().await;
         self.closed.send_replace(true);
+        closed
     }
 
     /// Tells when it is closed.
     pub fn closed(&self) -> watch::Receiver<bool> {
         self.closed.subscribe()
     }
-}
-
-fn lives(motion: &watch::Receiver<Progress>) -> bool {
-    motion.has_changed().is_ok()
 }
 
 /// Waits for a stop as long as one takes; it goes on by itself. One that is still under way is told as not confirmed.

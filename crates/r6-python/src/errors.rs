@@ -124,10 +124,19 @@ impl Raise for RequestError {
             ) => error.with("reason", reason.as_deref()),
             Self::OutcomeUnknown(unknown) => {
                 let sent = unknown.request();
-                error
+                let error = error
                     .with("reason", unknown_word(unknown))
                     .with("request", sent.word)
-                    .with("effect", effect_word(sent.effect))
+                    .with("effect", effect_word(sent.effect));
+                match unknown {
+                    OutcomeUnknown::AnotherRobot { expected, found, .. } => error
+                        .with_made("expected", convert::identity(py, expected))
+                        .with_made("found", convert::identity(py, found)),
+                    OutcomeUnknown::TimedOut { .. }
+                    | OutcomeUnknown::ConnectionLost { .. }
+                    | OutcomeUnknown::Unreadable { .. }
+                    | OutcomeUnknown::Unclear { .. } => error,
+                }
             }
         }
         .build()

@@ -1,6 +1,6 @@
 //! A motion that runs.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyIndexError;
@@ -98,12 +98,16 @@ type Outcome = Result<Done, MotionError>;
 /// What a handle is made of.
 pub struct Parts {
     robot: Robot,
+    number: u64,
+    stop_on_drop: bool,
     progress: watch::Receiver<r6_client::Progress>,
     outcome: watch::Receiver<Option<Outcome>>,
-    streaming: Streaming,
+    /// How many wait for the end.
+    asked: Arc<watch::Sender<usize>>,
+    owner: Streaming,
 }
 
-/// The task that holds the client's handle. Dropping this ends the streaming, as dropping that handle does.
+/// The task that holds the client's handle, or that follows a target. Dropping this drops the handle, and ends the following.
 pub struct Streaming(pub AbortHandle);
 
 impl Streaming {
@@ -119,6 +123,41 @@ impl Drop for Streaming {
     }
 }
 
+/// A caller that waits for the end of the motion, counted until it gives up.
+struct Asking(Arc<watch::Sender<usize>>);
+
+impl Asking {
+    fn at(asked: Arc<watch::Sender<usize>>) -> Self {
+        asked.send_modify(|count| *count += 1);
+        Self(asked)
+    }
+}
+
+impl Drop for Asking {
+    fn drop(&mut self) {
+        self.0.send_modify(|count| *count = count.saturating_sub(1));
+    }
+}
+
+/// Holds the client's handle. It asks for the end only while a caller waits for it, because the client tells the end once: to
+/// the handle, or to `wait_until_done`, or to `close`.
+async fn own(
+    mut handle: MotionHandle,
+    mut asked: watch::Receiver<usize>,
+    tell: watch::Sender<Option<Outcome>>,
+) {
+    // The sender goes with the handle of the caller.
+    while asked.wait_for(|count| *count > 0).await.is_ok() {
+        tokio::select! {
+            outcome = handle.wait() => {
+                tell.send_replace(Some(outcome));
+                return;
+            }
+            _given_up = asked.wait_for(|count| *count == 0) => {}
+        }
+    }
+}
+
 /// A motion that runs. Its end can be asked for again and again, and by many.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct MotionCore {
@@ -128,15 +167,13 @@ pub struct MotionCore {
 }
 
 impl MotionCore {
-    /// Keeps the client's handle in a task of the engine: to wait for its end takes it away there.
-    pub fn parts(robot: Robot, handle: MotionHandle) -> Parts {
-        let progress = handle.watch();
+    /// Keeps the client's handle in a task of the engine. With `stop_on_drop` the arm is stopped when that task ends.
+    pub fn parts(robot: Robot, handle: MotionHandle, stop_on_drop: bool) -> Parts {
+        let (number, progress) = (handle.number(), handle.watch());
         let (tell, outcome) = watch::channel(None);
-        let task = tokio::spawn(async move {
-            let result = handle.finished().await;
-            tell.send_replace(Some(result));
-        });
-        Parts { robot, progress, outcome, streaming: Streaming(task.abort_handle()) }
+        let (asked, asks) = watch::channel(0);
+        let owner = Streaming(tokio::spawn(own(handle, asks, tell)).abort_handle());
+        Parts { robot, number, stop_on_drop, progress, outcome, asked: Arc::new(asked), owner }
     }
 
     /// The handle.
@@ -159,6 +196,11 @@ impl MotionCore {
 
 #[pymethods]
 impl MotionCore {
+    #[getter]
+    fn number(&self) -> PyResult<u64> {
+        Ok(self.parts.here()?.number)
+    }
+
     fn progress(&self) -> PyResult<Progress> {
         Ok(Progress(*self.parts.here()?.progress.borrow()))
     }
@@ -199,25 +241,27 @@ impl MotionCore {
 
     pub fn finished(&self) -> PyResult<Operation> {
         let parts = self.parts.here()?;
-        let (mut outcome, progress) = (parts.outcome.clone(), parts.progress.clone());
+        let (mut outcome, mut progress) = (parts.outcome.clone(), parts.progress.clone());
+        let asked = Arc::clone(&parts.asked);
         let waiting = async move {
-            match outcome.wait_for(Option::is_some).await.map(|outcome| outcome.clone()) {
-                Ok(Some(outcome)) => outcome,
-                // The handle was dropped while somebody waited here.
-                Ok(None) | Err(_) => {
-                    Err(MotionError { cause: Cause::Dropped, progress: *progress.borrow(), stop: None })
-                }
+            let _asking = Asking::at(asked);
+            if let Ok(Some(outcome)) = outcome.wait_for(Option::is_some).await.map(|outcome| outcome.clone())
+            {
+                return outcome;
             }
+            // The client's handle was dropped, so the client stops the arm: its sender goes when the stop has ended.
+            over(&mut progress).await;
+            let progress = *progress.borrow();
+            Err(MotionError { cause: Cause::Dropped, progress, stop: None })
         };
         Ok(Operation::new(waiting, |py, done| convert::done(py, &raise(py, done)?)))
     }
 
     /// Waits for the end for so long, seconds; whether it came.
     fn ended_within(&self, time: f64) -> PyResult<Operation> {
-        let mut outcome = self.parts.here()?.outcome.clone();
+        let mut progress = self.parts.here()?.progress.clone();
         let time = seconds("time", time)?;
-        // Where the handle was dropped, its task is gone, and its sender.
-        let waiting = async move { timeout(time, outcome.wait_for(Option::is_some)).await.is_ok() };
+        let waiting = async move { timeout(time, over(&mut progress)).await.is_ok() };
         Ok(Operation::new(waiting, |py, ended| ended.into_bound_py_any(py)))
     }
 
@@ -226,9 +270,17 @@ impl MotionCore {
         Ok(stopping(self.parts.here()?.robot.clone()))
     }
 
-    /// Ends the streaming; the arm goes on, or is stopped, as `stop_on_drop` says.
+    /// As dropping the handle: with `stop_on_drop` the arm is stopped, else the motion goes on to its end.
     fn release(&self) -> PyResult<()> {
-        self.parts.here()?.streaming.end();
+        let parts = self.parts.here()?;
+        if parts.stop_on_drop {
+            parts.owner.end();
+        }
         Ok(())
     }
+}
+
+/// Waits until the motion, and the stop that may follow it, is over: the sender of its progress goes then.
+async fn over(progress: &mut watch::Receiver<r6_client::Progress>) {
+    while progress.changed().await.is_ok() {}
 }

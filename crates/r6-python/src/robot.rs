@@ -75,8 +75,8 @@ impl RobotCore {
         }))
     }
 
-    /// Ends the connection for all handles of it, and first a motion that is to be stopped when it is dropped; waits for a stop that
-    /// is under way. Closing again does nothing.
+    /// Ends the connection for all handles of it, and the motion that is streamed over it; waits for a stop that is under way. Gives
+    /// the text of the motion that was cut short, or `None`. Closing again does nothing.
     fn close(&self) -> PyResult<Operation> {
         let handle = self.handle.here()?;
         let robot = handle.robot.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -86,11 +86,10 @@ impl RobotCore {
             Some(_) | None => "closing goes on",
         };
         let closing = async move {
-            if let Some(robot) = robot {
-                connection.close(robot).await;
-            }
+            let closed = connection.close(robot?).await;
+            closed.cut_short.map(|motion| motion.to_string())
         };
-        Ok(Operation::new(closing, |py, ()| py.None().into_bound_py_any(py)).going_on(goes_on))
+        Ok(Operation::new(closing, |py, cut_short| cut_short.into_bound_py_any(py)).going_on(goes_on))
     }
 
     #[pyo3(signature = (*addresses))]

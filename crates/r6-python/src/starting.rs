@@ -41,6 +41,7 @@ struct Way {
     phase: watch::Sender<Phase>,
     made: Mutex<Option<MotionHandle>>,
     robot: Robot,
+    stop_on_drop: bool,
     connection: Arc<Connection>,
     process: &'static Process,
 }
@@ -122,16 +123,13 @@ impl Starting {
     ) -> PyResult<Self> {
         let process = Process::current(py)?;
         let phase = watch::Sender::new(Phase::Begun);
-        let (made, robots) = (Mutex::default(), robot.clone());
-        let way = Arc::new(Way { phase, made, robot: robots, connection: Arc::clone(&connection), process });
+        let (made, robots, stop_on_drop) = (Mutex::default(), robot.clone(), options.stop_on_drop);
+        let way = Arc::new(Way { phase, made, robot: robots, stop_on_drop, connection, process });
         let making = Making(Arc::clone(&way));
         let starting = async move {
             // Gone at the end of this, whatever the end is.
             let making = making;
             let handle = robot.run(&motion, options).await?;
-            if options.stop_on_drop {
-                connection.add(handle.watch());
-            }
             *making.0.made.lock().unwrap_or_else(PoisonError::into_inner) = Some(handle);
             making.0.phase.send_replace(Phase::Made);
             Ok(())
@@ -189,7 +187,8 @@ impl Starting {
         let way = self.way.here()?;
         let handle =
             way.take().ok_or_else(|| PyRuntimeError::new_err("this motion was taken, or is none"))?;
-        Ok(MotionCore::new(way.process.engine().enter(|| MotionCore::parts(way.robot.clone(), handle))))
+        let parts = || MotionCore::parts(way.robot.clone(), handle, way.stop_on_drop);
+        Ok(MotionCore::new(way.process.engine().enter(parts)))
     }
 
     /// Waits until the motion is made, and gives its handle, which is of this class.

@@ -100,11 +100,13 @@ def test_another_robot_at_the_same_address_gets_no_command(
         relay.target = other.port
         relay.cut()
         events = robot.pushed()
-        robot.status()
+        with pytest.raises(r6.OutcomeUnknown, match="another robot") as unread:
+            robot.status()
+        assert unread.value.reason == "another_robot" and unread.value.effect == "reads"
         found = events.next(timeout=10)
         while not isinstance(found, r6.Reconnected):
             found = events.next(timeout=10)
-        assert found.another
+        assert found.another and unread.value.found == found.identity != unread.value.expected
         with pytest.raises(r6.NotSent, match="another robot") as error:
             robot.clear_list()
         assert error.value.reason == "another_robot" and error.value.found == found.identity

@@ -36,7 +36,8 @@ def test_the_arm_goes_to_the_target_in_steps(
         hold(following, -5.0, virtual_controller)
     followed = following.finished()
     assert followed.steps == steps(virtual_controller) == 8, "10 deg each"
-    assert followed.axes[0] == pytest.approx(-5.0, abs=0.01) and followed.behind < 0.01
+    assert followed.axes[0] == pytest.approx(-5.0, abs=0.01)
+    assert followed.behind is not None and followed.behind < 0.01
     with pytest.raises(RuntimeError, match="has ended"):
         following.target(j1(0.0))
 
@@ -113,7 +114,7 @@ def test_asyncio_follows_as_well(virtual_controller: r6.Simulator) -> None:
                     following.target(j1(15.0))
                     await asyncio.sleep(0.02)
             followed = await following.finished()
-            assert followed.steps == 2 and followed.behind < 0.01
+            assert followed.steps == 2 and followed.behind is not None and followed.behind < 0.01
             with pytest.raises(ZeroDivisionError):
                 async with robot.follow() as other:
                     other.release()

@@ -71,7 +71,7 @@ def by_annotation(kind: type) -> Any:
 NATIVE: list[Any] = [
     r6.Degrees(0.1 + 0.2),
     r6.Millimetres(-1e-9),
-    r6.Percent(33.333),
+    r6.Percent(33.3),
     r6.MillimetresPerSecond(250),
     r6.AxisMask(0, 6),
     r6.AxisPosition.degrees([1 / 3, -2.5]).with_axis(6, r6.Millimetres(1200.125)),
@@ -140,10 +140,11 @@ COMMANDS: list[r6.Command] = [
     r6.Command.modify_tool(2, [1, 2, 3, 4, 5, 0.1]),
     r6.Command.switch_coordinate(0),
     r6.Command.clear_alarm(),
+    r6.Command.clear_alarm_with(first_line=True, only_alarm=False),
 ]
 
 ERRORS = [
-    kind for _, kind in inspect.getmembers(r6, inspect.isclass) if issubclass(kind, Exception) and kind.__module__ == "r6"
+    kind for _, kind in inspect.getmembers(r6, inspect.isclass) if issubclass(kind, r6.R6Error) and kind.__module__ == "r6"
 ]
 RECORDS = [kind for _, kind in inspect.getmembers(r6, dataclasses.is_dataclass)]
 
@@ -156,7 +157,8 @@ def test_a_native_value_comes_back(value: Any) -> None:
 
 def test_every_command_is_among_them() -> None:
     public = {name for name in vars(r6.Command) if not name.startswith("_")} - {"word", "meaning"}
-    assert len({command.word for command in COMMANDS}) == len(public)
+    _, made = zip(*(command.__reduce__() for command in COMMANDS), strict=True)
+    assert {name for _, (name, *_) in made} == public
 
 
 @pytest.mark.parametrize("kind", RECORDS)

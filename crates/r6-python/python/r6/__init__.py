@@ -21,6 +21,7 @@ from ._async_robot import AsyncRobot, async_discover
 from ._async_subscription import AsyncPushedEvents, AsyncSubscription
 from ._errors import (
     InvalidRequest,
+    MotionCutShort,
     MotionError,
     NoReading,
     NotReady,
@@ -138,6 +139,7 @@ __all__ = [
     "MillimetresPerSecond",
     "Missed",
     "Motion",
+    "MotionCutShort",
     "MotionError",
     "MotionHandle",
     "NoReading",

@@ -65,6 +65,11 @@ class AsyncMotionHandle(AsyncRunning[MotionCore]):
     """
 
     @property
+    def number(self) -> int:
+        """As ``MotionHandle.number``."""
+        return self._core.number
+
+    @property
     def progress(self) -> Progress:
         """How far it is now."""
         return self._core.progress()

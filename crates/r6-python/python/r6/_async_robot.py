@@ -25,7 +25,7 @@ from ._r6 import (
     RunOptions,
     discovering,
 )
-from ._robot import connected, counter, points, whole
+from ._robot import connected, counter, cut_short, points, whole
 from ._types import (
     Accepted,
     Counter,
@@ -74,7 +74,7 @@ class AsyncRobot:
 
     async def close(self) -> None:
         """As ``Robot.close``."""
-        await run(self._core.close())
+        cut_short(await run(self._core.close()))
 
     async def __aenter__(self) -> Self:
         return self
@@ -85,7 +85,7 @@ class AsyncRobot:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        await self.close()
+        cut_short(await run(self._core.close()))
 
     async def query(self, *addresses: str) -> QueryResult:
         """As ``Robot.query``."""

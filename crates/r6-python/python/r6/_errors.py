@@ -99,13 +99,17 @@ class OutcomeUnknown(RequestError):
     """The request left and no usable reply came back: the controller may have acted.
 
     A motion is never sent again then. ``reason`` is one of ``timed_out``, ``connection_lost``, ``unreadable``,
-    ``unclear``.
+    ``unclear``, ``another_robot`` (a query was answered by another robot: its values are not handed out).
     """
 
     request: str = ""
     """The word of the request on the wire: ``"AddRCC"``, ``"query"``, the command's word."""
     effect: Literal["reads", "changes", "moves", "stops"] = "reads"
     """What it can do to the machine."""
+    expected: Identity | None = None
+    """The robot that was meant, where the reason is ``another_robot``."""
+    found: Identity | None = None
+    """The robot that answered; give it to ``accept_identity`` if it is the right one."""
 
 
 class MotionError(R6Error):
@@ -116,8 +120,8 @@ class MotionError(R6Error):
 
     cause: str = ""
     """``step``, ``outside_envelope``, ``not_ready``, ``not_cleared``, ``another_runs``, ``not_sent``, ``invalid``,
-    ``refused``, ``outcome_unknown``, ``alarm_raised``, ``stopped``, ``stopped_here``, ``dropped``, ``elsewhere``, ``stalled``,
-    ``unreadable`` or ``abandoned``."""
+    ``refused``, ``outcome_unknown``, ``alarm_raised``, ``stopped``, ``stopped_here``, ``dropped``, ``closed``, ``not_seen``,
+    ``another_list``, ``elsewhere``, ``stalled``, ``unreadable`` or ``abandoned``."""
     progress: Progress
     """What became of its steps; ``progress.current`` is the one whose turn it was."""
     stop: StopReport | RequestError | None = None
@@ -128,6 +132,8 @@ class MotionError(R6Error):
     """The alarm, where that is the cause."""
     mode: int | None = None
     """The mode the controller is in, where the program does not run any more."""
+    list_length: int | None = None
+    """How long the list is, where the cause is ``another_list``."""
     _core: object = None
     """The motion that it is of, for its ``with`` block: another one may pass it on."""
 
@@ -142,8 +148,10 @@ class NotReady(MotionError):
 class WaitError(R6Error):
     """Waiting ended without the motion having ended as it should."""
 
-    cause: Literal["alarm_raised", "stopped", "timed_out", "request"] = "request"
-    """Why; the failed request is ``__cause__``."""
+    cause: Literal["alarm_raised", "stopped", "timed_out", "request", "another_connection", "motion"] = "request"
+    """Why. ``motion``: a motion whose end nobody was told did not come to its end; its ``MotionError`` is ``__cause__``.
+    ``another_connection``: the instructions were accepted over a connection that is gone. ``request``: a request failed; it is
+    ``__cause__``."""
     alarm: int | None = None
     """The alarm, where that is the cause."""
     mode: int | None = None
@@ -208,6 +216,13 @@ class PanelRefused(R6Error):
 
     code: str = ""
     """A word that does not change: ``"emergency_stop"``, ``"alarm"``, ``"not_auto"``, …"""
+
+
+class MotionCutShort(RuntimeWarning):
+    """``Robot.close`` ended a motion that was still being streamed. The text says which steps were not sent, and what the arm does.
+
+    To make it an error: ``warnings.simplefilter("error", r6.MotionCutShort)``. The connection is closed before it is raised.
+    """
 
 
 # Tracebacks name them as they are imported.

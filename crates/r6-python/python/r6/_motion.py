@@ -25,15 +25,17 @@ class Running(Block[Core]):
         return self._core.stop().wait()
 
     def release(self) -> None:
-        """Ends it, as dropping it does; the class says what the arm does then."""
+        """Lets go of it, as dropping it does. The class says what the arm does then."""
         self._core.release()
 
 
 class MotionHandle(Running[MotionCore]):
     """A motion that runs.
 
-    Dropping it, ``release``, or the end of the process ends the streaming: the arm finishes what is in its list, unless
-    ``RunOptions.stop_on_drop`` says that it is to be stopped (which takes a process that lives on).
+    Dropping it, or ``release``, does not end the motion: it is streamed to its end, and ``Robot.wait_until_done`` waits for that and
+    tells how it ended. With ``RunOptions.stop_on_drop`` the arm is stopped instead. Both need a process that lives on and a
+    robot that is not closed: the end of the process and ``Robot.close`` end the streaming, and the arm finishes the
+    instructions in its list.
 
     As a ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included: always, also after the
     end of the motion and after ``release``, because steps may be left in the list. What became of the arm is a line below the
@@ -42,6 +44,11 @@ class MotionHandle(Running[MotionCore]):
 
     Without an exception the block waits for the end of the motion. Ctrl-C in that wait stops the arm, too.
     """
+
+    @property
+    def number(self) -> int:
+        """The number of the motion among those of its robot, counted from 1: ``Done.motion`` names it."""
+        return self._core.number
 
     @property
     def progress(self) -> Progress:
@@ -65,7 +72,7 @@ class MotionHandle(Running[MotionCore]):
     def finished(self) -> Done:
         """Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state.
 
-        Ctrl-C ends the waiting, not the motion: stop it, or drop the handle. Can be called again.
+        Ctrl-C ends the waiting, not the motion: call ``stop`` to stop the arm. Can be called again, and after ``release``.
 
         Errors: ``MotionError``: why it ended before, what became of the steps, and what became of the arm.
         """

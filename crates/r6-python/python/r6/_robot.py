@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from ._errors import MotionCutShort
 from ._motion import Following, MotionHandle
 from ._r6 import (
     Command,
@@ -80,13 +82,16 @@ class Robot:
         return self._core.address
 
     def close(self) -> None:
-        """Ends the connection, for all handles of it. What is in the controller's list runs on; a motion that was run with
-        ``RunOptions.stop_on_drop`` is stopped first, and a stop that is under way is waited for. Closing again does nothing.
+        """Ends the connection, for all handles of it. A stop that is under way is waited for. Closing again does nothing.
+
+        A motion that is still being streamed ends here: the arm finishes the instructions in the controller's list, or is stopped
+        first with ``RunOptions.stop_on_drop``. A ``MotionCutShort`` warning says so, unless ``finished`` or
+        ``wait_until_done`` has told it. Wait for the end of the motion before closing.
 
         It takes half a second at most, and 15 s more where an arm is being stopped. If that fails, the connection ends all
         the same: call ``stop`` yourself where you have to know. Ctrl-C ends the waiting; the closing goes on.
         """
-        self._core.close().wait()
+        cut_short(self._core.close().wait())
 
     def __enter__(self) -> Self:
         return self
@@ -97,7 +102,7 @@ class Robot:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.close()
+        cut_short(self._core.close().wait())
 
     def query(self, *addresses: str) -> QueryResult:
         """Reads the values of these addresses (``r6.addresses`` lists them): ``robot.query("axis-0", "curMode")``.
@@ -356,6 +361,12 @@ def discover(addresses: Sequence[str], settings: RobotSettings | None = None) ->
     ...     print(found.address, found.who)
     """
     return discovering(addresses, settings).wait()
+
+
+def cut_short(motion: str | None) -> None:
+    """Warns of a motion that closing ended, in the line that closes."""
+    if motion is not None:
+        warnings.warn(MotionCutShort(motion), stacklevel=3)
 
 
 def connected(core: RobotCore) -> RobotCore:

@@ -1,0 +1,161 @@
+"""Statements about an arm are proved, or are not made (docs/EVIDENCE.md), also where the controller misbehaves."""
+
+import asyncio
+import gc
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hostile import Hostile
+from interrupts import endless, until
+
+import r6
+
+Start = Callable[[dict[str, Any]], Hostile]
+MEANS = ("action_stop", "stop_button", "action_pause", "clear")
+
+
+def to(*angles: float) -> r6.Motion:
+    """Moves of J1."""
+    return r6.Motion().axis_path([[angle] for angle in angles], r6.Percent(50))
+
+
+def test_done_names_its_motion(virtual_robot: r6.Robot) -> None:
+    first = virtual_robot.run(to(5))
+    done = first.finished()
+    assert (first.number, done.motion, done.proof, done.cut_short) == (1, 1, "reached", None)
+    second = virtual_robot.run(to(8))
+    assert (second.number, second.finished().motion) == (2, 2)
+    virtual_robot.add_rcc(to(5), replace=True)
+    done = virtual_robot.wait_until_done()
+    assert (done.motion, done.proof) == (None, "at_rest")
+
+
+@pytest.mark.virtual_controller(profile="hc1", clock=20)
+@pytest.mark.parametrize("how", ["dropped", "released", "held"])
+def test_a_motion_without_a_handle_goes_on_and_its_end_is_waited_for(
+    how: str, virtual_robot: r6.Robot
+) -> None:
+    handle = virtual_robot.run(to(*[30.0, -30.0] * 30, 12.0))
+    assert handle.step(1).started()
+    number = handle.number
+    if how == "released":
+        handle.release()
+    if how == "dropped":
+        del handle
+        gc.collect()
+    done = virtual_robot.wait_until_done()
+    assert (done.motion, done.proof) == (number, "reached")
+    assert done.axes[0] == pytest.approx(12, abs=0.01)
+    if how != "dropped":
+        assert handle.finished().motion == number, "the handle tells it, too"
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_motion_that_fails_is_told_to_who_waits_next(held: bool, virtual_robot: r6.Robot) -> None:
+    motion = to(5).axis_move(r6.AxisPosition.degrees([0] * 5 + [4000]), r6.Percent(50))
+    handle = virtual_robot.run(motion)
+    assert handle.ended_within(60), "nobody was told how"
+    if not held:
+        del handle
+    with pytest.raises(r6.WaitError) as failed:
+        virtual_robot.wait_until_done()
+    assert failed.value.cause == "motion"
+    assert isinstance(failed.value.__cause__, r6.MotionError)
+    assert failed.value.__cause__.cause == "alarm_raised"
+
+
+def test_a_dropped_motion_that_is_to_be_stopped_is_stopped(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    handle = virtual_robot.run(endless(), r6.RunOptions(stop_on_drop=True))
+    assert handle.step(1).started()
+    handle.release()
+    with pytest.raises(r6.MotionError) as failed:
+        handle.finished()
+    assert failed.value.cause == "dropped"
+    state = virtual_controller.snapshot()
+    assert not state.moving and state.list_length == 0
+    with pytest.raises(r6.WaitError) as told:
+        virtual_robot.wait_until_done()
+    assert told.value.cause == "motion"
+
+
+def test_closing_warns_of_a_motion_that_it_cuts_short(virtual_controller: r6.Simulator) -> None:
+    robot = r6.Robot.connect(virtual_controller.address)
+    handle = robot.run(endless())
+    assert handle.step(1).started()
+    with pytest.warns(r6.MotionCutShort, match="closed before the motion was at its end.*never sent") as said:
+        robot.close()
+    assert [warning.filename for warning in said] == [__file__]
+    with warnings.catch_warnings(record=True) as again:
+        robot.close()
+    assert again == []
+
+
+def test_the_end_of_a_block_warns_of_a_motion_that_it_cuts_short(virtual_controller: r6.Simulator) -> None:
+    with pytest.warns(r6.MotionCutShort) as said:
+        with r6.Robot.connect(virtual_controller.address) as robot:
+            assert robot.run(endless()).step(1).started()
+    assert [warning.filename for warning in said] == [__file__]
+
+
+def test_closing_through_asyncio_warns_of_a_motion_that_it_cuts_short(virtual_controller: r6.Simulator) -> None:
+    async def close() -> None:
+        robot = await r6.AsyncRobot.connect(virtual_controller.address)
+        handle = await robot.run(endless())
+        assert handle.number == 1 and await handle.step(1).started()
+        await robot.close()
+
+    async def block() -> None:
+        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+            await robot.stop()
+            virtual_controller.press("start")
+            await (await robot.run(endless())).step(1).started()
+
+    for main in (close, block):
+        with pytest.warns(r6.MotionCutShort, match="never sent") as said:
+            asyncio.run(main())
+        assert [warning.filename for warning in said] == [__file__]
+
+
+@pytest.mark.parametrize("effect", ["no-effect", "refused"])
+def test_a_dwell_is_no_standstill(effect: str, hostile: Start) -> None:
+    """Between two moves the arm stands, and no means stops it."""
+    stops = {means: {"effect": effect} for means in MEANS}
+    controller = hostile({"dwell": 0.33, "stops": stops})
+    with r6.Robot.connect(controller.address) as robot:
+        handle = robot.run(to(*[30.0, -30.0] * 6))
+        assert handle.step(1).started()
+        report = robot.stop()
+        assert not report.confirmed and report.proof is None
+        assert report.text.startswith("NOT CONFIRMED") and "use the emergency stop" in report.text
+        told = controller.ask("now")["now"]
+        until("it moves on", lambda: controller.ask(f"path {told}")[0] > 1)
+
+
+def test_values_of_another_robot_are_not_handed_out(hostile: Start) -> None:
+    swap = {"when": "told", "links": "end", "to": {"name": "cell 5", "axes": [77.0] * 8}}
+    controller = hostile({"swap": swap})
+    with r6.Robot.connect(controller.address) as robot:
+        assert robot.status().machine_name == "cell 4"
+        controller.ask("swap")
+        found: list[r6.Identity] = []
+
+        def refused() -> bool:
+            try:
+                assert robot.query("axis-0").number("axis-0") == 0, "cell 5 stands at 77"
+            except r6.OutcomeUnknown as error:
+                if error.reason == "another_robot":
+                    assert error.expected is not None and error.expected.machine_name == "cell 4"
+                    assert error.found is not None
+                    found.append(error.found)
+            except r6.NotSent:
+                pass
+            return bool(found)
+
+        until("it is told who answers", refused)
+        assert found[0].machine_name == "cell 5"
+        robot.accept_identity(found[0])
+        assert robot.query("axis-0").number("axis-0") == 77
