@@ -230,7 +230,9 @@ impl Work {
         let told = || {
             let missing = steps.iter().filter(|step| !floor.has_done(&[**step])).collect::<Vec<_>>();
             let index = self.index;
-            format!("client-{index}: {steps:?} are done, they say; left: {left}; not carried out: {missing:?}")
+            format!(
+                "client-{index}: {steps:?} are done, they say; left: {left}; not carried out: {missing:?}"
+            )
         };
         record.check(Promise::Whole, at, left && ends && (is_gapless || others_clear), told);
         record.check(Promise::Gapless, at, is_gapless, told);

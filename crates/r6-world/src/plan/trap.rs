@@ -24,7 +24,8 @@ pub const DWELLS_TEXT: &str = "\
 [[step]]\ndo = \"wait\"\nseconds = 0.8\n";
 
 /// What clears the list of whoever sent it.
-const CLEAR: &[u8] = b"{\"dsID\":\"www.hc-system.com.HCRemoteCommand\",\"reqType\":\"AddRCC\",\"packID\":\"1\",\
+const CLEAR: &[u8] =
+    b"{\"dsID\":\"www.hc-system.com.HCRemoteCommand\",\"reqType\":\"AddRCC\",\"packID\":\"1\",\
     \"emptyList\":\"1\",\"instructions\":[]}";
 
 impl Plan {
