@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyString};
 use r6_client::{CameraSet, OperationMode, RequestError, Robot, WaitOptions};
 use r6_proto::Address;
-use r6_proto::message::{Command as Sent, Instruction, PhotoAnswer};
+use r6_proto::message::{Command as Sent, PhotoAnswer};
 
 use crate::closing::StopOnDrop;
 use crate::command::Command;
