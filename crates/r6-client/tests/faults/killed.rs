@@ -27,9 +27,9 @@ const TEST: &str = "killed::k2_a_client_that_is_killed_at_any_instruction_leaves
 const STEPS: usize = 10;
 const STEP: f64 = 0.5;
 
-/// The speed, %, of a motion that the watchdog stops: a step lasts some two seconds, and more than one is left when the client is
+/// The speed, %, of a motion that the watchdog stops: a step lasts some three seconds, and more than one is left when the client is
 /// killed.
-const SLOW: f64 = 0.2;
+const SLOW: f64 = 0.1;
 
 /// Long enough for a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(20);

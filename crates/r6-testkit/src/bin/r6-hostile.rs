@@ -1,7 +1,7 @@
 //! A hostile controller on a port of its own, for tests in other languages and of the command line.
 //!
 //! `r6-hostile '{"dwell": 0.3}'` prints `{"port": n}` on its first line. The argument is a
-//! [`Character`](r6_testkit::hostile::Character) in JSON, `{}` if left out. Each line of its input is answered by one line of JSON:
+//! [`Character`] in JSON, `{}` if left out. Each line of its input is answered by one line of JSON:
 //!
 //! | line | answer |
 //! |---|---|
