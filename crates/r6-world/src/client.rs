@@ -4,6 +4,7 @@ mod mishaps;
 mod moving;
 mod reading;
 mod recovery;
+mod told;
 mod writing;
 
 use std::time::Duration;

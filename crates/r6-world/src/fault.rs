@@ -76,11 +76,11 @@ pub const CLASSES: [(Class, &str, &str); 50] = {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Promise {
     I1, I2, I3, I4, I5, I6, I7, I9, I10, I11, Once, Recovery, NoPanic,
-    Stopped, Whole, Fresh, Meant, Owned, Soon,
+    Stopped, Whole, Gapless, Fresh, Meant, Owned, Soon,
 }
 
 /// What each promise says.
-pub const PROMISES: [(Promise, &str); 19] = {
+pub const PROMISES: [(Promise, &str); 20] = {
     use Promise::*;
     [
         (I1, "nothing is delivered that was not received whole"),
@@ -98,6 +98,7 @@ pub const PROMISES: [(Promise, &str); 19] = {
         (NoPanic, "nothing panics, nothing hangs"),
         (Stopped, "after a stop that was told as confirmed the arm does not move until a new command"),
         (Whole, "a motion told as done was carried out whole, by that robot, over that connection"),
+        (Gapless, "no step in the middle of a motion told as done was left out"),
         (Fresh, "a value told as fresh is of the connection that is alive, and of that robot"),
         (Meant, "no stop and no clear reaches a robot that it was not meant for"),
         (Owned, "a motion without an owner is stopped or carried to its end, never cut silently"),
@@ -105,9 +106,8 @@ pub const PROMISES: [(Promise, &str); 19] = {
     ]
 };
 
-/// Promises that the client does not keep yet in worlds where anything goes wrong: there they are counted and end no world. In a world with
-/// one trap ([`crate::plan::TRAPS`]) every promise counts.
-pub const NOT_YET: [Promise; 1] = [Promise::Fresh];
+/// Promises that the client does not keep yet. A world in which one is broken goes on, and its outcome tells that apart.
+pub const NOT_YET: [Promise; 1] = [Promise::Gapless];
 
 impl Class {
     /// Its place in [`CLASSES`].

@@ -28,6 +28,8 @@ struct Run {
     begun: Duration,
     /// The connection that it began on.
     on: Option<usize>,
+    /// The program dropped its handle, or the call that begins it: the client carries it to its end.
+    is_dropped: bool,
 }
 
 /// All connections of one client's program, or of those that came after it when it was killed.
@@ -42,6 +44,8 @@ pub struct Line {
     next_run: u64,
     sent_steps: BTreeSet<i64>,
     values: BTreeMap<i64, u32>,
+    /// Where each numbered step leads: J1, degrees.
+    pub targets: BTreeMap<i64, f64>,
     /// Calls under way that may send steps that nobody numbered.
     pub unnumbered: u32,
     /// Starts that the program asked for, and those that left.
@@ -83,6 +87,7 @@ impl Line {
             next_run: 0,
             sent_steps,
             values,
+            targets: BTreeMap::new(),
             unnumbered: 0,
             starts_asked: 0,
             starts_sent: 0,
@@ -111,19 +116,32 @@ impl Line {
     /// Its program streams these steps from now on.
     pub fn run_begins(&mut self, begun: Duration, steps: &[i64]) -> u64 {
         self.next_run += 1;
-        self.runs.insert(self.next_run, Run { steps: steps.iter().copied().collect(), begun, on: None });
+        let run = Run { steps: steps.iter().copied().collect(), begun, on: None, is_dropped: false };
+        self.runs.insert(self.next_run, run);
         self.next_run
     }
 
     /// Whether nothing is under way that may send a list, and the program is not on its first connection.
     #[must_use]
     pub fn is_free_to_be_hasty(&self) -> bool {
-        self.runs.is_empty() && self.unnumbered == 0 && self.connections.len() > self.before + 1
+        !self.is_moving() && self.connections.len() > self.before + 1
     }
 
     /// Nothing of it may leave any more.
     pub fn run_ends(&mut self, run: u64) {
         self.runs.remove(&run);
+    }
+
+    /// The program drops the motion. The rest of it may leave, until a stop is confirmed.
+    pub fn run_is_dropped(&mut self, run: u64) {
+        if let Some(run) = self.runs.get_mut(&run) {
+            run.is_dropped = true;
+        }
+    }
+
+    /// A stop is confirmed: nothing of the motions that the program dropped may leave any more.
+    pub fn dropped_runs_end(&mut self) {
+        self.runs.retain(|_, run| !run.is_dropped);
     }
 
     /// How often this value left.
@@ -203,10 +221,10 @@ impl Line {
         std::mem::take(&mut self.held)
     }
 
-    /// Whether a motion of its program is under way.
+    /// Whether a motion that its program waits for is under way.
     #[must_use]
     pub fn is_moving(&self) -> bool {
-        !self.runs.is_empty() || self.unnumbered > 0
+        self.runs.values().any(|run| !run.is_dropped) || self.unnumbered > 0
     }
 
     /// Whether nothing came over this connection yet.

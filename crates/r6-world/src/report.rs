@@ -16,8 +16,10 @@ pub struct Course {
     pub wanted: u64,
     /// How many were run to their end.
     pub done: u64,
-    /// Those that failed.
-    pub failed: Vec<u64>,
+    /// Whether each seed ran a world with any faults and one with one trap.
+    pub is_mixed: bool,
+    /// How many failed.
+    pub failed: usize,
     /// Worlds at the same time.
     pub jobs: usize,
     /// How long it took, in real time.
@@ -27,16 +29,14 @@ pub struct Course {
 /// The section of `docs/SIMULATION.md` that tells of a run, as it stands there.
 #[must_use]
 pub fn section(course: &Course, tally: &Tally) -> String {
-    let Course { from, wanted, done, failed, jobs, took } = course;
+    let Course { from, wanted, done, is_mixed, failed, jobs, took } = course;
     let begins = if *from == 1 { String::new() } else { format!(" FROM={from}") };
     let profile = if cfg!(debug_assertions) { "dev" } else { "release" };
-    let holds = match failed.as_slice() {
-        [] => "all hold".to_owned(),
-        failed => format!("{} fail ({})", failed.len(), listed(failed)),
-    };
+    let holds = if *failed == 0 { "all hold".to_owned() } else { format!("{failed} fail") };
+    let mixed = if *is_mixed { " (half of them with one trap)" } else { "" };
     let minutes = took.as_secs().div_ceil(60);
     let mut out = format!(
-        "`make sim SEEDS={wanted}{begins}` in the {profile} profile, {jobs} at a time, {minutes} minutes. Of {done} seeds {holds}.\n\n"
+        "`make sim SEEDS={wanted}{begins}` in the {profile} profile, {jobs} at a time, {minutes} minutes. Of {done} worlds{mixed} {holds}.\n\n"
     );
     out.push_str(&what_was_done(*done, tally));
     let checks = PROMISES.map(|(promise, _)| format!("{promise:?} {}", tally.checks[promise.index()]));
@@ -55,8 +55,8 @@ pub fn section(course: &Course, tally: &Tally) -> String {
 
 /// What was done in so many worlds, for whoever reads a terminal.
 #[must_use]
-pub fn table(seeds: u64, tally: &Tally) -> String {
-    let mut out = what_was_done(seeds, tally);
+pub fn table(worlds: u64, tally: &Tally) -> String {
+    let mut out = what_was_done(worlds, tally);
     out.push_str("\n| promise | what | checks |\n|---|---|---|\n");
     for (promise, what) in PROMISES {
         let _ = writeln!(out, "| {promise:?} | {what} | {} |", tally.checks[promise.index()]);
@@ -70,12 +70,12 @@ pub fn table(seeds: u64, tally: &Tally) -> String {
     out
 }
 
-fn what_was_done(seeds: u64, tally: &Tally) -> String {
+fn what_was_done(worlds: u64, tally: &Tally) -> String {
     let mut out = String::new();
     #[expect(clippy::cast_precision_loss, reason = "for people")]
     let hours = tally.millis as f64 / 3_600_000.0;
     let rows = [
-        ("seeds", seeds.to_string()),
+        ("worlds", worlds.to_string()),
         ("hours of the worlds", format!("{hours:.1}")),
         ("frames to and from clients", tally.frames.to_string()),
         ("requests: answered, refused or not sent, unknown", listed(&tally.requests)),
@@ -104,12 +104,21 @@ fn listed(numbers: &[u64]) -> String {
 #[must_use]
 pub fn failure(outcome: &Outcome) -> Option<String> {
     let violation = outcome.violation.as_ref()?;
-    let trap = outcome.trap.map_or(String::new(), |trap| format!(" TRAP={trap:?}"));
-    let mut out = format!("seed {}{trap}: {violation}\n", outcome.seed);
+    let mut out = format!("seed {}{}: {violation}\n", outcome.seed, trap_of(outcome));
     for line in &outcome.last {
         let short: String = line.chars().take(220).collect();
         let _ = writeln!(out, "  {short}");
     }
-    let _ = writeln!(out, "the whole of it: make sim SEED={}{trap}", outcome.seed);
+    let _ = writeln!(out, "the whole of it: {}", command(outcome));
     Some(out)
+}
+
+/// The command that runs this world alone and shows all of it.
+#[must_use]
+pub fn command(outcome: &Outcome) -> String {
+    format!("make sim SEED={}{}", outcome.seed, trap_of(outcome))
+}
+
+fn trap_of(outcome: &Outcome) -> String {
+    outcome.trap.map_or(String::new(), |trap| format!(" TRAP={trap:?}"))
 }

@@ -7,7 +7,7 @@ use std::task::Context;
 use std::time::Duration;
 
 use crate::disk::SimDisk;
-use crate::fault::{Class, NOT_YET, Promise};
+use crate::fault::{Class, Promise};
 use crate::floor::Floor;
 use crate::line::Line;
 use crate::plan::{Plan, RobotPlan};
@@ -50,7 +50,7 @@ impl Shared {
     #[must_use]
     pub fn new(plan: Plan, aloud: bool) -> Self {
         let state = State {
-            record: Record::new(aloud).without(if plan.trap.is_some() { &[] } else { &NOT_YET }),
+            record: Record::new(aloud),
             floors: (0..plan.robots.len()).map(Floor::new).collect(),
             disks: plan.robots.iter().map(|robot| SimDisk::new(robot.seed)).collect(),
             lines: plan.clients.iter().map(Line::new).collect(),

@@ -6,47 +6,14 @@ use r6_world::record::Tally;
 use r6_world::report;
 use r6_world::world::{self, Outcome};
 
-/// Plans that break a promise with the client as it is. One that holds from now on moves to [`HOLD`].
-const BROKEN: [(Class, u64, Promise); 24] = {
-    use Class::*;
-    use Promise::*;
-    [
-        // Two looks at an arm that stands for a moment are taken for a stop that had no effect: a taught program, a list.
-        (E1, 1, Stopped),
-        (E1, 3, Stopped),
-        (E1, 14, Stopped),
-        (E1, 21, Stopped),
-        // A stop waits for the time-outs of the deaf connection; values of a connection that is gone stay fresh.
-        (E3, 3, Soon),
-        (E3, 4, Soon),
-        (E3, 9, Fresh),
-        (E3, 16, Fresh),
-        // The list was empty when the stop looked, and what was in doubt is taken after it.
-        (E4, 1, Stopped),
-        (E4, 2, Stopped),
-        (E4, 3, Stopped),
-        // With a tool nothing shows where a step ends, and an empty list counts as one that was carried out.
-        (E5, 16, Whole),
-        (E5, 17, Whole),
-        // The values, the stand and the end of another robot are taken for one's own.
-        (E6, 2, Fresh),
-        (E6, 5, Fresh),
-        (E6, 4, Meant),
-        (E6, 7, Meant),
-        (E6, 12, Whole),
-        // What had not left when its owner went never does, and nobody is told.
-        (E7, 1, Owned),
-        (E7, 9, Owned),
-        (E8, 1, Owned),
-        (E8, 9, Owned),
-        // Accepted, never carried out, told as done.
-        (P10, 1, Whole),
-        (P10, 4, Whole),
-    ]
-};
+/// Plans that break a promise that is not kept yet. A plan that holds moves to [`HOLD`].
+const BROKEN: [(Class, u64, Promise); 1] = [
+    // Another client clears the list in the middle of a motion. The client goes on with the rest and tells the motion as done.
+    (Class::E5, 121, Promise::Gapless),
+];
 
 /// Plans that hold.
-const HOLD: [(Class, u64); 17] = {
+const HOLD: [(Class, u64); 41] = {
     use Class::*;
     [
         (E1, 5),
@@ -66,6 +33,39 @@ const HOLD: [(Class, u64); 17] = {
         (E6, 17),
         (E6, 19),
         (P10, 2),
+        // The following plans broke a promise with an earlier client.
+        // Stopped: two reads of an arm that dwelt counted as proof of a standstill.
+        (E1, 1),
+        (E1, 3),
+        (E1, 14),
+        (E1, 21),
+        // Soon: the stop waited for the timeouts of the deaf connection.
+        (E3, 3),
+        (E3, 4),
+        // Fresh: values of a connection that had ended stayed fresh.
+        (E3, 9),
+        (E3, 16),
+        // Stopped: the controller took a list after the stop had read an empty list.
+        (E4, 1),
+        (E4, 2),
+        (E4, 3),
+        // Whole, by an earlier check: the list was cleared when the arm was as good as at its target.
+        (E5, 16),
+        (E5, 17),
+        // Fresh, Meant, Whole: the client took another robot for its own.
+        (E6, 2),
+        (E6, 5),
+        (E6, 4),
+        (E6, 7),
+        (E6, 12),
+        // Owned: the rest of a motion without an owner never left.
+        (E7, 1),
+        (E7, 9),
+        (E8, 1),
+        (E8, 9),
+        // Whole: accepted steps counted as carried out.
+        (P10, 1),
+        (P10, 4),
     ]
 };
 
@@ -77,17 +77,21 @@ fn run(class: Class, seed: u64) -> Outcome {
 #[test]
 fn plans_that_hold_hold() {
     for (class, seed) in HOLD {
-        let failure = report::failure(&run(class, seed));
+        let outcome = run(class, seed);
+        let failure = report::failure(&outcome);
         assert!(failure.is_none(), "{}", failure.unwrap_or_default());
+        assert_eq!(outcome.owed, None, "{class:?} {seed}");
     }
 }
 
-/// A list of what is owed: whoever mends a promise sees here which plans it was broken in.
+/// Each plan of [`BROKEN`] breaks its promise, and no other one.
 #[test]
 fn plans_that_break_a_promise_break_this_one() {
     for (class, seed, promise) in BROKEN {
-        let broken = run(class, seed).violation.map(|violation| violation.promise);
-        assert_eq!(broken, Some(promise), "{class:?} {seed}: where it holds now, move it to HOLD");
+        let outcome = run(class, seed);
+        let broken = outcome.owed.as_ref().map(|owed| owed.promise);
+        assert_eq!(broken, Some(promise), "{class:?} {seed}: if it holds now, move it to HOLD");
+        assert_eq!(report::failure(&outcome), None);
     }
 }
 
@@ -100,8 +104,8 @@ fn each_trap_is_felt_and_each_statement_is_looked_at() {
     }
     let unfelt = TRAPS.iter().filter(|class| tally.faults[class.index()].strikes == 0);
     assert_eq!(unfelt.collect::<Vec<_>>(), Vec::<&Class>::new(), "of {}", CLASSES.len());
-    use Promise::{Fresh, Meant, Owned, Soon, Stopped, Whole};
-    let statements = [Stopped, Whole, Fresh, Meant, Owned, Soon];
+    use Promise::{Fresh, Gapless, Meant, Owned, Soon, Stopped, Whole};
+    let statements = [Stopped, Whole, Gapless, Fresh, Meant, Owned, Soon];
     let unseen = statements.iter().filter(|promise| tally.checks[promise.index()] == 0);
     assert_eq!(unseen.collect::<Vec<_>>(), Vec::<&Promise>::new(), "of {}", PROMISES.len());
 }

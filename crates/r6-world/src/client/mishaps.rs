@@ -50,7 +50,7 @@ impl Work {
                     drop(handle);
                     self.is_without_owner(Class::E7, begun, steps).await;
                 } else {
-                    self.attend(handle, steps).await;
+                    let _ends = self.attend(handle, steps).await;
                 }
             }
             Mishap::Interrupted => {
@@ -102,7 +102,8 @@ impl Work {
             sleep(ms(10)).await;
         }
         if !is_deaf() {
-            return self.attend(handle, steps).await;
+            let _ends = self.attend(handle, steps).await;
+            return;
         }
         // What goes deaf does so with the next byte.
         sleep(ms(20)).await;

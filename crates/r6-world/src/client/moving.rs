@@ -2,7 +2,7 @@
 
 use r6_client::units::{AxisPosition, Degrees, Percent};
 use r6_client::{
-    Command, FollowOptions, Motion, MotionHandle, OperationMode, RunOptions, StepState, Unmet, WaitOptions,
+    Command, FollowOptions, Motion, MotionHandle, OperationMode, RunOptions, Unmet, WaitOptions,
 };
 use tokio::time::{sleep, timeout};
 
@@ -16,6 +16,15 @@ const MOST_STEPS: i64 = 6000;
 
 /// A frame that was handed over is through or taken back after this long.
 const HANDED_OVER: u64 = 10;
+
+/// What became of a motion that the program has a handle of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Attended {
+    /// The program knows its end.
+    Ended,
+    /// The program dropped the handle.
+    Dropped,
+}
 
 impl Work {
     /// Moves again and again, in one way or another.
@@ -82,6 +91,7 @@ impl Work {
         for step in &steps {
             #[expect(clippy::cast_precision_loss, reason = "a small number")]
             let (j1, j2) = (self.random.below(30_000) as f64 / 1000.0, *step as f64 / 1000.0);
+            self.shared.state().lines[self.index].targets.insert(*step, j1);
             let place = AxisPosition::degrees([j1, j2, 0.0, 0.0, 0.0, 0.0]);
             let speed = Percent::new([30.0, 60.0, 100.0][self.random.below(3)]).ok()?;
             motion = motion.axis_move(place, speed);
@@ -112,20 +122,22 @@ impl Work {
         let unnumbered = u32::from(trap == Some(Class::P10));
         self.shared.state().lines[self.index].unnumbered += unnumbered;
         let robot = self.robot.clone();
+        let mut is_dropped = false;
         if trap == Some(Class::E6) && self.random.strikes(0.4) {
             self.send_and_wait(&motion, &steps).await;
         } else if let Some(mishap) = self.plan.mishap {
             self.run_into(mishap, &motion, options, &steps).await;
         } else {
-            let begun = self.perhaps("a motion", robot.run(&motion, options)).await;
-            if let Some(Ok(handle)) = begun {
-                self.attend(handle, &steps).await;
-            }
+            is_dropped = match self.perhaps("a motion", robot.run(&motion, options)).await {
+                Some(Ok(handle)) => self.attend(handle, &steps).await == Attended::Dropped,
+                Some(Err(_)) => false,
+                None => true,
+            };
         }
         sleep(ms(HANDED_OVER)).await;
-        let mut state = self.shared.state();
-        state.lines[self.index].unnumbered -= unnumbered;
-        state.lines[self.index].run_ends(run);
+        let line = &mut self.shared.state().lines[self.index];
+        line.unnumbered -= unnumbered;
+        if is_dropped { line.run_is_dropped(run) } else { line.run_ends(run) }
     }
 
     /// Sends a list as it is, and waits until it is done.
@@ -149,7 +161,7 @@ impl Work {
     }
 
     /// Lets a motion come to its end, stops it, drops it, or has it go at another speed.
-    pub(super) async fn attend(&mut self, handle: MotionHandle, steps: &[i64]) {
+    pub(super) async fn attend(&mut self, handle: MotionHandle, steps: &[i64]) -> Attended {
         let told: Vec<_> = (1..=steps.len()).filter_map(|step| handle.step(step)).collect();
         let after = ms(30) + self.random.up_to(ms(900));
         match self.random.below(20) {
@@ -163,6 +175,7 @@ impl Work {
             4..6 if self.plan.drops => {
                 sleep(after).await;
                 drop(handle);
+                return Attended::Dropped;
             }
             turn => {
                 if turn < 9 {
@@ -176,24 +189,7 @@ impl Work {
                 record.tally.motions[usize::from(finished.is_err())] += 1;
                 let floor = &floors[self.plan.robot];
                 match &finished {
-                    Ok(_) => {
-                        let of = match self.robot_plan().does_what_it_says {
-                            true => steps,
-                            false => &steps[steps.len() - 1..],
-                        };
-                        // Where others clear the list while the arm makes a step, that step is never counted as carried out.
-                        let is_through =
-                            if self.is_alone() { floor.has_done(of) } else { floor.is_through_with(of) };
-                        let left = steps.iter().all(|step| lines[self.index].has_sent(*step));
-                        if self.is_alone() && self.robot_plan().does_what_it_says {
-                            record.check(Promise::Whole, at, left && floor.has_done(steps), || {
-                                format!("client-{}: {steps:?} are done, they say; left: {left}", self.index)
-                            });
-                        }
-                        record.check(Promise::Once, at, left && is_through, || {
-                            format!("client-{}: {steps:?} came to an end, they say; left: {left}", self.index)
-                        });
-                    }
+                    Ok(_) => self.check_end(at, steps, floor, &lines[self.index], record),
                     Err(error) => record.tell(at, format_args!("client-{}: {error}", self.index)),
                 }
                 drop(state);
@@ -203,43 +199,7 @@ impl Work {
             }
         }
         self.compare(&told, steps);
-    }
-
-    /// What is told of each step agrees with what left and with what was carried out.
-    fn compare(&self, told: &[r6_client::StepHandle], steps: &[i64]) {
-        let at = now();
-        let mut state = self.shared.state();
-        let State { record, lines, floors, .. } = &mut *state;
-        let plan = self.robot_plan();
-        let is_true = plan.tells_values && plan.does_what_it_says;
-        for (told, step) in told.iter().zip(steps) {
-            let (left, floor) = (lines[self.index].has_sent(*step), &floors[self.plan.robot]);
-            let (done, begun) = (floor.has_done(&[*step]), floor.has_begun(*step));
-            let holds = match told.state() {
-                StepState::Queued => !left,
-                // Where the next move is blended in, a client sees it begin before the machine counts this one.
-                StepState::Done => left && (begun || !is_true),
-                StepState::Sent | StepState::Running | StepState::Lost => true,
-            };
-            record.check(Promise::Once, at, holds && (left || !done), || {
-                format!(
-                    "client-{}: step {step} is {:?}; it left: {left}, done: {done}",
-                    self.index,
-                    told.state()
-                )
-            });
-        }
-    }
-
-    pub(super) fn note_stop(&self, confirmed: Option<bool>) {
-        let at = now();
-        let mut state = self.shared.state();
-        let State { record, floors, .. } = &mut *state;
-        record.tally.stops[usize::from(confirmed != Some(true))] += 1;
-        if confirmed == Some(true) {
-            let floor = &mut floors[self.plan.robot];
-            if self.is_alone() { floor.is_told_to_stand(at) } else { floor.stands(at) }
-        }
+        Attended::Ended
     }
 
     /// Another speed in the middle of it, or a pause and a start; at last all is as before.

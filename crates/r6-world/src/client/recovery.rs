@@ -1,6 +1,6 @@
 //! What a program does when the faults are over: everything works again, on the handle that was there all the time.
 
-use r6_client::{Command, OperationMode, RegisterIndex, Unmet};
+use r6_client::{Command, OperationMode, RegisterIndex, Unmet, WaitOptions};
 use tokio::time::sleep;
 
 use super::writing::WRITTEN;
@@ -34,6 +34,10 @@ impl Work {
         let value = self.next_value();
         let written = self.robot.command(Command::RewriteData { register, savable: false, value }).await;
         written.map_err(|error| format!("a command: {error}"))?;
+        // The client carries a motion to its end that the program dropped. How it ended is no matter here.
+        let patience = WaitOptions { timeout: ms(30_000), ..WaitOptions::default() };
+        drop(self.robot.wait_until_done(patience).await);
+        self.make_ready().await?;
         self.move_to_the_end().await?;
         let report = self.robot.stop().await.map_err(|error| format!("a stop: {error}"))?;
         if report.confirmed { Ok(()) } else { Err(format!("a stop: {report}")) }

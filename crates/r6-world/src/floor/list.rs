@@ -7,10 +7,14 @@ use r6_controller::Controller;
 use r6_proto::AxisIndex;
 use r6_proto::message::Action;
 
+use super::sights::Sight;
 use super::{Floor, number_of};
 use crate::fault::Promise;
 use crate::line::Line;
 use crate::record::Record;
+
+/// An arm that is as near to its target as this, degrees, is there: a client compares with 0.05.
+const NEAR: f64 = 0.06;
 
 impl Floor {
     /// Whether these steps were carried out.
@@ -36,6 +40,18 @@ impl Floor {
     pub fn rests_with_an_empty_list(&self) -> bool {
         self.ahead.is_empty()
             && self.sights.back().is_some_and(|sight| sight.speeds.iter().all(|speed| *speed == 0.0))
+    }
+
+    /// Whether the arm stands where this step leads, as near as a client may tell it: within 0.06 degrees.
+    #[must_use]
+    pub fn stands_at(&self, j1: f64, step: i64) -> bool {
+        #[expect(clippy::cast_precision_loss, reason = "a small number")]
+        let target = [j1, step as f64 / 1000.0];
+        let is_near = |sight: &Sight| {
+            let stands = sight.speeds.iter().all(|speed| *speed == 0.0);
+            stands && target.iter().zip(&sight.axes).all(|(target, axis)| (target - axis).abs() <= NEAR)
+        };
+        self.sights.back().is_some_and(is_near)
     }
 
     pub(super) fn lose_list(&mut self) {

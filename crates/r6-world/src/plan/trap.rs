@@ -24,7 +24,9 @@ pub const DWELLS_TEXT: &str = "\
 [[step]]\ndo = \"wait\"\nseconds = 0.8\n";
 
 /// What clears the list of whoever sent it.
-const CLEAR: &[u8] = b"{\"reqType\":\"AddRCC\",\"emptyList\":\"1\",\"instructions\":[]}";
+const CLEAR: &[u8] =
+    b"{\"dsID\":\"www.hc-system.com.HCRemoteCommand\",\"reqType\":\"AddRCC\",\"packID\":\"1\",\
+    \"emptyList\":\"1\",\"instructions\":[]}";
 
 impl Plan {
     /// A world in which nothing goes wrong but this; any other class than those of [`TRAPS`]: nothing at all.

@@ -1,0 +1,90 @@
+//! What a program is told of a motion or a stop, compared with what left and with what the controller did.
+
+use std::time::Duration;
+
+use r6_client::{StepHandle, StepState};
+
+use super::Work;
+use crate::fault::{Class, Promise};
+use crate::floor::Floor;
+use crate::line::Line;
+use crate::record::Record;
+use crate::shared::{State, now};
+
+impl Work {
+    /// A motion came to its end, its program is told: what the controller did of it.
+    pub(super) fn check_end(
+        &self,
+        at: Duration,
+        steps: &[i64],
+        floor: &Floor,
+        line: &Line,
+        record: &mut Record,
+    ) {
+        let is_true = self.robot_plan().does_what_it_says;
+        let of = if is_true { steps } else { &steps[steps.len() - 1..] };
+        let left = steps.iter().all(|step| line.has_sent(*step));
+        let others_clear = self.shared.plan.trap == Some(Class::E5);
+        // Where others clear the list while the arm makes a step, the controller never counts that step as carried out.
+        let is_through =
+            if self.is_alone() && !others_clear { floor.has_done(of) } else { floor.is_through_with(of) };
+        record.check(Promise::Once, at, left && is_through, || {
+            format!("client-{}: {steps:?} came to an end, they say; left: {left}", self.index)
+        });
+        if !self.is_alone() || !is_true {
+            return;
+        }
+        let Some((last, before)) = steps.split_last() else { return };
+        // Somebody may clear the list when the arm is as good as at the end of the last step.
+        let is_there = || line.targets.get(last).is_some_and(|j1| floor.stands_at(*j1, *last));
+        let ends = floor.has_done(&[*last]) || (others_clear && is_there());
+        let is_gapless = floor.has_done(before);
+        let told = || {
+            let missing = steps.iter().filter(|step| !floor.has_done(&[**step])).collect::<Vec<_>>();
+            let index = self.index;
+            format!(
+                "client-{index}: {steps:?} are done, they say; left: {left}; not carried out: {missing:?}"
+            )
+        };
+        record.check(Promise::Whole, at, left && ends && (is_gapless || others_clear), told);
+        record.check(Promise::Gapless, at, is_gapless, told);
+    }
+
+    /// What is told of each step agrees with what left and with what was carried out.
+    pub(super) fn compare(&self, told: &[StepHandle], steps: &[i64]) {
+        let at = now();
+        let mut state = self.shared.state();
+        let State { record, lines, floors, .. } = &mut *state;
+        let plan = self.robot_plan();
+        let is_true = plan.tells_values && plan.does_what_it_says;
+        for (told, step) in told.iter().zip(steps) {
+            let (left, floor) = (lines[self.index].has_sent(*step), &floors[self.plan.robot]);
+            let (done, begun) = (floor.has_done(&[*step]), floor.has_begun(*step));
+            let holds = match told.state() {
+                StepState::Queued => !left,
+                // Where the next move is blended in, a client sees it begin before the machine counts this one.
+                StepState::Done => left && (begun || !is_true),
+                StepState::Sent | StepState::Running | StepState::Lost => true,
+            };
+            record.check(Promise::Once, at, holds && (left || !done), || {
+                format!(
+                    "client-{}: step {step} is {:?}; it left: {left}, done: {done}",
+                    self.index,
+                    told.state()
+                )
+            });
+        }
+    }
+
+    pub(super) fn note_stop(&self, confirmed: Option<bool>) {
+        let at = now();
+        let mut state = self.shared.state();
+        let State { record, floors, lines, .. } = &mut *state;
+        record.tally.stops[usize::from(confirmed != Some(true))] += 1;
+        if confirmed == Some(true) {
+            lines[self.index].dropped_runs_end();
+            let floor = &mut floors[self.plan.robot];
+            if self.is_alone() { floor.is_told_to_stand(at) } else { floor.stands(at) }
+        }
+    }
+}
