@@ -50,7 +50,7 @@ struct Wanted {
     /// Of one seed, only the outcome.
     #[arg(long)]
     quiet: bool,
-    /// The section of docs/SIMULATION.md about the last full run.
+    /// The section of docs/SIMULATION.md about the last run.
     #[arg(long)]
     markdown: bool,
 }
