@@ -136,7 +136,8 @@ impl RobotSettings {
 /// ``stall_within`` (5): how long the arm may stand without progress. ``idle_mode`` (7): the mode in which this controller
 /// waits for instructions. ``clear_leftover`` (False): clear a list that is left from before. ``stop_on_failure`` (True):
 /// stop the arm when the motion fails after something has left. ``stop_on_drop`` (False): stop the arm when the handle is
-/// dropped or the robot closed; else it finishes what is in its list.
+/// dropped or released, or the robot is closed. Without it, a motion whose handle is dropped goes on to its end, and a motion
+/// whose robot is closed ends with the instructions in the controller's list.
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Copy, Default)]
 pub struct RunOptions(pub r6_client::RunOptions);

@@ -128,12 +128,17 @@ FIELDS: list[tuple[str, str, Any, Table]] = [
     ("follow.rs", "FollowOptions", r6.FollowOptions, {}),
     ("motion.rs", "WaitOptions", r6.Robot.wait_until_done, {}),
     ("status.rs", "Status", r6.Status, {}),
-    ("stop/report.rs", "StopReport", r6.StopReport, {
+    (
+        "stop/report.rs",
+        "StopReport",
+        r6.StopReport,
+        {
             "robot": " Robot.identity",
             "connection": " a number of the client",
             "second": "second_connection",
             "doubt": "in_doubt",
-        }),
+        },
+    ),
     ("link_quality.rs", "LinkQuality", r6.LinkQuality, {}),
     ("link_quality.rs", "Latency", r6.Latency, {}),
     ("identity.rs", "Identity", r6.Identity, {}),
