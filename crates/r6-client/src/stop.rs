@@ -174,6 +174,10 @@ impl Robot {
             && seen.connection == report.connection
         {
             report.see(&seen);
+            // What was proved is not told of a machine that was seen to run since.
+            if report.is_contradicted_by(&seen) {
+                report.disprove();
+            }
         }
         if report.second == Some(SecondConnection::Used) {
             way.close().await;
@@ -276,7 +280,7 @@ impl Robot {
             // What runs is stopped at once; whether more comes is looked at after that.
             if seen.is_ok_and(|seen| seen.connection == report.connection && report.is_contradicted_by(&seen))
             {
-                report.runs_again(Halt::new(way.clone(), Instant::now() + CONFIRM_WITHIN).run(None).await);
+                report.prove_again(Halt::new(way.clone(), Instant::now() + CONFIRM_WITHIN).run(None).await);
             }
         }
         if !waited {

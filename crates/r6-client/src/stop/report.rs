@@ -199,9 +199,10 @@ impl StopReport {
         }
     }
 
-    /// The arm was stopped again because it was seen to run after the first proof.
-    pub(super) fn runs_again(&mut self, again: Halted) {
-        self.prove_again(again);
+    /// The machine was seen to run after the proof.
+    pub(super) fn disprove(&mut self) {
+        self.proof = None;
+        self.confirmed = false;
     }
 
     /// The standstill had to be proved once more.
