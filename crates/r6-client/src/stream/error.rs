@@ -214,7 +214,7 @@ impl fmt::Display for Cause {
                 f.write_str("the streaming was ended here; the arm finishes what is in its list")
             }
             Self::Closed => f.write_str(
-                "the robot's handle was closed before the motion was at its end; the arm finishes what is in its list",
+                "the robot's handle was closed before the motion was at its end; unless it was stopped, the arm finishes what is in its list",
             ),
             Self::NotSeen => f.write_str(
                 "the lists were accepted and the arm stands with an empty list, but nothing proves that they were carried \
