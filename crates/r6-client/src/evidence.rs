@@ -9,9 +9,11 @@
 //! | the arm stands after a stop | [`standstill::Standstill::see`] |
 //! | the arm is at rest | [`rest::Rest::judge`] |
 //! | a path was carried out | [`crate::path::progress::PathProgress::end`] |
+//! | the controller was started anew | [`restart::Restart::of`] |
 //! | a value is fresh | [`crate::subscription::Value`] |
 
 pub(crate) mod rest;
+pub(crate) mod restart;
 pub(crate) mod standstill;
 
 use r6_proto::OperationMode;

@@ -270,6 +270,9 @@ impl<'r> Following<'r> {
             }
             self.failed = 0;
             if !seen.is_about(&self.about) {
+                if let Some(restart) = self.robot.restart_since(&self.about, &seen).await {
+                    return Err(Cause::Restarted(restart));
+                }
                 // What another connection shows says nothing of a step that left on this one, and no other gets a step.
                 sample.check(self.options.idle_mode)?;
                 return Err(Cause::Unreadable(NotSent::Disconnected.into()));

@@ -60,6 +60,7 @@ pub use closing::StopsUnderWay;
 pub use connect::{Connect, DEFAULT_PORT, check_address};
 pub use discover::{Discovered, discover};
 pub use error::{Effect, Invalid, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
+pub use evidence::restart::Restart;
 pub use evidence::standstill::StandProof;
 pub use follow::{FollowOptions, Followed, TargetSender, Targets};
 pub use guard::{Checked, Envelope, Violation};

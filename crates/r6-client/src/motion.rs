@@ -10,6 +10,7 @@ use tokio::time::{Instant, sleep, timeout_at};
 
 use crate::error::{Invalid, NotSent, RequestError};
 use crate::evidence::rest::Rest;
+use crate::evidence::restart::Restart;
 use crate::evidence::{About, Observation, Sample};
 use crate::guard::{AxisUnits, Start};
 use crate::job::{Terms, Work};
@@ -105,6 +106,8 @@ pub enum WaitError {
         /// The mode the controller is in.
         mode: OperationMode,
     },
+    /// The connection was lost, and the controller seems to have been switched off and on.
+    Restarted(Restart),
     /// It still went on when the time was up.
     TimedOut {
         /// The time it was given.
@@ -136,6 +139,7 @@ impl fmt::Display for WaitError {
                 "the program does not run, the mode is {mode}: clear the list, or the rest of it may run at the next start; \
                  then press Start on the pendant"
             ),
+            Self::Restarted(restart) => restart.fmt(f),
             Self::TimedOut { after, list_length } => {
                 write!(f, "the motion has not ended within {after:?}")?;
                 if let Some(length) = list_length {
@@ -249,7 +253,7 @@ impl Robot {
             Err(_elapsed) => return Err(timed_out(None)),
         }
         let about = self.motions().sent_on().unwrap_or_else(|| self.about());
-        let mut rest = Rest::new(options, about, begun);
+        let mut rest = Rest::new(options, about.clone(), begun);
         let mut failed = 0;
         loop {
             let Ok(read) = timeout_at(deadline, self.observe(Lane::Ordinary)).await else {
@@ -258,11 +262,18 @@ impl Robot {
             match read {
                 Ok(seen) => {
                     failed = 0;
-                    let at_rest = rest.judge(&seen, Instant::now()).inspect_err(|error| {
-                        if *error == WaitError::AnotherConnection {
-                            self.motions().forget_sent_on();
+                    let at_rest = match rest.judge(&seen, Instant::now()) {
+                        Ok(at_rest) => at_rest,
+                        Err(error) => {
+                            let another = seen.connection != about.connection;
+                            if another {
+                                self.motions().forget_sent_on();
+                            }
+                            let restart =
+                                if another { self.restart_since(&about, &seen).await } else { None };
+                            return Err(restart.map_or(error, WaitError::Restarted));
                         }
-                    })?;
+                    };
                     if at_rest {
                         let Sample { axes, pose, mode, .. } = seen.values;
                         let (moved, took) = (rest.moved, begun.elapsed());

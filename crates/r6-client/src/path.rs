@@ -1,5 +1,6 @@
 //! A path as a controller takes it: cut into frames that it answers, and how far along it the arm is.
 
+pub(crate) mod pace;
 pub(crate) mod place;
 pub(crate) mod progress;
 

@@ -34,7 +34,7 @@ const ASKED: [Address; 11] = [
 ];
 
 /// The state of a machine. `None` where the controller has no such value or sent one that cannot be read.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Status {
     /// `version`.
     pub firmware: Option<String>,

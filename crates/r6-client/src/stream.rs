@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use r6_proto::OperationMode;
 use tokio::sync::{oneshot, watch};
+use tokio::time::Instant;
 
 use crate::evidence::About;
 use crate::guard::Start;
@@ -156,7 +157,7 @@ impl Robot {
         }
         let (progress, watched) = watch::channel(Progress { total: steps.len(), ..Progress::default() });
         let (end, ended) = oneshot::channel();
-        let path = PathProgress::new(steps.to_vec(), sample);
+        let path = PathProgress::new(steps.to_vec(), sample, Instant::now());
         let number = self.motions().begin();
         let task = Task::new((self.clone(), about, number), options, path, frames, progress);
         let task = tokio::spawn(task.run(ended, stops, turn, lists));

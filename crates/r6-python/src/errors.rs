@@ -262,6 +262,7 @@ impl Raise for Cause {
             | Self::OutcomeUnknown(_)
             | Self::AlarmRaised { .. }
             | Self::Stopped { .. }
+            | Self::Restarted(_)
             | Self::StoppedHere
             | Self::Dropped
             | Self::Closed
@@ -299,6 +300,9 @@ impl Raise for MotionError {
             Cause::OutcomeUnknown(request) => error.from(RequestError::from(request.clone()).exception(py)),
             Cause::AlarmRaised { code } => error.with("alarm", *code),
             Cause::Stopped { mode } => error.with("mode", mode.number()),
+            Cause::Restarted(restart) => {
+                error.with("mode", restart.mode.number()).with("alarm", alarm_of(restart))
+            }
             Cause::AnotherList { length } => error.with("list_length", *length),
             Cause::AnotherRuns
             | Cause::StoppedHere
@@ -314,6 +318,11 @@ impl Raise for MotionError {
     }
 }
 
+/// The alarm of a controller that was started anew, if it has one.
+fn alarm_of(restart: &r6_client::Restart) -> Option<i64> {
+    Some(restart.alarm).filter(|alarm| *alarm != 0)
+}
+
 fn cause_word(cause: &Cause) -> &'static str {
     match cause {
         Cause::Step(_) => "step",
@@ -327,6 +336,7 @@ fn cause_word(cause: &Cause) -> &'static str {
         Cause::OutcomeUnknown(_) => "outcome_unknown",
         Cause::AlarmRaised { .. } => "alarm_raised",
         Cause::Stopped { .. } => "stopped",
+        Cause::Restarted(_) => "restarted",
         Cause::StoppedHere => "stopped_here",
         Cause::Dropped => "dropped",
         Cause::Closed => "closed",
@@ -346,6 +356,10 @@ impl Raise for WaitError {
         match self {
             Self::AlarmRaised { code } => error.with("cause", "alarm_raised").with("alarm", *code),
             Self::Stopped { mode } => error.with("cause", "stopped").with("mode", mode.number()),
+            Self::Restarted(restart) => error
+                .with("cause", "restarted")
+                .with("mode", restart.mode.number())
+                .with("alarm", alarm_of(restart)),
             Self::TimedOut { list_length, .. } => {
                 error.with("cause", "timed_out").with("list_length", *list_length)
             }

@@ -106,9 +106,6 @@ pub const PROMISES: [(Promise, &str); 20] = {
     ]
 };
 
-/// Promises that the client does not keep yet. A world in which one is broken goes on, and its outcome tells that apart.
-pub const NOT_YET: [Promise; 1] = [Promise::Gapless];
-
 impl Class {
     /// Its place in [`CLASSES`].
     #[must_use]

@@ -142,7 +142,7 @@ fn many(wanted: &Wanted) -> ExitCode {
     let next = AtomicU64::new(0);
     let worlds = wanted.seeds * worlds_of_a_seed(wanted);
     let (tell, told) = mpsc::channel();
-    let (mut tally, mut failures, mut owed, mut done) = (Tally::default(), Vec::new(), Vec::new(), 0_u64);
+    let (mut tally, mut failures, mut done) = (Tally::default(), Vec::new(), 0_u64);
     std::thread::scope(|scope| {
         for _ in 0..jobs {
             let (next, tell) = (&next, tell.clone());
@@ -164,7 +164,6 @@ fn many(wanted: &Wanted) -> ExitCode {
         for outcome in told {
             done += 1;
             tally.add(&outcome.tally);
-            owed.extend(outcome.owed.as_ref().map(|owed| (owed.promise, report::command(&outcome))));
             if let Some(failure) = report::failure(&outcome) {
                 println!("{failure}");
                 failures.push(report::command(&outcome));
@@ -199,9 +198,6 @@ fn many(wanted: &Wanted) -> ExitCode {
         println!("{}", report::table(done, &tally));
     }
     let never = world::never_seen(&tally);
-    for (promise, command) in &owed {
-        println!("not kept yet, and broken: {promise:?}, {command}");
-    }
     let incomplete =
         wanted.seeds >= ENOUGH_SEEDS && wanted.trap.is_none() && failures.is_empty() && !never.is_empty();
     if incomplete {

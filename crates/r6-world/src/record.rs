@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
 
-use crate::fault::{CLASSES, Class, NOT_YET, PROMISES, Promise};
+use crate::fault::{CLASSES, Class, PROMISES, Promise};
 
 /// So many events are told with a failure.
 const TOLD: usize = 60;
@@ -126,8 +126,6 @@ pub struct Record {
     aloud: bool,
     /// The first promise that was broken.
     pub violation: Option<Violation>,
-    /// The first promise that was broken of those that are not kept yet ([`NOT_YET`]).
-    pub owed: Option<Violation>,
     /// Counts.
     pub tally: Tally,
 }
@@ -137,7 +135,7 @@ impl Record {
     #[must_use]
     pub fn new(aloud: bool) -> Self {
         let (told, tally) = Default::default();
-        Self { told, sum: 0xcbf2_9ce4_8422_2325, aloud, violation: None, owed: None, tally }
+        Self { told, sum: 0xcbf2_9ce4_8422_2325, aloud, violation: None, tally }
     }
 
     /// Something happened.
@@ -159,12 +157,10 @@ impl Record {
     /// A promise was looked at.
     pub fn check(&mut self, promise: Promise, at: Duration, holds: bool, text: impl FnOnce() -> String) {
         self.tally.checks[promise.index()] += 1;
-        let is_owed = NOT_YET.contains(&promise);
-        let is_known = if is_owed { self.owed.is_some() } else { self.violation.is_some() };
-        if !holds && !is_known {
+        if !holds && self.violation.is_none() {
             let violation = Violation { promise, at, text: text() };
             self.tell(at, format_args!("BROKEN {violation}"));
-            *(if is_owed { &mut self.owed } else { &mut self.violation }) = Some(violation);
+            self.violation = Some(violation);
         }
     }
 

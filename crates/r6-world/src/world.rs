@@ -37,8 +37,6 @@ pub struct Outcome {
     pub trap: Option<Class>,
     /// The first promise that was broken.
     pub violation: Option<Violation>,
-    /// The first promise that was broken of those that are not kept yet.
-    pub owed: Option<Violation>,
     /// A sum of all that happened.
     pub sum: u64,
     /// Counts.
@@ -83,7 +81,6 @@ pub fn run_plan(plan: Plan, aloud: bool) -> Outcome {
         seed,
         trap,
         violation: state.record.violation.clone(),
-        owed: state.record.owed.clone(),
         sum: state.record.sum(),
         tally: state.record.tally.clone(),
         last: state.record.last(),

@@ -319,6 +319,14 @@ fn is_local(address: &str) -> bool {
     ["127.", "localhost", "[::1]"].iter().any(|start| address.starts_with(start))
 }
 
+/// The controller was switched off and on in the middle of a motion.
+pub fn restarted(restart: &r6_client::Restart) -> Failure {
+    Failure::refused(restart).with_code(Code::Restarted).advise(format!(
+        "look at the machine first, then at `{}`: it has to be started, and perhaps homed, before it moves again",
+        hint::r6("status")
+    ))
+}
+
 impl From<WaitError> for Failure {
     fn from(error: WaitError) -> Self {
         match error {
@@ -339,6 +347,7 @@ impl From<WaitError> for Failure {
                         hint::r6("stop")
                     ))
             }
+            WaitError::Restarted(restart) => restarted(&restart),
             WaitError::TimedOut { after, list_length } => {
                 let left = match list_length {
                     Some(1) => ", with 1 instruction left in the list".to_owned(),

@@ -5,9 +5,13 @@ use std::time::Duration;
 
 use r6_proto::message::Action;
 use r6_proto::message::Instruction;
+use r6_proto::message::instruction::Coordinates;
+use r6_proto::{AxisIndex, AxisMask};
+use tokio::time::Instant;
 
 use crate::evidence::Sample;
 use crate::motion::EndProof;
+use crate::path::pace::{self, Pace};
 use crate::path::place::{Missed, Place};
 
 /// Two segments that the arm is as near to as this, degrees or mm, are equally near: corners are rounded. The earlier
@@ -16,6 +20,13 @@ const EQUALLY_NEAR: f64 = 0.05;
 
 /// Below this, degrees or mm, a difference between two reads is no direction.
 const NO_DIRECTION: f64 = 1e-3;
+
+/// An arm that went less than this share of a way has not gone it.
+const STAYED: f64 = 0.05;
+
+/// An arm that is further than this from the way of a step, degrees or mm, and than this share of its length, is not on it.
+const OFF_THE_WAY: f64 = 0.5;
+const ROUNDED: f64 = 0.1;
 
 /// A path that is being run.
 #[derive(Debug)]
@@ -33,7 +44,22 @@ pub(crate) struct PathProgress {
     pub done: usize,
     since_fed: SinceFed,
     /// Steps with a move that went out of the list between two looks, at most.
-    pace: usize,
+    at_once: usize,
+    pace: Pace,
+    /// The steps up to this one were in the list before something was appended, since the last look. Whoever cleared the list before that
+    /// append left none of them.
+    held_until: Option<usize>,
+    /// Whether the list was seen to count the step that is under way.
+    counts_running: bool,
+    /// The steps that went out of the list faster than the arm can have made them.
+    skipped: Option<Range<usize>>,
+}
+
+/// When the values of one look were asked for and when they were answered.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Looked {
+    pub asked_at: Instant,
+    pub answered_at: Instant,
 }
 
 /// What was seen since a list was last accepted.
@@ -50,10 +76,23 @@ struct SinceFed {
 }
 
 impl PathProgress {
-    pub fn new(steps: Vec<Instruction>, begun_at: Sample) -> Self {
+    pub fn new(steps: Vec<Instruction>, begun_at: Sample, now: Instant) -> Self {
         let (places, watched) = places(&steps);
-        let since_fed = SinceFed { first: 0, from: begun_at, moved: false, length: 0 };
-        Self { steps, places, watched, begun_at, before: begun_at, accepted: 0, done: 0, since_fed, pace: 0 }
+        Self {
+            steps,
+            places,
+            watched,
+            begun_at,
+            before: begun_at,
+            accepted: 0,
+            done: 0,
+            since_fed: SinceFed { first: 0, from: begun_at, moved: false, length: 0 },
+            at_once: 0,
+            pace: Pace::new(now),
+            held_until: None,
+            counts_running: false,
+            skipped: None,
+        }
     }
 
     pub fn steps(&self) -> &[Instruction] {
@@ -62,6 +101,10 @@ impl PathProgress {
 
     /// The controller took a list; so many steps are accepted now.
     pub fn fed(&mut self, accepted: usize) {
+        // The first list replaces what was there.
+        if self.accepted > 0 {
+            self.held_until.get_or_insert(self.accepted);
+        }
         self.since_fed =
             SinceFed { first: self.accepted, from: self.before, moved: false, length: accepted - self.done };
         self.accepted = accepted;
@@ -72,6 +115,11 @@ impl PathProgress {
     pub fn in_list(&self) -> usize {
         let at_corner = self.before.list_length.is_none() && self.done < self.accepted;
         self.accepted - self.done.saturating_sub(usize::from(at_corner))
+    }
+
+    /// Whether the list is empty, and nothing proves that what was in it was carried out: what is appended now would hide that.
+    pub fn is_unproved(&self) -> bool {
+        self.before.list_length == Some(0) && self.done < self.accepted
     }
 
     /// Where the arm stands when all that was accepted is over, and whether an input may have cut that move short.
@@ -125,7 +173,7 @@ impl PathProgress {
             Some(_) => self.accepted.saturating_sub(self.since_fed.length),
             None => self.since_fed.first,
         };
-        let at_once = if sample.list_length.is_some() { self.pace.saturating_mul(2).max(1) } else { 1 };
+        let at_once = if sample.list_length.is_some() { self.at_once.saturating_mul(2).max(1) } else { 1 };
         self.since_fed.moved && self.moves(first..self.accepted) <= at_once
     }
 
@@ -134,29 +182,127 @@ impl PathProgress {
         self.places.get(steps).unwrap_or_default().iter().filter(|place| **place != Place::Same).count()
     }
 
+    /// Whether the arm was seen to go on often enough to tell what it cannot have made.
+    pub fn knows_pace(&self) -> bool {
+        self.pace.is_known()
+    }
+
+    /// The steps that are gone from the list, although the arm cannot have made them: somebody else cleared it.
+    pub fn skipped(&self) -> Option<Range<usize>> {
+        self.skipped.clone()
+    }
+
     /// Takes in one read. `rests`: it was seen to stand, with an empty list as far as is known.
-    pub fn see(&mut self, sample: &Sample, rests: bool) {
+    pub fn see(&mut self, sample: &Sample, rests: bool, looked: Looked) {
         self.since_fed.moved |= sample.moving == Some(true) || sample.went_on_from(&self.since_fed.from.axes);
         let done = match sample.list_length {
             // An empty list elsewhere than at the end of what was accepted: it was taken and not carried out, was cleared by somebody
             // else, or counts only what has not begun.
+            Some(0) if self.is_emptied(looked) => self.done,
             Some(0) if self.end(sample, rests).is_some() => self.accepted,
             Some(0) => self.done,
-            Some(length) => self.count(usize::try_from(length).unwrap_or(0)),
+            Some(length) => self.count(usize::try_from(length).unwrap_or(0), sample, looked),
             None if rests && self.end(sample, rests).is_some() => self.accepted,
             None => self.passed(sample),
         };
         self.done = self.done.max(done).min(self.accepted);
         self.before = *sample;
+        self.held_until = None;
+    }
+
+    /// Whether the list is empty although the arm cannot have made all that was in it. Only an arm whose pace is known is judged.
+    fn is_emptied(&mut self, looked: Looked) -> bool {
+        let since = self.done..self.accepted;
+        let way = self.way_since(&since);
+        let is_emptied = self.pace.is_known() && !self.pace.allows(&way, looked);
+        if is_emptied {
+            self.skipped = Some(since);
+        }
+        is_emptied
     }
 
     /// Takes in the length of a list that is not empty; the steps that are over.
-    fn count(&mut self, length: usize) -> usize {
+    fn count(&mut self, length: usize, sample: &Sample, looked: Looked) -> usize {
         let over = |length: usize| self.accepted.saturating_sub(length);
-        let gone = self.moves(over(self.since_fed.length)..over(length));
-        self.pace = self.pace.max(gone);
+        let gone = over(self.since_fed.length)..over(length);
+        let since = self.done..over(length);
+        // Only of a list that holds what is under way is as long as all that was sent.
+        self.counts_running |= length == self.accepted && sample.moving == Some(true);
+        let way = self.way_since(&since);
+        // A controller that clears its list may keep the step that it carries out just then.
+        let may_be_cleared = since.end + 1 >= self.held_until.unwrap_or(self.accepted);
+        let turned = largest_change(&self.before.axes, &sample.axes);
+        let went = largest_change(&self.before.pose[..3], &sample.pose[..3]);
+        if may_be_cleared && !self.pace.allows(&way, looked) {
+            // Of an arm whose pace is not known yet the place has to say so, too.
+            let goes = |way: f64, went: f64| way > 0.0 && went > way * STAYED;
+            let stayed = !goes(way.turn, turned) && !goes(way.tool, went);
+            if self.pace.is_known() || stayed || !self.is_on_the_way(since.end, sample) {
+                self.skipped = Some(since);
+                return self.done;
+            }
+        }
+        self.pace.went(&pace::Way { turn: way.turn.max(turned), tool: way.tool.max(went), ..way }, looked);
+        self.at_once = self.at_once.max(self.moves(gone));
         self.since_fed.length = length.min(self.since_fed.length);
         over(length)
+    }
+
+    /// Whether the arm is on the way of this step, or of the one before or after it: corners are rounded. `true` where nobody can tell.
+    fn is_on_the_way(&self, step: usize, sample: &Sample) -> bool {
+        let near =
+            |at| self.way(at, sample).is_none_or(|way| way.distance <= OFF_THE_WAY + way.length * ROUNDED);
+        (step.saturating_sub(1)..=step + 1).any(near)
+    }
+
+    /// The way that the arm has gone at least since the last look if it has made these steps.
+    fn way_since(&self, steps: &Range<usize>) -> pace::Way {
+        if self.counts_running {
+            // It was on the way of the first one already.
+            let rest = self.way_of(steps.start + 1..steps.end);
+            return rest.and(&self.rest_of(steps));
+        }
+        // Where the list tells what has not begun, the arm may have just left the first one or just begun the last one.
+        self.way_of(steps.start + 1..steps.end).least(&self.way_of(steps.start..steps.end.saturating_sub(1)))
+    }
+
+    /// The way from where the arm was seen last to the end of the first of these steps.
+    fn rest_of(&self, steps: &Range<usize>) -> pace::Way {
+        let place = self.places.get(steps.clone()).and_then(<[Place]>::first);
+        let Some(place) = place else { return pace::Way::default() };
+        let rest = place.beside(&self.before).unwrap_or_default();
+        let rest = rest.iter().map(|(_, end, found)| (end - found).abs()).fold(0.0, f64::max);
+        match place {
+            Place::Axes(..) => pace::Way { turn: rest, ..pace::Way::default() },
+            Place::Position(..) => pace::Way { tool: rest, ..pace::Way::default() },
+            Place::Same | Place::Unknown => pace::Way::default(),
+        }
+    }
+
+    /// The way of these steps.
+    fn way_of(&self, steps: Range<usize>) -> pace::Way {
+        let mut sum = pace::Way::default();
+        for at in steps {
+            let Some(place) = self.places.get(at) else { break };
+            let length = |values: &Coordinates, mask: AxisMask| {
+                let along = |axis| Some((values.at(axis)? - self.start(at, place, axis)?).abs());
+                let axes = AxisIndex::ALL.into_iter().filter(|axis| mask.contains(*axis));
+                axes.filter_map(along).reduce(f64::max)
+            };
+            match place {
+                Place::Same => {}
+                Place::Axes(values, mask) => match length(values, *mask) {
+                    Some(turn) => sum.turn += turn,
+                    None => sum.moves += 1.0,
+                },
+                Place::Position(values, mask) => match length(values, *mask) {
+                    Some(way) => sum.tool += way,
+                    None => sum.moves += 1.0,
+                },
+                Place::Unknown => sum.moves += 1.0,
+            }
+        }
+        sum
     }
 
     /// The step that the arm is on: the earliest of those that lead where it goes and that it is nearest to.
@@ -186,7 +332,7 @@ impl PathProgress {
     }
 
     /// Where this coordinate was when the step began.
-    fn start(&self, at: usize, place: &Place, axis: r6_proto::AxisIndex) -> Option<f64> {
+    fn start(&self, at: usize, place: &Place, axis: AxisIndex) -> Option<f64> {
         let earlier = self.places.get(..at)?;
         for earlier in earlier.iter().rev() {
             match (place, earlier) {
@@ -215,6 +361,12 @@ impl PathProgress {
         let listed = self.steps.get(self.done..self.accepted).unwrap_or_default();
         listed.iter().try_fold(Duration::ZERO, |sum, step| Some(sum + standing_time(step)?))
     }
+}
+
+/// The value that changed most between two looks: by how much.
+fn largest_change(before: &[Option<f64>], now: &[Option<f64>]) -> f64 {
+    let both = before.iter().zip(now);
+    both.filter_map(|(before, now)| Some(((*now)? - (*before)?).abs())).fold(0.0, f64::max)
 }
 
 /// Where each step ends, and whether an input may cut it short. Nobody can tell of poses once the work frame changes.
@@ -304,8 +456,8 @@ impl Sums {
 
 #[cfg(test)]
 mod tests {
-    use r6_proto::message::instruction::{Coordinates, Manner, Move};
-    use r6_proto::{AXES, AxisMask, OperationMode};
+    use r6_proto::message::instruction::{Manner, Move};
+    use r6_proto::{AXES, OperationMode};
 
     use super::*;
 
@@ -329,14 +481,51 @@ mod tests {
             oneshot: true,
             action: Action::AxisMove(Move { target: Coordinates::from_slice(target), manner }),
         };
-        let mut path = PathProgress::new(targets.iter().map(step).collect(), at(0.0, 0.0));
+        let mut path = PathProgress::new(targets.iter().map(step).collect(), at(0.0, 0.0), Instant::now());
         path.accepted = targets.len();
         path
     }
 
+    /// A look a second after the path began.
+    fn just_now() -> Looked {
+        let at = Instant::now() + Duration::from_secs(1);
+        Looked { asked_at: at, answered_at: at }
+    }
+
+    /// A path of 10 degrees a step, of which eight are in the list, is made at 100 degrees a second for so many looks, 50 ms apart. Then the list is
+    /// this long.
+    fn skipped_after(looks: u32, length: i64) -> Option<Range<usize>> {
+        let mut path = path(&[[10.0, 0.0], [0.0, 0.0]].repeat(8));
+        path.accepted = 0;
+        path.fed(8);
+        let begun = Instant::now();
+        let look = |n: u32| {
+            let at = begun + Duration::from_millis(50) * n;
+            Looked { asked_at: at, answered_at: at }
+        };
+        for n in 1..=looks {
+            let (steps, rest) = (n / 2, f64::from(n % 2) * 5.0);
+            let j1 = if steps % 2 == 0 { rest } else { 10.0 - rest };
+            let sample = Sample { list_length: Some(8 - i64::from(steps)), ..at(j1, 0.0) };
+            path.see(&sample, false, look(n));
+        }
+        path.fed(9);
+        path.see(&Sample { list_length: Some(length), ..at(5.0, 0.0) }, false, look(looks + 1));
+        path.skipped()
+    }
+
+    #[test]
+    fn steps_that_are_gone_faster_than_the_arm_goes_were_not_made() {
+        assert_eq!(skipped_after(7, 1), Some(3..8));
+        assert_eq!(skipped_after(7, 5), None);
+        assert_eq!(skipped_after(7, 4), None);
+        // Its pace is not known yet, and it is on the way of a step.
+        assert_eq!(skipped_after(2, 1), None);
+    }
+
     fn seen(path: &mut PathProgress, samples: &[[f64; 2]]) -> usize {
         for [j1, j2] in samples {
-            path.see(&at(*j1, *j2), false);
+            path.see(&at(*j1, *j2), false, just_now());
         }
         path.done
     }
@@ -369,18 +558,18 @@ mod tests {
     #[test]
     fn the_length_of_the_list_says_more_than_the_place() {
         let mut path = path(&[[8.0, 0.0], [-8.0, 0.0], [8.0, 0.0]]);
-        path.see(&Sample { list_length: Some(1), ..at(0.0, 0.0) }, false);
+        path.see(&Sample { list_length: Some(1), ..at(0.0, 0.0) }, false, just_now());
         assert_eq!(path.done, 2);
-        path.see(&Sample { list_length: Some(3), ..at(0.0, 0.0) }, false);
+        path.see(&Sample { list_length: Some(3), ..at(0.0, 0.0) }, false, just_now());
         assert_eq!(path.done, 2, "what is done stays done");
     }
 
     #[test]
     fn an_empty_list_elsewhere_is_no_proof() {
         let mut path = path(&[[8.0, 0.0], [-8.0, 0.0]]);
-        path.see(&Sample { list_length: Some(0), ..at(0.0, 0.0) }, true);
+        path.see(&Sample { list_length: Some(0), ..at(0.0, 0.0) }, true, just_now());
         assert_eq!(path.done, 0);
-        path.see(&Sample { list_length: Some(0), ..at(-8.0, 0.0) }, true);
+        path.see(&Sample { list_length: Some(0), ..at(-8.0, 0.0) }, true, just_now());
         assert_eq!(path.done, 2);
     }
 }

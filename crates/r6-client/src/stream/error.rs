@@ -4,6 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use crate::error::{Invalid, NotSent, OutcomeUnknown, Refused, RequestError};
+use crate::evidence::restart::Restart;
 use crate::guard::Violation;
 use crate::handle::Progress;
 use crate::motion::WaitError;
@@ -55,6 +56,8 @@ pub enum Cause {
         /// The mode the controller is in.
         mode: OperationMode,
     },
+    /// The connection was lost, and the controller seems to have been switched off and on.
+    Restarted(Restart),
     /// A handle of this connection sent a stop or a pause.
     StoppedHere,
     /// The handle of the motion was dropped, and the motion was to be stopped then ([`crate::RunOptions::stop_on_drop`]).
@@ -63,8 +66,8 @@ pub enum Cause {
     Released,
     /// The robot's handle was closed ([`crate::Robot::close`]) before all of the motion had left.
     Closed,
-    /// The lists were accepted, the arm stands and the controller's list is empty, but nothing proves that they were carried out:
-    /// somebody else may have cleared the list.
+    /// The lists were accepted and are gone from the controller's list, but nothing proves that all of it was carried out: somebody else
+    /// may have cleared the list. The arm stands, or steps went faster than the arm can have made them.
     NotSeen,
     /// There are more instructions in the controller's list than this handle has sent: somebody else sends some, too.
     AnotherList {
@@ -133,6 +136,7 @@ impl From<WaitError> for Cause {
         match error {
             WaitError::AlarmRaised { code } => Self::AlarmRaised { code },
             WaitError::Stopped { mode } => Self::Stopped { mode },
+            WaitError::Restarted(restart) => Self::Restarted(restart),
             WaitError::TimedOut { after, .. } => Self::Stalled { after },
             WaitError::Request(error) => Self::Unreadable(error),
             WaitError::AnotherConnection => Self::Unreadable(NotSent::Disconnected.into()),
@@ -208,6 +212,7 @@ impl fmt::Display for Cause {
             Self::Stopped { mode } => {
                 write!(f, "the program does not run any more, the mode is {mode}")
             }
+            Self::Restarted(restart) => restart.fmt(f),
             Self::StoppedHere => f.write_str("a stop or a pause was sent over this connection"),
             Self::Dropped => f.write_str("the handle of the motion was dropped"),
             Self::Released => {
@@ -217,8 +222,8 @@ impl fmt::Display for Cause {
                 "the robot's handle was closed before the motion was at its end; unless it was stopped, the arm finishes what is in its list",
             ),
             Self::NotSeen => f.write_str(
-                "the lists were accepted and the arm stands with an empty list, but nothing proves that they were carried \
-                 out: somebody else may have cleared the list; look where the arm is",
+                "the lists were accepted and are gone from the controller, but nothing proves that all of it was carried out: \
+                 somebody else may have cleared the list; look where the arm is",
             ),
             Self::AnotherList { length } => write!(
                 f,

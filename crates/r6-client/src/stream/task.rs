@@ -17,7 +17,7 @@ use crate::handle::{Progress, Wish};
 use crate::job::{Terms, Work};
 use crate::link::Lane;
 use crate::motion::{Done, EndProof, WaitOptions};
-use crate::path::progress::PathProgress;
+use crate::path::progress::{Looked, PathProgress};
 use crate::robot::Robot;
 use crate::stream::RunOptions;
 use crate::stream::error::{Cause, MAX_FAILED, MotionError};
@@ -161,7 +161,7 @@ impl Task {
             match self.robot.observe(Lane::Ordinary).await {
                 Ok(seen) => {
                     self.failed = 0;
-                    self.check_connection(&seen)?;
+                    self.check_connection(&seen).await?;
                     if let Some(proof) = self.judge(&seen, Instant::now())? {
                         let Sample { axes, pose, mode, .. } = seen.values;
                         let (moved, took) = (self.rest.moved, self.begun.elapsed());
@@ -185,9 +185,12 @@ impl Task {
 
     /// Fails once another connection answers. A controller that was switched off and on has an empty list, too, and may stand where the
     /// path ends; what is in its list may be somebody else's.
-    fn check_connection(&self, seen: &Observation) -> Result<(), Cause> {
+    async fn check_connection(&self, seen: &Observation) -> Result<(), Cause> {
         if seen.is_about(&self.about) {
             return Ok(());
+        }
+        if let Some(restart) = self.robot.restart_since(&self.about, seen).await {
+            return Err(Cause::Restarted(restart));
         }
         // An alarm, or a mode in which nothing runs, says more.
         seen.values.check(self.options.idle_mode)?;
@@ -196,6 +199,9 @@ impl Task {
     }
 
     fn has_room(&self) -> bool {
+        if self.path.is_unproved() {
+            return false;
+        }
         let fits = |frame: &Range<usize>| self.path.in_list() + frame.len() <= self.options.room.max(1);
         self.frames.front().is_some_and(fits)
     }
@@ -221,6 +227,10 @@ impl Task {
                     self.path.fed(frame.end);
                     self.fed = Instant::now();
                     self.publish(false);
+                    // Until the arm is seen to keep its pace, it is looked at after each list: then nobody can clear one unseen.
+                    if !self.path.knows_pace() {
+                        return Ok(());
+                    }
                 }
                 Err(RequestError::NotSent(NotSent::Busy { waited })) => {
                     self.in_doubt = 0;
@@ -254,9 +264,14 @@ impl Task {
         };
         let judged = self.rest.judge(seen, now);
         // What ended the motion is told with the step that it ended in.
-        self.path.see(sample, judged == Ok(true));
+        let looked = Looked { asked_at: seen.asked_at, answered_at: now };
+        self.path.see(sample, judged == Ok(true), looked);
         self.publish(false);
         let rests = judged?;
+        if let Some(skipped) = self.path.skipped() {
+            tracing::warn!(?skipped, "steps are gone from the list that the arm cannot have made");
+            return Err(Cause::NotSeen);
+        }
         let proof = self.path.end(sample, true).filter(|_| rests);
         if proof.is_some() && self.frames.is_empty() && self.path.done == self.path.steps().len() {
             return Ok(proof);

@@ -120,8 +120,9 @@ class MotionError(R6Error):
 
     cause: str = ""
     """``step``, ``outside_envelope``, ``not_ready``, ``not_cleared``, ``another_runs``, ``not_sent``, ``invalid``,
-    ``refused``, ``outcome_unknown``, ``alarm_raised``, ``stopped``, ``stopped_here``, ``dropped``, ``closed``, ``not_seen``,
-    ``another_list``, ``elsewhere``, ``stalled``, ``unreadable`` or ``abandoned``."""
+    ``refused``, ``outcome_unknown``, ``alarm_raised``, ``stopped``, ``restarted`` (the controller was switched off and on),
+    ``stopped_here``, ``dropped``, ``closed``, ``released``, ``not_seen``, ``another_list``, ``elsewhere``, ``stalled``,
+    ``unreadable`` or ``abandoned``."""
     progress: Progress
     """What became of its steps; ``progress.current`` is the one whose turn it was."""
     stop: StopReport | RequestError | None = None
@@ -148,9 +149,12 @@ class NotReady(MotionError):
 class WaitError(R6Error):
     """Waiting ended without the motion having ended as it should."""
 
-    cause: Literal["alarm_raised", "stopped", "timed_out", "request", "another_connection", "motion"] = "request"
+    cause: Literal[
+        "alarm_raised", "stopped", "restarted", "timed_out", "request", "another_connection", "motion"
+    ] = "request"
     """Why. ``motion``: a motion whose end nobody was told did not come to its end; its ``MotionError`` is ``__cause__``.
-    ``another_connection``: the instructions were accepted over a connection that is gone. ``request``: a request failed; it is
+    ``restarted``: the connection was lost, and the controller seems to have been switched off and on. ``another_connection``: the
+    instructions were accepted over a connection that is gone. ``request``: a request failed; it is
     ``__cause__``."""
     alarm: int | None = None
     """The alarm, where that is the cause."""

@@ -43,6 +43,8 @@ pub enum Code {
     Alarm,
     /// Somebody stopped it.
     Stopped,
+    /// The controller was switched off and on meanwhile.
+    Restarted,
     /// Nothing went on.
     Stalled,
     /// The arm stands elsewhere.
@@ -66,7 +68,7 @@ pub enum Code {
 impl Code {
     /// All of them, in the order of the documentation.
     #[cfg(test)]
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::Usage,
         Self::Unreachable,
         Self::NoConnection,
@@ -79,6 +81,7 @@ impl Code {
         Self::LeftoverList,
         Self::Alarm,
         Self::Stopped,
+        Self::Restarted,
         Self::Stalled,
         Self::NotAtTarget,
         Self::Interrupted,
@@ -105,6 +108,7 @@ impl Code {
             Self::LeftoverList => "leftover_list",
             Self::Alarm => "alarm",
             Self::Stopped => "stopped",
+            Self::Restarted => "restarted",
             Self::Stalled => "stalled",
             Self::NotAtTarget => "not_at_target",
             Self::Interrupted => "interrupted",

@@ -6,7 +6,7 @@ use std::time::Duration;
 use r6_client::{Cause, Missed, MotionError, Progress, RequestError, StopReport};
 
 use crate::cmd::job::guard;
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, restarted};
 use crate::hint;
 use crate::output::alarm;
 use crate::output::problem::Code;
@@ -151,6 +151,7 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
                 .with_code(Code::Stopped)
                 .advise("somebody stopped or paused it, or turned the key: look at the machine first")
         }
+        Cause::Restarted(restart) => restarted(restart),
         Cause::Elsewhere(missed @ Missed { found: Some(_), .. }) => {
             Failure::refused(format!("the list was accepted, but {missed}"))
                 .with_code(Code::NotAtTarget)

@@ -1,0 +1,81 @@
+//! The statement "the controller was started anew": told of a motion whose connection was lost, and never of one that came to its end.
+
+use std::fmt;
+
+use r6_proto::OperationMode;
+
+use crate::evidence::{About, Observation};
+use crate::robot::Robot;
+use crate::status::{AlarmAdvice, Status};
+
+/// What a controller shows that lost its list together with the connection: it was switched off and on, or somebody stopped it and
+/// cleared its list before the connection was made anew. Nothing on the wire tells the two apart.
+///
+/// Said only where the same robot answers over another connection, in a mode in which no program runs, and either has an empty
+/// list or does not know its origin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Restart {
+    /// The mode it is in now.
+    pub mode: OperationMode,
+    /// Its alarm; 0: none.
+    pub alarm: i64,
+    /// Whether it does not know its origin any more.
+    pub origin_lost: bool,
+}
+
+impl Restart {
+    /// What this state says, of a robot that ran a motion over an earlier connection.
+    fn of(status: &Status) -> Option<Self> {
+        let mode = status.mode.filter(|mode| !mode.may_run())?;
+        let origin_lost = status.homed == Some(false);
+        let list_lost = status.list_length == Some(0);
+        (origin_lost || list_lost).then(|| Self { mode, alarm: status.alarm.unwrap_or(0), origin_lost })
+    }
+}
+
+impl Robot {
+    /// Whether the controller that was seen over another connection than the motion was sent on has been started anew. Asks it for its
+    /// state.
+    pub(crate) async fn restart_since(&self, sent_on: &About, seen: &Observation) -> Option<Restart> {
+        let same_robot = sent_on.robot.is_some() && sent_on.robot == seen.robot;
+        if !same_robot || seen.connection == sent_on.connection {
+            return None;
+        }
+        let (status, about) = self.status_seen().await.ok()?;
+        if seen.is_about(&about) { Restart::of(&status) } else { None }
+    }
+}
+
+impl fmt::Display for Restart {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { mode, alarm, origin_lost } = self;
+        write!(f, "the connection was lost, and the controller answers again in mode {mode}")?;
+        f.write_str(if *origin_lost { " without its origin" } else { " with an empty list" })?;
+        f.write_str(
+            ": it was switched off and on (a power cut), or somebody stopped it and cleared its list meanwhile",
+        )?;
+        f.write_str("; the motion did not come to its end, look where the arm is")?;
+        if *alarm == 0 { Ok(()) } else { write!(f, "; {}", AlarmAdvice(*alarm)) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(mode: i64, list_length: Option<i64>, homed: bool) -> Option<Restart> {
+        let mode = Some(OperationMode::of_number(mode));
+        Restart::of(&Status { mode, list_length, homed: Some(homed), ..Status::default() })
+    }
+
+    #[test]
+    fn an_empty_list_or_a_lost_origin_in_a_mode_that_does_not_run_tells_of_it() {
+        assert!(after(3, Some(0), true).is_some_and(|restart| !restart.origin_lost));
+        assert!(after(1, None, false).is_some_and(|restart| restart.origin_lost));
+        // It was stopped, and kept its list.
+        assert_eq!(after(3, Some(4), true), None);
+        // It runs: nothing tells.
+        assert_eq!(after(7, Some(0), true), None);
+        assert_eq!(after(3, None, true), None);
+    }
+}
