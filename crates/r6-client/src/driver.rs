@@ -301,6 +301,7 @@ impl<C: Connect> Driver<C> {
         self.urgent.close();
         self.ordinary.close();
         self.hub.board.close();
+        self.hub.end_pushed();
         self.refuse_waiting(error);
         let mut done: Vec<_> = done.into_iter().collect();
         while let Ok(urgent) = self.urgent.try_recv() {

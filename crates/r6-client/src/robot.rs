@@ -237,10 +237,10 @@ impl Robot {
 
     /// What happens on the connection without being asked for, from now on.
     ///
-    /// A receiver that lags more than 64 behind misses the oldest and is told how many.
+    /// A receiver that lags more than 64 behind misses the oldest and is told how many. It ends when the handle is closed, whatever clones of it live.
     #[must_use]
     pub fn pushed(&self) -> broadcast::Receiver<Pushed> {
-        self.lanes.hub.pushed.subscribe()
+        self.lanes.hub.subscribe_to_pushed()
     }
 
     /// What the replies so far tell about the firmware's dialect.
@@ -459,7 +459,8 @@ fn seed_from_clock() -> u64 {
 pub(crate) struct Hub {
     /// The clock of the handle: what its driver measures with.
     pub clock: Clock,
-    pushed: broadcast::Sender<Pushed>,
+    /// `None` once the handle is closed: nothing will ever be pushed again, and whoever listens is told so.
+    pushed: Mutex<Option<broadcast::Sender<Pushed>>>,
     known: Mutex<Known>,
     meter: Mutex<Meter>,
     pub board: Board,
@@ -490,7 +491,7 @@ impl Default for Hub {
         let clock = Clock::start();
         Self {
             clock,
-            pushed: broadcast::Sender::new(KEPT_FOR_SUBSCRIBERS),
+            pushed: Mutex::new(Some(broadcast::Sender::new(KEPT_FOR_SUBSCRIBERS))),
             known: Mutex::default(),
             meter: Mutex::default(),
             board: Board::new(clock),
@@ -562,9 +563,22 @@ impl Hub {
     }
 
     /// Tells the subscribers; there may be none.
+    fn subscribe_to_pushed(&self) -> broadcast::Receiver<Pushed> {
+        let pushed = self.pushed.lock().unwrap_or_else(PoisonError::into_inner);
+        // The sender of a closed handle is gone, and so is this one at once.
+        pushed.as_ref().map_or_else(|| broadcast::Sender::new(1).subscribe(), broadcast::Sender::subscribe)
+    }
+
+    /// The handle is closed: ends what [`Robot::pushed`] gave out.
+    pub fn end_pushed(&self) {
+        self.pushed.lock().unwrap_or_else(PoisonError::into_inner).take();
+    }
+
     pub fn push(&self, pushed: Pushed) {
         tracing::debug!(?pushed);
-        self.pushed.send(pushed).ok();
+        if let Some(sender) = &*self.pushed.lock().unwrap_or_else(PoisonError::into_inner) {
+            sender.send(pushed).ok();
+        }
     }
 
     pub fn learn(&self, learned: LearnedDialect) {

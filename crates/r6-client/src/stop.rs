@@ -19,7 +19,7 @@ use r6_proto::OperationMode;
 use tokio::sync::{OwnedSemaphorePermit, watch};
 use tokio::time::{Instant, timeout, timeout_at};
 
-use crate::error::{Invalid, NotSent, Refused, RequestError};
+use crate::error::{Invalid, NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::job::{Terms, Work};
 use crate::link::Lane;
 use crate::robot::Robot;
@@ -44,9 +44,12 @@ const READ_EVERY: Duration = Duration::from_millis(50);
 /// taken after that.
 const DOUBT_WITHIN: Duration = Duration::from_secs(4);
 
-/// How long a stop may take in all: [`CONFIRM_WITHIN`] twice, where a late list is run after the first, [`DOUBT_WITHIN`], and
-/// the time of some replies to clear the list and to look.
+/// How long a stop may take in all: [`CONFIRM_WITHIN`], [`DOUBT_WITHIN`], some seconds to stop a list that was taken late, and the
+/// time of some replies to clear the list and to look. Then its report says what was seen until then.
 pub(crate) const STOP_WITHIN: Duration = Duration::from_secs(15);
+
+/// What is left of that for clearing the list and for the last look: the time of a reply, and some.
+const LEFT_FOR_CLEARING: Duration = Duration::from_secs(3);
 
 /// The stops over one connection.
 #[derive(Debug, Default)]
@@ -161,16 +164,17 @@ impl Robot {
         let in_doubt = self.hub().doubts.until(begun).is_some();
         let (halted, second) = self.halt_over_either(begun + CONFIRM_WITHIN).await;
         let took = begun.elapsed();
+        let deadline = begun + STOP_WITHIN;
         let way = halted.robot.clone();
         let mut report = halted.report(took, second)?;
         if report.confirmed {
-            report.list = way.clear_after_stop(&report).await;
+            report.list = way.clear_after_stop(&report, deadline).await;
             // One that was answered meanwhile was dealt with by the stop and the clearing.
             let settled = || DoubtAfterStop { still_open: false, cleared: report.list.clone() };
             report.doubt = in_doubt.then(settled);
-            self.wait_out_doubts(&way, &mut report).await;
+            self.wait_out_doubts(&way, &mut report, deadline).await;
         }
-        if let Ok(seen) = way.observe(Lane::Urgent).await
+        if let Ok(Ok(seen)) = timeout_at(deadline, way.observe(Lane::Urgent)).await
             && seen.connection == report.connection
         {
             report.see(&seen);
@@ -180,7 +184,7 @@ impl Robot {
             }
         }
         if report.second == Some(SecondConnection::Used) {
-            way.close().await;
+            timeout_at(deadline, way.close()).await.ok();
         }
         Ok(report)
     }
@@ -238,20 +242,24 @@ impl Robot {
     }
 
     /// Clears the list over the connection that the standstill was proved on, and on no other.
-    async fn clear_after_stop(&self, report: &StopReport) -> ListAfterStop {
+    async fn clear_after_stop(&self, report: &StopReport, deadline: Instant) -> ListAfterStop {
         if report.list_length == Some(0) {
             return ListAfterStop::WasEmpty;
         }
         if let Some(mode @ (OperationMode::None | OperationMode::Manual)) = report.mode {
             return ListAfterStop::NotTried(NotTried::Mode(mode));
         }
-        self.clear_over(report.connection).await
+        self.clear_over(report.connection, deadline).await
     }
 
-    async fn clear_over(&self, connection: u64) -> ListAfterStop {
+    async fn clear_over(&self, connection: u64, deadline: Instant) -> ListAfterStop {
         let clear = Work::AddRcc { replace: true, instructions: Vec::new() };
+        let begun = Instant::now();
+        let sent = clear.sent();
         let terms = Terms { only_on: Some(connection), ..Terms::default() };
-        match self.accepted_on(terms, clear, Lane::Urgent).await {
+        let answer = timeout_at(deadline, self.accepted_on(terms, clear, Lane::Urgent)).await;
+        let timed_out = || OutcomeUnknown::TimedOut { request: sent, after: begun.elapsed(), heard: None };
+        match answer.unwrap_or_else(|_elapsed| Err(timed_out().into())) {
             Ok(_) => ListAfterStop::Cleared,
             Err(RequestError::Refused(
                 Refused::InstructionList { reason }
@@ -266,8 +274,10 @@ impl Robot {
 
     /// While a frame of this handle that can move the arm may still be taken, watches on. Then stops again, for the frame may have
     /// been carried out by now, and clears the list again.
-    async fn wait_out_doubts(&self, way: &Self, report: &mut StopReport) {
+    async fn wait_out_doubts(&self, way: &Self, report: &mut StopReport, deadline: Instant) {
         let doubts = &self.hub().doubts;
+        let halt =
+            || Halt::new(way.clone(), (Instant::now() + CONFIRM_WITHIN).min(deadline - LEFT_FOR_CLEARING));
         let give_up = Instant::now() + DOUBT_WITHIN;
         let mut waited = false;
         while let Some(until) = doubts.until(Instant::now())
@@ -280,15 +290,15 @@ impl Robot {
             // What runs is stopped at once; whether more comes is looked at after that.
             if seen.is_ok_and(|seen| seen.connection == report.connection && report.is_contradicted_by(&seen))
             {
-                report.prove_again(Halt::new(way.clone(), Instant::now() + CONFIRM_WITHIN).run(None).await);
+                report.prove_again(halt().run(None).await);
             }
         }
         if !waited {
             return;
         }
         let open = doubts.until(Instant::now()).is_some();
-        report.prove_again(Halt::new(way.clone(), Instant::now() + CONFIRM_WITHIN).run(None).await);
-        let cleared = way.clear_over(report.connection).await;
+        report.prove_again(halt().run(None).await);
+        let cleared = way.clear_over(report.connection, deadline).await;
         report.doubt = Some(DoubtAfterStop { still_open: open, cleared });
     }
 }

@@ -108,12 +108,14 @@ fn conversation() -> Vec<String> {
 }
 
 #[test]
-fn a_move_has_ended_when_its_sender_looks() {
+fn a_move_is_seen_to_begin_and_has_ended_at_the_second_look() {
     let mut cell = Fast::new();
     cell.send(add_rcc(&json!([axis_move("1", 90.0)])));
     let frames = cell.frames();
     assert_eq!(frames.len(), 1);
     assert!(frames[0].contains(r#"["AddRCC","ok"]"#), "{}", frames[0]);
+    assert!(cell.seconds() < 0.1, "{}", cell.seconds());
+    assert_eq!(cell.value("isMoving"), "1");
     // 90 degrees at a tenth of 220.8 degrees a second.
     assert!(cell.seconds() > 4.0, "{}", cell.seconds());
     assert_eq!(cell.value("axis-0"), "90.000000");
@@ -200,6 +202,7 @@ fn a_list_that_never_ends_makes_one_pass_for_each_frame() {
     let mut cell = Fast::new();
     cell.send(add_rcc(&json!([axis_move("0", 10.0), axis_move("0", 0.0)])));
     assert_eq!(cell.frames().len(), 1);
+    cell.send(query("curMode"));
     let first = cell.seconds();
     cell.send(query("curMode"));
     let second = cell.seconds();
@@ -244,6 +247,7 @@ fn a_jump_takes_no_time_from_others() {
     cell.send(r#"{"reqType":"que"#);
     let other = cell.controller.connect(cell.clock.now());
     cell.clock.handle_input(&mut cell.controller, other, add_rcc(&json!(list)).as_bytes());
+    cell.clock.handle_input(&mut cell.controller, other, query("isMoving").as_bytes());
     assert!(cell.seconds() > 40.0, "{}", cell.seconds());
     assert_eq!(cell.controller.snapshot(cell.clock.now()).alarm, 0);
     // The frame that had begun is still understood, and a silence is one in real time.

@@ -17,8 +17,8 @@ const FASTER: f64 = 4.0;
 /// What is always believed in a second: an arm that was seen at a crawl may go on at a usual speed. Degrees, mm, moves.
 const ALWAYS: Way = Way { turn: 100.0, tool: 1000.0, moves: 20.0 };
 
-/// The pace is known once the arm was seen to go on so many times: before, it may just have begun to move, or a virtual controller may have
-/// a fast clock.
+/// The pace is known once the arm was seen to go on so many times, and its list to get shorter step by step: before, it may just have begun
+/// to move. A virtual controller whose clock jumps is never seen to do that.
 const LOOKS: u32 = 5;
 
 /// Less than this, degrees or mm, is no motion: encoders tremble.
@@ -62,12 +62,19 @@ pub(super) struct Pace {
     fastest: Way,
     /// How many looks saw it go on.
     looks: u32,
+    /// Whether the list was seen to get shorter, and not at once empty.
+    stepwise: bool,
 }
 
 impl Pace {
     /// Nothing was seen yet; the first list leaves now.
     pub fn new(now: Instant) -> Self {
-        Self { looked: Looked { asked_at: now, answered_at: now }, fastest: Way::default(), looks: 0 }
+        Self {
+            looked: Looked { asked_at: now, answered_at: now },
+            fastest: Way::default(),
+            looks: 0,
+            stepwise: false,
+        }
     }
 
     /// Whether the arm can have gone this way between the last look and this one.
@@ -82,7 +89,12 @@ impl Pace {
 
     /// Whether the arm was seen to go on often enough.
     pub fn is_known(&self) -> bool {
-        self.looks >= LOOKS
+        self.looks >= LOOKS && self.stepwise
+    }
+
+    /// The list was seen to get shorter, and steps are left of what was in it before.
+    pub fn goes_stepwise(&mut self) {
+        self.stepwise = true;
     }
 
     /// The arm went this way between the last look and this one.

@@ -243,6 +243,9 @@ impl PathProgress {
             }
         }
         self.pace.went(&pace::Way { turn: way.turn.max(turned), tool: way.tool.max(went), ..way }, looked);
+        if !since.is_empty() && !may_be_cleared {
+            self.pace.goes_stepwise();
+        }
         self.at_once = self.at_once.max(self.moves(gone));
         self.since_fed.length = length.min(self.since_fed.length);
         over(length)

@@ -98,3 +98,14 @@ async fn it_is_reached_over_tcp_too() {
     assert_eq!(waited.axes[0], Some(3.0));
     served.abort();
 }
+
+#[tokio::test(start_paused = true)]
+async fn what_is_pushed_ends_when_the_handle_is_closed_although_a_clone_lives() {
+    let (_controller, robot) = robot_at(Character::default()).await;
+    let clone = robot.clone();
+    let mut pushed = robot.pushed();
+    let listens = tokio::spawn(async move { while pushed.recv().await.is_ok() {} });
+    robot.close().await;
+    tokio::time::timeout(std::time::Duration::from_secs(1), listens).await.unwrap().unwrap();
+    assert!(clone.pushed().recv().await.is_err());
+}

@@ -233,3 +233,75 @@ async fn the_first_answer_that_is_lost_alone_opens_no_wrong_confirmation() {
     assert!(stopped.as_ref().unwrap().confirmed, "{stopped:?}");
     assert_true(&controller, &stopped).await;
 }
+
+/// Every answer is lost from the proof on, while a list is in doubt.
+#[tokio::test(start_paused = true)]
+async fn a4_a_stop_ends_within_its_time_whatever_gets_lost() {
+    for deaf_after in [100, 400, 1000, 2500, 4500, 6000, 9000] {
+        let late = Late { nth: None, taken_after: Duration::from_millis(3500), answered_after: None };
+        let stays = reaction(Effect::Works);
+        let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
+        let (controller, robot) =
+            robot_at(Character { late: vec![late], stops, ..Character::default() }).await;
+        let handle = robot.run(&there_and_on(6), RunOptions::default()).await.unwrap();
+        sleep(Duration::from_millis(200)).await;
+        controller.arm(|arm, now| {
+            let at = now + Duration::from_millis(deaf_after);
+            arm.character_mut().deaf.push(Deaf { at, ..Deaf::default() });
+        });
+        let begun = Instant::now();
+        let stopped = robot.stop().await;
+        let took = begun.elapsed();
+        assert!(took <= r6_client::StopsUnderWay::WITHIN, "{took:?}: {stopped:?}");
+        assert_true(&controller, &stopped).await;
+        drop(handle);
+    }
+}
+
+/// Somebody else's list starts the machine again right after the standstill was proved.
+#[tokio::test(start_paused = true)]
+async fn a1_what_was_proved_is_not_told_of_a_machine_that_runs_again() {
+    let step = json!({ "oneshot": "1", "action": "4", "m0": "80", "ckStatus": "0x3F", "speed": "10" });
+    let mut disproved = 0;
+    for after in (0..400).step_by(4) {
+        let delays = Delays { query: Duration::from_millis(40), ..Delays::default() };
+        // A stop leaves it in automatic, where the next list starts it.
+        let stops =
+            Stops { action_stop: Reaction { mode: Some(2), ..reaction(Effect::Works) }, ..Stops::default() };
+        let (controller, robot) =
+            under_way(Character { arms_itself: true, delays, stops, ..Character::default() }).await;
+        let theirs = async {
+            sleep(Duration::from_millis(after)).await;
+            controller.arm(|arm, now| arm.foreign_list(now, false, vec![step.clone()]));
+        };
+        let (stopped, ()) = tokio::join!(robot.stop(), theirs);
+        let report = stopped.as_ref().unwrap();
+        // The last look of a report that confirms shows a machine that does not run.
+        let runs = report.moving == Some(true) || report.mode.is_some_and(OperationMode::may_run);
+        assert!(!(report.confirmed && runs), "{after} ms: {report}");
+        disproved += u32::from(!report.confirmed && report.took < Duration::from_secs(1));
+    }
+    assert!(disproved > 0, "no list came between the proof and the last look");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_over_a_healthy_link_takes_effect_within_150_ms() {
+    // The slowest answers of a real controller that were published: 26 ms.
+    let slow =
+        Delays { command: Duration::from_millis(26), query: Duration::from_millis(26), ..Delays::default() };
+    let mut took = Vec::new();
+    for after in 0..100 {
+        let (controller, robot) = robot_at(Character { delays: slow, ..Character::default() }).await;
+        let handle = robot.run(&there_and_on(12), RunOptions::default()).await.unwrap();
+        assert!(handle.step(1).unwrap().started().await);
+        sleep(Duration::from_millis(after * 7)).await;
+        let asked = controller.now();
+        robot.stop().await.unwrap();
+        let path = controller.arm(|arm, _| arm.path_since(1, asked)[0]);
+        // 30 degrees a second.
+        took.push(path / 30.0);
+    }
+    took.sort_by(f64::total_cmp);
+    let p99 = took[98];
+    assert!(p99 <= 0.15, "{p99} s");
+}

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use r6_client::units::AxisPosition;
-use r6_client::{Motion, Robot, RunOptions, StepState};
+use r6_client::{EndProof, Motion, Robot, RunOptions, StepState};
 use r6_controller::{ControllerSnapshot, Profile};
 use r6_sim::{Clock, ControllerHandle};
 use tokio::time::{Instant, sleep};
@@ -256,4 +256,23 @@ async fn two_paths_do_not_mix_in_one_list() {
     let error = other.run(&motion, RunOptions::default()).await.unwrap_err();
     assert_eq!(error.cause, r6_client::Cause::AnotherRuns);
     assert!(handle.stop().await.unwrap().confirmed);
+}
+
+/// On a clock that jumps: whoever looks sees the arm set out, and then at its end.
+#[tokio::test]
+async fn a_motion_that_ends_where_it_began_is_seen_on_a_clock_that_jumps() {
+    for name in Profile::names() {
+        let cell = Cell::new(profile(name), Clock::AsFastAsPossible).await;
+        let there_and_back = [[30.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; 6]];
+        let begun = std::time::Instant::now();
+        for _ in 0..3 {
+            let handle =
+                cell.robot.run(&through(&there_and_back, 50.0, 0), RunOptions::default()).await.unwrap();
+            let done = soon(handle.finished()).await.unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!((done.proof, done.moved), (EndProof::Reached, true), "{name}");
+        }
+        // Firmware without the length of the list: half a second of rest tells the end.
+        let most = if name == "r6-host" || name == "legacy" { 6 } else { 2 };
+        assert!(begun.elapsed() < Duration::from_secs(most), "{name}: {:?}", begun.elapsed());
+    }
 }

@@ -9,6 +9,7 @@ use super::Controller;
 pub(crate) struct Progress {
     pushes: u64,
     cycles: u64,
+    list_is_empty: bool,
 }
 
 impl Controller {
@@ -54,7 +55,13 @@ impl Controller {
     }
 
     pub(crate) fn progress(&self) -> Progress {
-        Progress { pushes: self.pushes, cycles: self.machine.cycles() }
+        let list_is_empty = self.machine.list().len() == 0;
+        Progress { pushes: self.pushes, cycles: self.machine.cycles(), list_is_empty }
+    }
+
+    /// Whether the arm is on its way, by a list that came since then and found none before it.
+    pub(crate) fn has_set_out_since(&self, before: Progress) -> bool {
+        before.list_is_empty && self.machine.list().len() > 0 && self.machine.tells_moving()
     }
 
     /// Whether it sent a frame that nobody had asked for, since then.

@@ -63,6 +63,8 @@ fn a_move_that_is_jumped_over_meets_what_happens_on_the_way() {
     let mut fast = Fast::new("[[at]]\ntime = 1\ndo = \"alarm\"\nnumber = 15\n");
     let list = json!({"reqType": "AddRCC", "emptyList": "1", "instructions": [axis_move([100.0, 0.0, 0.0, 0.0, 0.0, 0.0], 10.0)]});
     fast.send(list.to_string());
+    // The first look sees it set out.
+    fast.send(r#"{"reqType":"query","queryAddr":["isMoving"]}"#);
     let look = fast.send(r#"{"reqType":"query","queryAddr":["curAlarm"]}"#);
     assert!(look.contains(r#""queryData":["15"]"#), "{look}");
     let axes = fast.controller.snapshot(fast.clock.now()).axes;

@@ -26,8 +26,10 @@ use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::net::TcpListener;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let character: Character =
-        serde_json::from_str(&std::env::args().nth(1).unwrap_or_else(|| "{}".to_owned()))?;
+    let argument = std::env::args().nth(1).unwrap_or_else(|| "{}".to_owned());
+    let character: Character = serde_json::from_str(&argument).map_err(|error| {
+        format!("usage: r6-hostile [CHARACTER], in JSON, such as {{\"dwell\": 0.3}}; {error}")
+    })?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let served = runtime.block_on(serve(character));
     // A read of the standard input cannot be taken back.

@@ -2,15 +2,17 @@
 
 use clap::Args;
 use r6_client::{
-    Invalid, ListAfterStop, NotSent, RequestError, SecondConnection, StandProof, StopMeans, StopReport,
+    Invalid, ListAfterStop, NotSent, RequestError, Robot, SecondConnection, StandProof, StopMeans, StopReport,
 };
 use r6_proto::printable;
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
+use crate::hint;
 use crate::output;
 use crate::output::problem::{self, Code};
 use crate::robot::RobotArgs;
+use crate::signals::Ending;
 
 const NO_EMERGENCY_STOP: &str = "This is an ordinary command over a network, not an emergency stop: only the wired button protects people.";
 
@@ -26,6 +28,8 @@ people.
 
 The exit code is 0 once the machine was seen to stand, 3 if it cannot be reached, else 4. It is 4, too, \
 if stdout cannot be written: the stop was sent, and nobody was told what was seen.
+
+Ctrl-C and a closed terminal do not end a stop that is under way; Ctrl-C twice does, with exit code 4.
 
 Examples:
   r6 stop
@@ -44,7 +48,7 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
     })?;
     output::acts();
-    let result = connected.stop().await;
+    let result = stop(&connected).await?;
     let address = connected.address().to_owned();
     connected.close().await;
     let report = result?;
@@ -55,6 +59,35 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         output::line(NO_EMERGENCY_STOP);
     }
     Ok(if report.confirmed { Exit::Done } else { Exit::Unknown })
+}
+
+/// Stops; a signal does not end that halfway, a second one ends this program.
+async fn stop(robot: &Robot) -> Result<Result<StopReport, RequestError>, Failure> {
+    let mut ending = Ending::watch()?;
+    let stop = robot.stop();
+    tokio::pin!(stop);
+    let mut is_signalled = false;
+    loop {
+        tokio::select! {
+            biased;
+            result = &mut stop => return Ok(result),
+            () = ending.signalled() => {}
+        }
+        if is_signalled {
+            return Err(given_up());
+        }
+        is_signalled = true;
+        output::note(
+            "the stop is under way and goes on to its end; once more ends this program without waiting for it",
+        );
+    }
+}
+
+/// Somebody does not want to wait for the end of the stop.
+fn given_up() -> Failure {
+    Failure::unknown("interrupted twice; the stop was under way, and it is not known whether the arm stands")
+        .with_code(Code::NotStopped)
+        .advise(format!("use the emergency stop if the arm moves; `{}` stops again", hint::r6("stop")))
 }
 
 fn as_json(address: &str, report: &StopReport) -> Value {

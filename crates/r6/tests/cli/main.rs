@@ -13,6 +13,7 @@ mod problems;
 mod robot;
 mod run;
 mod sim;
+mod stopping;
 mod streaming;
 mod support;
 mod unwritten;

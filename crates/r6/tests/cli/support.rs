@@ -1,6 +1,6 @@
 //! Runs the built binary, and virtual controllers for it to talk to.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::PathBuf;
 use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 
@@ -141,6 +141,13 @@ impl Running {
         let mut line = String::new();
         self.out.as_mut().unwrap().read_line(&mut line).unwrap();
         line.trim_end().to_owned()
+    }
+
+    /// All that is left of its stdout, until it ends.
+    pub fn rest(&mut self) -> String {
+        let mut rest = String::new();
+        self.out.as_mut().unwrap().read_to_string(&mut rest).unwrap();
+        rest
     }
 
     /// Kills it as a power cut would: nothing of it runs any more.
