@@ -91,16 +91,15 @@ impl Sample {
         })
     }
 
-    /// Whether the arm stood from `before` to this one. Where `isMoving` is not known, the axes alone tell.
+    /// Whether the arm stood from `before` to this one, by its axes, and by `isMoving` where that is known.
     pub fn stands_since(&self, before: &Self) -> bool {
         let same = self.axes.iter().zip(before.axes).all(|(now, before)| match (now, before) {
             (Some(now), Some(before)) => (now - before).abs() <= STILL_WITHIN,
             (None, None) => true,
             (Some(_), None) | (None, Some(_)) => false,
         });
-        match (self.moving, before.moving) {
-            (Some(now), Some(before)) => !now && !before && same,
-            (None, _) | (_, None) => same && self.axes.iter().any(Option::is_some),
-        }
+        let moves = self.moving == Some(true) || before.moving == Some(true);
+        // A flag alone has been seen to lie.
+        !moves && same && self.axes.iter().any(Option::is_some)
     }
 }

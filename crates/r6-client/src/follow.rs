@@ -177,6 +177,8 @@ impl Robot {
             biased;
             // This handle keeps the sender alive.
             _stopped = stops.changed() => (Cause::StoppedHere, false),
+            // The arm finishes the step that is under way.
+            () = self.is_closing() => (Cause::Closed, false),
             result = following.run() => match result {
                 Ok(followed) => return Ok(followed),
                 Err(cause) => (cause, options.stop_on_failure),
@@ -270,7 +272,9 @@ impl<'r> Following<'r> {
             }
             self.failed = 0;
             if !seen.is_about(&self.about) {
-                if let Some(restart) = self.robot.restart_since(&self.about, &seen).await {
+                if let Some(restart) =
+                    self.robot.restart_since(&self.about, &seen, self.options.idle_mode).await
+                {
                     return Err(Cause::Restarted(restart));
                 }
                 // What another connection shows says nothing of a step that left on this one, and no other gets a step.
@@ -310,7 +314,11 @@ impl<'r> Following<'r> {
     fn judge(&mut self, sample: &Sample, now: Instant) -> Result<(), Cause> {
         sample.check(self.options.idle_mode)?;
         // A step on top of somebody else's list would begin nobody knows where.
-        let own = if self.under_way.is_none() { 0 } else { MOST_IN_LIST };
+        let own = match self.under_way {
+            None => 0,
+            Some(_) if self.options.while_moving => MOST_IN_LIST,
+            Some(_) => 1,
+        };
         if let Some(length) = sample.list_length.filter(|length| *length > own) {
             return Err(Cause::AnotherList { length });
         }

@@ -269,12 +269,16 @@ impl Robot {
                             if another {
                                 self.motions().forget_sent_on();
                             }
-                            let restart =
-                                if another { self.restart_since(&about, &seen).await } else { None };
+                            let restart = if another {
+                                self.restart_since(&about, &seen, options.idle_mode).await
+                            } else {
+                                None
+                            };
                             return Err(restart.map_or(error, WaitError::Restarted));
                         }
                     };
                     if at_rest {
+                        self.motions().forget_sent_on();
                         let Sample { axes, pose, mode, .. } = seen.values;
                         let (moved, took) = (rest.moved, begun.elapsed());
                         return Ok(Done {

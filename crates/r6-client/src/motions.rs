@@ -33,7 +33,11 @@ enum State {
     #[default]
     Told,
     Streamed,
-    Ended(Box<End>),
+    /// `told`: somebody who waited was told.
+    Ended {
+        end: Box<End>,
+        told: bool,
+    },
 }
 
 impl Motions {
@@ -50,10 +54,13 @@ impl Motions {
 
     /// The motion has ended.
     pub fn end(&self, number: u64, end: &End) {
+        if end.is_ok() {
+            self.forget_sent_on();
+        }
         self.last.send_if_modified(|last| {
             let this = last.number == number;
             if this {
-                last.state = State::Ended(Box::new(end.clone()));
+                last.state = State::Ended { end: Box::new(end.clone()), told: false };
             }
             this
         });
@@ -62,7 +69,7 @@ impl Motions {
     /// Its owner was told how it ended.
     pub fn told(&self, number: u64) {
         self.last.send_if_modified(|last| {
-            if last.number == number && matches!(last.state, State::Ended(_)) {
+            if last.number == number && matches!(last.state, State::Ended { .. }) {
                 last.state = State::Told;
             }
             false
@@ -73,8 +80,8 @@ impl Motions {
     pub fn cut_by_close(&self) -> Option<Box<MotionError>> {
         let mut cut = None;
         self.last.send_if_modified(|last| {
-            if let State::Ended(ended) = &last.state
-                && let Err(error) = &**ended
+            if let State::Ended { end, .. } = &last.state
+                && let Err(error) = &**end
                 && error.cause == Cause::Closed
             {
                 cut = Some(Box::new(error.clone()));
@@ -85,28 +92,34 @@ impl Motions {
         cut
     }
 
-    /// Waits for the end of the motion that is under way. Tells how the last one ended, unless that was told before.
+    /// Waits for the end of the motion that is under way. Tells how the last one ended, unless that was told before this was asked:
+    /// all who wait at the same time are told.
     pub async fn end_of_last(&self) -> Option<End> {
         let mut last = self.last.subscribe();
+        if matches!(last.borrow().state, State::Ended { told: true, .. }) {
+            return None;
+        }
         // The sender lives as long as the handle that asks.
         last.wait_for(|last| !matches!(last.state, State::Streamed)).await.ok()?;
         let mut end = None;
         self.last.send_if_modified(|last| {
-            if let State::Ended(ended) = &last.state {
+            if let State::Ended { end: ended, told } = &mut last.state {
                 end = Some((**ended).clone());
-                last.state = State::Told;
+                *told = true;
             }
             false
         });
         end
     }
 
-    /// Something that can move the arm was accepted, and not by the motion that is under way: the end of an earlier motion is
-    /// not the end of this.
-    pub fn accepted(&self, about: About) {
+    /// Something that can move the arm was accepted. A list drops the result of the motion before it: waiting is for the list from now on.
+    pub fn accepted(&self, about: About, is_list: bool) {
         *self.sent_on.lock().unwrap_or_else(PoisonError::into_inner) = Some(about);
+        if !is_list {
+            return;
+        }
         self.last.send_if_modified(|last| {
-            if matches!(last.state, State::Ended(_)) {
+            if matches!(last.state, State::Ended { .. }) {
                 last.state = State::Told;
             }
             false
@@ -118,7 +131,7 @@ impl Motions {
         self.sent_on.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// That its end cannot be seen any more was told.
+    /// Nothing is under way any more, or the caller was told that its end cannot be seen.
     pub fn forget_sent_on(&self) {
         *self.sent_on.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }

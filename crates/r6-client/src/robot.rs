@@ -379,6 +379,7 @@ impl Robot {
         lane: Lane,
     ) -> Result<Accepted, RequestError> {
         let request = work.sent();
+        let is_list = matches!(work, Work::AddRcc { .. });
         let leaving = self.lanes.tell.leaving(&work);
         let answer = self.ask_on(terms, work, lane).await;
         leaving.answered(&answer);
@@ -386,7 +387,7 @@ impl Robot {
             Answer::Accepted { accepted, on } => {
                 if request.effect == Effect::Moves {
                     let robot = self.hub().identity_on(on.connection);
-                    self.motions().accepted(About { connection: on.connection, robot });
+                    self.motions().accepted(About { connection: on.connection, robot }, is_list);
                 }
                 Ok(accepted)
             }

@@ -25,6 +25,10 @@ pub struct RobotSettings {
     pub type_key: TypeKey,
     /// The form of `dsID`.
     pub ds_id: DsIdForm,
+    /// Whether this controller stays in mode 7 after a stop that it carried out. Default `false`: none is known that does. Where
+    /// it is `true`, a rest of 2 s with an empty list proves the standstill after a stop, too
+    /// ([`crate::StandProof::EmptyList`]); a taught program that waits for longer is then told to stand, and moves the arm later.
+    pub stays_in_mode_7: bool,
 }
 
 impl Default for RobotSettings {
@@ -38,6 +42,7 @@ impl Default for RobotSettings {
             liveness: Liveness::default(),
             type_key: TypeKey::ReqType,
             ds_id: DsIdForm::Long,
+            stays_in_mode_7: false,
         }
     }
 }

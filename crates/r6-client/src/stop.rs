@@ -4,7 +4,7 @@
 //!
 //! ```text
 //!  actionStop leaves ──▶ watched over this connection (stop/halt.rs) ──proved──▶ list cleared ──▶ doubts waited out ──▶ report
-//!        └─ no answer for 300 ms ─▶ the same over a second connection ─proved─▲        (frames that are still unanswered)
+//!        └─ nothing for 300 ms ───▶ the same over a second connection ─proved─▲        (frames that are still unanswered)
 //! ```
 //!
 //! What proves a standstill is told in `evidence/standstill.rs`.
@@ -33,7 +33,7 @@ use crate::stream::Cause;
 /// every means in turn, and for a stop that gets lost.
 const CONFIRM_WITHIN: Duration = Duration::from_secs(5);
 
-/// A first answer that takes longer than this is late: ten times the slowest that was measured (26 ms). Then a second
+/// An answer that takes longer than this is late: ten times the slowest that was measured (26 ms). Then a second
 /// connection is tried beside the first.
 const LATE: Duration = Duration::from_millis(300);
 
@@ -100,8 +100,8 @@ impl Robot {
     /// instruction list, so that the rest of it does not run at the next start.
     ///
     /// It tries `actionStop`, `stopButton`, `actionPause` and a cleared list in turn; [`StopReport::means`] says which one
-    /// worked, [`StopReport::proof`] what proves it. If the first answer takes longer than 300 ms, it opens a second connection
-    /// beside the first and uses the one that answers. A lost connection is made anew. A robot that turns out to be another
+    /// worked, [`StopReport::proof`] what proves it. If nothing comes back for 300 ms, it opens a second connection beside the
+    /// first and uses the one that answers. A lost connection is made anew. A robot that turns out to be another
     /// one than this handle was used with before is not stopped.
     ///
     /// A frame that can move the arm and is still unanswered may be carried out later: then the stop watches on until it is
@@ -173,6 +173,10 @@ impl Robot {
             let settled = || DoubtAfterStop { still_open: false, cleared: report.list.clone() };
             report.doubt = in_doubt.then(settled);
             self.wait_out_doubts(&way, &mut report, deadline).await;
+        } else if self.hub().doubts.until(Instant::now()).is_some() {
+            // Whoever is sent to the emergency stop is not kept waiting for it.
+            let cleared = ListAfterStop::NotTried(NotTried::NotStanding);
+            report.doubt = Some(DoubtAfterStop { still_open: true, cleared });
         }
         if let Ok(Ok(seen)) = timeout_at(deadline, way.observe(Lane::Urgent)).await
             && seen.connection == report.connection
@@ -183,6 +187,9 @@ impl Robot {
                 report.disprove();
             }
         }
+        if report.confirmed {
+            self.motions().forget_sent_on();
+        }
         if report.second == Some(SecondConnection::Used) {
             timeout_at(deadline, way.close()).await.ok();
         }
@@ -192,12 +199,18 @@ impl Robot {
     /// Halts over this connection, and over a second one beside it once the first answer is late. What proves the standstill first
     /// counts; otherwise what saw the machine at all.
     async fn halt_over_either(&self, deadline: Instant) -> (Halted, Option<SecondConnection>) {
-        let (heard, begun) = (watch::Sender::new(false), AtomicBool::new(false));
+        let (heard, begun) = (watch::Sender::new(Instant::now()), AtomicBool::new(false));
         let first = Halt::new(self.clone(), deadline).run(Some(&heard));
         let second = async {
             let mut heard = heard.subscribe();
-            if timeout(LATE, heard.wait_for(|heard| *heard)).await.is_ok() {
-                return None;
+            loop {
+                let late_at = *heard.borrow_and_update() + LATE;
+                match timeout_at(late_at, heard.changed()).await {
+                    Ok(Ok(())) => {}
+                    // The sender lives as long as this.
+                    Ok(Err(_)) => return None,
+                    Err(_elapsed) => break,
+                }
             }
             begun.store(true, Ordering::Relaxed);
             let made = timeout_at(deadline, self.second_connection()).await;
@@ -212,7 +225,7 @@ impl Robot {
             tokio::select! {
                 biased;
                 halted = &mut first, if one.is_none() => {
-                    let over = halted.confirmed() || halted.is_closed();
+                    let over = halted.confirmed() || halted.is_closed() || !begun.load(Ordering::Relaxed);
                     one = Some(halted);
                     if over {
                         break;

@@ -123,6 +123,16 @@ fn a_move_is_seen_to_begin_and_has_ended_at_the_second_look() {
 }
 
 #[test]
+fn a_list_is_seen_to_get_shorter() {
+    let mut cell = Fast::new();
+    let list: Vec<_> = (1..=8).map(|n| axis_move("1", f64::from(n))).collect();
+    cell.send(add_rcc(&json!(list)));
+    cell.frames();
+    let lengths: Vec<_> = (0..6).map(|_| cell.value("RemoteCmdLen")).collect();
+    assert_eq!(lengths, ["8", "4", "2", "1", "0", "0"]);
+}
+
+#[test]
 fn time_stands_while_nobody_says_anything_and_nothing_is_under_way() {
     let mut cell = Fast::new();
     cell.send(query("curMode"));
@@ -247,7 +257,10 @@ fn a_jump_takes_no_time_from_others() {
     cell.send(r#"{"reqType":"que"#);
     let other = cell.controller.connect(cell.clock.now());
     cell.clock.handle_input(&mut cell.controller, other, add_rcc(&json!(list)).as_bytes());
-    cell.clock.handle_input(&mut cell.controller, other, query("isMoving").as_bytes());
+    // Each look sees half of what was left.
+    for _ in 0..4 {
+        cell.clock.handle_input(&mut cell.controller, other, query("isMoving").as_bytes());
+    }
     assert!(cell.seconds() > 40.0, "{}", cell.seconds());
     assert_eq!(cell.controller.snapshot(cell.clock.now()).alarm, 0);
     // The frame that had begun is still understood, and a silence is one in real time.

@@ -320,7 +320,7 @@ impl Raise for MotionError {
 
 /// The alarm of a controller that was started anew, if it has one.
 fn alarm_of(restart: &r6_client::Restart) -> Option<i64> {
-    Some(restart.alarm).filter(|alarm| *alarm != 0)
+    restart.alarm.filter(|alarm| *alarm != 0)
 }
 
 fn cause_word(cause: &Cause) -> &'static str {

@@ -17,32 +17,37 @@ use crate::status::{AlarmAdvice, Status};
 pub struct Restart {
     /// The mode it is in now.
     pub mode: OperationMode,
-    /// Its alarm; 0: none.
-    pub alarm: i64,
+    /// Its alarm; 0: none, `None`: it could not be read.
+    pub alarm: Option<i64>,
     /// Whether it does not know its origin any more.
     pub origin_lost: bool,
 }
 
 impl Restart {
-    /// What this state says, of a robot that ran a motion over an earlier connection.
-    fn of(status: &Status) -> Option<Self> {
-        let mode = status.mode.filter(|mode| !mode.may_run())?;
+    /// What this state says, of a robot that ran a motion over an earlier connection and waits for instructions in `idle_mode`.
+    fn of(status: &Status, idle_mode: OperationMode) -> Option<Self> {
+        let mode = status.mode.filter(|mode| !mode.may_run() && *mode != idle_mode)?;
         let origin_lost = status.homed == Some(false);
         let list_lost = status.list_length == Some(0);
-        (origin_lost || list_lost).then(|| Self { mode, alarm: status.alarm.unwrap_or(0), origin_lost })
+        (origin_lost || list_lost).then(|| Self { mode, alarm: status.alarm, origin_lost })
     }
 }
 
 impl Robot {
     /// Whether the controller that was seen over another connection than the motion was sent on has been started anew. Asks it for its
     /// state.
-    pub(crate) async fn restart_since(&self, sent_on: &About, seen: &Observation) -> Option<Restart> {
+    pub(crate) async fn restart_since(
+        &self,
+        sent_on: &About,
+        seen: &Observation,
+        idle_mode: OperationMode,
+    ) -> Option<Restart> {
         let same_robot = sent_on.robot.is_some() && sent_on.robot == seen.robot;
         if !same_robot || seen.connection == sent_on.connection {
             return None;
         }
         let (status, about) = self.status_seen().await.ok()?;
-        if seen.is_about(&about) { Restart::of(&status) } else { None }
+        if seen.is_about(&about) { Restart::of(&status, idle_mode) } else { None }
     }
 }
 
@@ -55,7 +60,11 @@ impl fmt::Display for Restart {
             ": it was switched off and on (a power cut), or somebody stopped it and cleared its list meanwhile",
         )?;
         f.write_str("; the motion did not come to its end, look where the arm is")?;
-        if *alarm == 0 { Ok(()) } else { write!(f, "; {}", AlarmAdvice(*alarm)) }
+        match alarm {
+            Some(0) => Ok(()),
+            Some(alarm) => write!(f, "; {}", AlarmAdvice(*alarm)),
+            None => f.write_str("; its alarm cannot be read"),
+        }
     }
 }
 
@@ -65,7 +74,8 @@ mod tests {
 
     fn after(mode: i64, list_length: Option<i64>, homed: bool) -> Option<Restart> {
         let mode = Some(OperationMode::of_number(mode));
-        Restart::of(&Status { mode, list_length, homed: Some(homed), ..Status::default() })
+        let status = Status { mode, list_length, homed: Some(homed), alarm: Some(0), ..Status::default() };
+        Restart::of(&status, OperationMode::Running)
     }
 
     #[test]
@@ -77,5 +87,8 @@ mod tests {
         // It runs: nothing tells.
         assert_eq!(after(7, Some(0), true), None);
         assert_eq!(after(3, None, true), None);
+        // It waits for instructions as ever.
+        let idle = Status { mode: Some(OperationMode::Auto), list_length: Some(0), ..Status::default() };
+        assert_eq!(Restart::of(&idle, OperationMode::Auto), None);
     }
 }

@@ -6,9 +6,13 @@
 //! ```text
 //!  a stop left ──▶ watching ──(mode 0, 1, 2 or 3, and two reads at rest)──────────────────────────▶ NotRunning
 //!                     │
-//!                     └─(every means was tried, one was answered ok, mode 7, and for two seconds
-//!                        at rest with the list seen empty)─────────────────────────────────────────▶ EmptyList
+//!                     └─(only where the user says that this controller stays in mode 7: every means was
+//!                        tried, a stop was answered ok, mode 7, and for two seconds at rest with the list
+//!                        seen empty)───────────────────────────────────────────────────────────────▶ EmptyList
 //! ```
+//!
+//! The second proof is none against a taught program: one that waits for an input stands for as long as it likes. So a controller that
+//! is not known to stay in mode 7, and does, is taken for one that the stop did not reach.
 //!
 //! A read of another robot or over another connection begins the watching anew and proves nothing.
 
@@ -28,8 +32,9 @@ pub(crate) const LONGER_THAN_ANY_DWELL: Duration = Duration::from_secs(2);
 pub enum StandProof {
     /// The controller is in a mode in which no program runs, and the arm was at rest in two reads.
     NotRunning(OperationMode),
-    /// The controller stays in mode 7, said ok to a stop, and for this long the arm was at rest with the instruction list
-    /// seen empty. A program that was taught on the pendant may still run, and may move the arm.
+    /// The controller stays in mode 7, as [`crate::RobotSettings::stays_in_mode_7`] says that it does; it said ok to a stop, and for
+    /// this long the arm was at rest with the instruction list seen empty. A program that was taught on the pendant may still run, and
+    /// may move the arm.
     EmptyList(Duration),
 }
 
@@ -38,8 +43,10 @@ pub enum StandProof {
 pub(crate) struct Tried {
     /// Whether each means of stopping has left.
     pub all: bool,
-    /// Whether one of them was answered with ok.
+    /// Whether a stop or a pause was answered with ok. A cleared list ends no program.
     pub accepted: bool,
+    /// Whether the controller is known to stay in mode 7.
+    pub stays_in_mode_7: bool,
 }
 
 /// Watches one robot over one connection since a stop left on it.
@@ -86,7 +93,7 @@ impl Standstill {
         }
         let since = *self.empty_since.get_or_insert(observation.asked_at);
         let stood = observation.asked_at.saturating_duration_since(since);
-        let proved = tried.all && tried.accepted && stood >= LONGER_THAN_ANY_DWELL;
+        let proved = tried.stays_in_mode_7 && tried.all && tried.accepted && stood >= LONGER_THAN_ANY_DWELL;
         proved.then_some(StandProof::EmptyList(stood))
     }
 }
@@ -100,7 +107,7 @@ mod tests {
     use crate::evidence::Sample;
     use crate::identity::Identity;
 
-    const ALL: Tried = Tried { all: true, accepted: true };
+    const ALL: Tried = Tried { all: true, accepted: true, stays_in_mode_7: true };
 
     fn robot(name: &str) -> Identity {
         Identity { machine_name: Some(name.to_owned()), ..Identity::default() }
@@ -173,7 +180,11 @@ mod tests {
             assert_eq!(film.see(ms, OperationMode::Running, Some(0)), None, "{ms}");
         }
         assert!(matches!(film.see(2050, OperationMode::Running, Some(0)), Some(StandProof::EmptyList(_))));
-        for tried in [Tried { all: false, accepted: true }, Tried { all: true, accepted: false }] {
+        for tried in [
+            Tried { all: false, ..ALL },
+            Tried { accepted: false, ..ALL },
+            Tried { stays_in_mode_7: false, ..ALL },
+        ] {
             let observation = film.at(9000, OperationMode::Running, Some(0), 0.0);
             assert_eq!(film.watch.see(&observation, tried), None, "{tried:?}");
         }

@@ -110,8 +110,8 @@ impl Halt {
         }
     }
 
-    /// Sends and looks until the end; `heard` is told when anything came back.
-    pub async fn run(mut self, heard: Option<&watch::Sender<bool>>) -> Halted {
+    /// Sends and looks until the end; `heard` is told when anything last came back.
+    pub async fn run(mut self, heard: Option<&watch::Sender<Instant>>) -> Halted {
         let mut answers: JoinSet<(StopMeans, Result<Answer, RequestError>)> = JoinSet::new();
         let mut reading: Option<Reading> = None;
         while self.halted.proof.is_none() && !self.halted.is_closed() && Instant::now() < self.deadline {
@@ -127,18 +127,17 @@ impl Halt {
                 Some(answered) = answers.join_next() => {
                     // Only a runtime that is shut down ends a task without its answer.
                     if let Ok((means, answer)) = answered {
+                        tell(heard, came_back(&answer));
                         self.answered(means, answer);
                     }
                 }
                 seen = read => {
                     reading = Some(self::read(self.halted.robot.clone(), READ_EVERY));
+                    tell(heard, seen.is_ok());
                     self.see(seen);
                 }
                 () = sleep_until(self.next_at), if may_send => {}
                 () = sleep_until(self.deadline) => {}
-            }
-            if let Some(heard) = heard.filter(|_| self.halted.heard()) {
-                heard.send_if_modified(|heard| !std::mem::replace(heard, true));
             }
         }
         self.halted
@@ -178,7 +177,7 @@ impl Halt {
             Ok(Answer::Accepted { on, .. }) => {
                 self.halted.answered = true;
                 let here = self.watch.as_ref().is_some_and(|(about, _)| about.connection == on.connection);
-                self.halted.accepted |= here;
+                self.halted.accepted |= here && means != StopMeans::ClearList;
             }
             // Whoever says no may stand already: the state decides.
             Ok(_) | Err(RequestError::Refused(_)) => self.halted.answered = true,
@@ -229,6 +228,7 @@ impl Halt {
         let tried = Tried {
             all: StopMeans::IN_ORDER.iter().all(|means| self.tried.contains(means)),
             accepted: self.halted.accepted,
+            stays_in_mode_7: self.halted.robot.settings().stays_in_mode_7,
         };
         if let Some((about, watch)) = &mut self.watch {
             self.halted.proof = watch.see(&seen, tried);
@@ -238,6 +238,18 @@ impl Halt {
             }
         }
         self.halted.seen = Some(seen);
+    }
+}
+
+/// Whether the controller said anything at all.
+fn came_back(answer: &Result<Answer, RequestError>) -> bool {
+    matches!(answer, Ok(_) | Err(RequestError::Refused(_)))
+}
+
+/// Tells that something came back just now.
+fn tell(heard: Option<&watch::Sender<Instant>>, came_back: bool) {
+    if let Some(heard) = heard.filter(|_| came_back) {
+        heard.send_replace(Instant::now());
     }
 }
 

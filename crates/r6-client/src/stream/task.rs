@@ -189,7 +189,7 @@ impl Task {
         if seen.is_about(&self.about) {
             return Ok(());
         }
-        if let Some(restart) = self.robot.restart_since(&self.about, seen).await {
+        if let Some(restart) = self.robot.restart_since(&self.about, seen, self.options.idle_mode).await {
             return Err(Cause::Restarted(restart));
         }
         // An alarm, or a mode in which nothing runs, says more.

@@ -295,3 +295,66 @@ async fn b7_what_is_done_on_one_connection_is_not_said_from_the_next() {
     let lost = RequestError::NotSent(NotSent::Disconnected);
     assert_eq!(error.cause, Cause::Unreadable(lost), "{error}");
 }
+
+#[tokio::test(start_paused = true)]
+async fn a6_all_who_wait_for_a_motion_that_failed_are_told() {
+    let never = Character { never_executed: Some(NeverExecuted::Always), ..Character::default() };
+    let (_controller, robot) = robot_at(never).await;
+    let options = RunOptions { stop_on_failure: false, ..RunOptions::default() };
+    drop(robot.run(&to_j1(20.0), options).await.unwrap());
+    let wait = || robot.wait_until_done(WaitOptions::default());
+    let (one, other) = tokio::join!(wait(), wait());
+    for told in [one, other] {
+        assert!(matches!(told, Err(WaitError::Motion(_))), "{told:?}");
+    }
+}
+
+/// What was told to be done is not told to have been cut short by what happens later.
+#[tokio::test(start_paused = true)]
+async fn d19_a_cable_that_is_pulled_after_the_end_is_no_power_cut() {
+    for stops in [false, true] {
+        let (controller, robot) = robot_at(Character::default()).await;
+        robot.run(&to_j1(20.0), RunOptions::default()).await.unwrap().finished().await.unwrap();
+        if stops {
+            assert!(robot.stop().await.unwrap().confirmed);
+        }
+        controller.arm(|arm, now| arm.break_links(now));
+        while robot.status().await.is_err() {
+            sleep(Duration::from_millis(200)).await;
+        }
+        let told = robot.wait_until_done(WaitOptions::default()).await;
+        let is_true = match &told {
+            Ok(done) => !stops && done.proof == EndProof::AtRest,
+            Err(WaitError::Stopped { .. } | WaitError::AlarmRaised { .. }) => stops,
+            Err(_) => false,
+        };
+        assert!(is_true, "{stops}: {told:?}");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn b10_following_ends_when_the_handle_is_closed() {
+    let (controller, robot) = robot_at(Character::default()).await;
+    let (target, targets) = TargetSender::new();
+    let clone = robot.clone();
+    let following = tokio::spawn(async move { clone.follow(targets, FollowOptions::default()).await });
+    let told = tokio::spawn(async move {
+        for n in 0..400 {
+            target.send(AxisPosition::degrees([f64::from(n)]));
+            sleep(Duration::from_millis(50)).await;
+        }
+    });
+    sleep(Duration::from_secs(2)).await;
+    let begun = Instant::now();
+    robot.close().await;
+    assert!(begun.elapsed() < Duration::from_secs(1), "{:?}", begun.elapsed());
+    let lists = |controller: &r6_testkit::hostile::serve::HostileController| {
+        controller.arm(|arm, _| arm.carried(1).len())
+    };
+    let left = lists(&controller);
+    sleep(Duration::from_secs(5)).await;
+    assert!(lists(&controller) <= left + 1, "the step that was under way at most");
+    let error = following.await.unwrap().unwrap_err();
+    assert_eq!(error.cause, Cause::Closed, "{error}");
+    told.abort();
+}

@@ -20,8 +20,13 @@ use tokio::net::TcpListener;
 
 /// A robot behind wires in memory, and the controller at their other end.
 async fn robot_at(character: Character) -> (Arc<HostileController>, Robot) {
+    robot_with(character, RobotSettings::default()).await
+}
+
+/// The same, talked to with these settings.
+async fn robot_with(character: Character, settings: RobotSettings) -> (Arc<HostileController>, Robot) {
     let controller = HostileController::new(character);
-    let robot = Robot::connect_with(Cable(Arc::clone(&controller)), RobotSettings::default()).await.unwrap();
+    let robot = Robot::connect_with(Cable(Arc::clone(&controller)), settings).await.unwrap();
     (controller, robot)
 }
 

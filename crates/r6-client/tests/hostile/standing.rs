@@ -6,7 +6,7 @@ use std::time::Duration;
 use r6_client::{
     Cause, ListAfterStop, OperationMode, Robot, RunOptions, SecondConnection, StandProof, StopMeans,
 };
-use r6_client::{RequestError, StopReport};
+use r6_client::{RequestError, RobotSettings, StopReport};
 use r6_testkit::hostile::serve::HostileController;
 use r6_testkit::hostile::{
     Cabinet, Character, Deaf, Delays, Effect, Kind, Late, Links, Lost, Program, Reaction, Stops,
@@ -15,7 +15,7 @@ use r6_testkit::hostile::{Swap, SwapWhen};
 use serde_json::json;
 use tokio::time::{Instant, sleep};
 
-use crate::{robot_at, there_and_on};
+use crate::{robot_at, robot_with, there_and_on};
 
 const REFUSED: Reaction = reaction(Effect::Refused);
 const NO_EFFECT: Reaction = reaction(Effect::NoEffect);
@@ -43,6 +43,11 @@ async fn under_way(character: Character) -> (Arc<HostileController>, Robot) {
     assert!(handle.step(1).unwrap().started().await);
     drop(handle);
     (controller, robot)
+}
+
+/// A client that was told that this controller stays in mode 7 after a stop.
+fn stays_in_mode_7() -> RobotSettings {
+    RobotSettings { stays_in_mode_7: true, ..RobotSettings::default() }
 }
 
 /// Whatever is told: an arm that is told to stand does not move on.
@@ -75,14 +80,24 @@ async fn a1_a_dwell_is_no_standstill() {
 
 #[tokio::test(start_paused = true)]
 async fn a1_a_program_that_waits_for_an_input_is_no_standstill() {
-    for (mode, means) in [(7, REFUSED), (9, NO_EFFECT), (9, REFUSED), (8, NO_EFFECT)] {
+    // The list is cleared, and the program runs on.
+    let clears = Stops { clear: reaction(Effect::Works), ..deaf_to_every_means(REFUSED) };
+    for (mode, stops) in [
+        (7, deaf_to_every_means(REFUSED)),
+        (7, deaf_to_every_means(NO_EFFECT)),
+        (7, clears.clone()),
+        (9, deaf_to_every_means(NO_EFFECT)),
+        (9, deaf_to_every_means(REFUSED)),
+        (8, deaf_to_every_means(NO_EFFECT)),
+        (8, clears),
+    ] {
         let wait = json!({ "action": "100", "type": "100", "limit": "8" });
         let moves = json!({ "action": "4", "m0": "40", "ckStatus": "0x3F", "speed": "10" });
         let program = Program { at: Duration::ZERO, steps: vec![wait, moves] };
         let character = Character {
             cabinet: Cabinet { mode, ..Cabinet::default() },
             program: Some(program),
-            stops: deaf_to_every_means(means),
+            stops,
             ..Character::default()
         };
         let (controller, robot) = robot_at(character).await;
@@ -115,7 +130,10 @@ async fn a1_the_means_are_tried_in_turn_and_the_one_that_worked_is_told() {
 async fn a1_firmware_that_stays_in_mode_7_is_told_to_stand_after_a_long_rest_with_an_empty_list() {
     let stays = reaction(Effect::Works);
     let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
-    let (controller, robot) = under_way(Character { stops, ..Character::default() }).await;
+    let (controller, robot) =
+        robot_with(Character { stops, ..Character::default() }, stays_in_mode_7()).await;
+    let handle = robot.run(&there_and_on(12), RunOptions::default()).await.unwrap();
+    assert!(handle.step(1).unwrap().started().await);
     let stopped = robot.stop().await;
     let report = stopped.as_ref().unwrap();
     let Some(StandProof::EmptyList(rest)) = report.proof else { panic!("{report:?}") };
@@ -177,8 +195,8 @@ async fn a4_a_list_that_is_taken_late_is_cleared_again() {
         // The stop leaves the machine in a mode in which lists are taken, and run.
         let stays = reaction(Effect::Works);
         let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
-        let (controller, robot) =
-            robot_at(Character { late: vec![late], stops, ..Character::default() }).await;
+        let character = Character { late: vec![late], stops, ..Character::default() };
+        let (controller, robot) = robot_with(character, stays_in_mode_7()).await;
         let handle = robot.run(&there_and_on(6), RunOptions::default()).await.unwrap();
         sleep(Duration::from_millis(200)).await;
         let stopped = robot.stop().await;
@@ -241,8 +259,8 @@ async fn a4_a_stop_ends_within_its_time_whatever_gets_lost() {
         let late = Late { nth: None, taken_after: Duration::from_millis(3500), answered_after: None };
         let stays = reaction(Effect::Works);
         let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
-        let (controller, robot) =
-            robot_at(Character { late: vec![late], stops, ..Character::default() }).await;
+        let character = Character { late: vec![late], stops, ..Character::default() };
+        let (controller, robot) = robot_with(character, stays_in_mode_7()).await;
         let handle = robot.run(&there_and_on(6), RunOptions::default()).await.unwrap();
         sleep(Duration::from_millis(200)).await;
         controller.arm(|arm, now| {
@@ -304,4 +322,25 @@ async fn a_stop_over_a_healthy_link_takes_effect_within_150_ms() {
     took.sort_by(f64::total_cmp);
     let p99 = took[98];
     assert!(p99 <= 0.15, "{p99} s");
+}
+
+/// The first look gets through, then the link is deaf.
+#[tokio::test(start_paused = true)]
+async fn a3_a_link_that_goes_deaf_after_the_first_answer_gets_a_second_connection_too() {
+    for deaf_after in (0..500).step_by(20) {
+        // The first two means do nothing, so that the link is deaf before the arm stands.
+        let stops = Stops { action_stop: NO_EFFECT, stop_button: NO_EFFECT, ..Stops::default() };
+        let (controller, robot) = under_way(Character { stops, ..Character::default() }).await;
+        controller.arm(|arm, now| {
+            let at = now + Duration::from_millis(deaf_after);
+            arm.character_mut().deaf.push(Deaf { connection: Some(1), at, ..Deaf::default() });
+        });
+        let stopped = robot.stop().await;
+        let report = stopped.as_ref().unwrap();
+        // 300 ms without an answer, then the means in turn over the second connection.
+        let most = Duration::from_millis(deaf_after + 300 + 1800);
+        assert!(report.confirmed && report.took <= most, "deaf after {deaf_after} ms: {report}");
+        assert_eq!(report.second, Some(SecondConnection::Used), "deaf after {deaf_after} ms: {report}");
+        assert_true(&controller, &stopped).await;
+    }
 }

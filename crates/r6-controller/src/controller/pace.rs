@@ -9,7 +9,7 @@ use super::Controller;
 pub(crate) struct Progress {
     pushes: u64,
     cycles: u64,
-    list_is_empty: bool,
+    list_length: usize,
 }
 
 impl Controller {
@@ -55,13 +55,19 @@ impl Controller {
     }
 
     pub(crate) fn progress(&self) -> Progress {
-        let list_is_empty = self.machine.list().len() == 0;
-        Progress { pushes: self.pushes, cycles: self.machine.cycles(), list_is_empty }
+        let list_length = self.machine.list().len();
+        Progress { pushes: self.pushes, cycles: self.machine.cycles(), list_length }
     }
 
     /// Whether the arm is on its way, by a list that came since then and found none before it.
     pub(crate) fn has_set_out_since(&self, before: Progress) -> bool {
-        before.list_is_empty && self.machine.list().len() > 0 && self.machine.tells_moving()
+        before.list_length == 0 && self.machine.list().len() > 0 && self.machine.tells_moving()
+    }
+
+    /// Whether half of its list is carried out since then, and not all of it.
+    pub(crate) fn has_done_half_since(&self, before: Progress) -> bool {
+        let left = self.machine.list().len();
+        left > 0 && left <= before.list_length / 2
     }
 
     /// Whether it sent a frame that nobody had asked for, since then.
