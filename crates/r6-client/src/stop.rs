@@ -242,7 +242,9 @@ impl Robot {
         }
         let opening = begun.load(Ordering::Relaxed) && other.is_none();
         match (one, other.flatten()) {
-            (one, Some(Ok(halted))) if halted.confirmed() || !one.as_ref().is_some_and(Halted::heard) => {
+            (one, Some(Ok(halted)))
+                if halted.confirmed() || (halted.heard() && !one.as_ref().is_some_and(Halted::heard)) =>
+            {
                 (halted, Some(SecondConnection::Used))
             }
             (Some(one), None) => (one, opening.then_some(SecondConnection::Opening)),

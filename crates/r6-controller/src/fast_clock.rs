@@ -7,10 +7,10 @@
 //! - nothing is under way any more,
 //! - a frame was sent that nobody had asked for, such as a photo: its receiver has the word,
 //! - the arm has set out to carry out a list, where there was none before: whoever looks next sees it move,
-//! - half of the instructions that were in the list are carried out, and one at least is left: whoever looks sees the list get shorter,
+//! - a third of the instructions that were in the list are carried out, and one at least is left: whoever looks sees the list get shorter,
 //! - or a cycle of the program has ended and the next has begun: a program that never rests makes one cycle for each frame.
 //!
-//! Replies that are owed leave in any case. So the same settings, seed and frames in the same order give the same bytes, in
+//! What is appended to a list takes no time, apart from its reply. Replies that are owed leave in any case. So the same settings, seed and frames in the same order give the same bytes, in
 //! whatever pieces they come and however long anybody takes; of a list its sender sees the beginning, some places on the way, and the end.
 //!
 //! A jump never takes time from others: a heartbreak, a signal that a step waits for with a limit, or the rest of a frame
@@ -102,14 +102,26 @@ impl FastClock {
         self.run(controller, before);
     }
 
+    /// Lets the replies leave that are held back, and nothing else happen.
+    fn release_replies(&mut self, controller: &mut Controller) {
+        for _ in 0..MAX_EVENTS_AT_ONCE {
+            let Some(due) = controller.next_reply() else { return };
+            self.now = self.now.max(due);
+            controller.jump(self.now);
+        }
+    }
+
     fn run(&mut self, controller: &mut Controller, before: Progress) {
         let listed = controller.progress();
+        if before.was_appended_to(listed) {
+            return self.release_replies(controller);
+        }
         for _ in 0..MAX_EVENTS_AT_ONCE {
             let Some(due) = controller.next_own_event() else { return };
             let anothers_turn = controller.has_pushed_since(before)
                 || controller.has_ended_a_cycle_since(before)
                 || controller.has_set_out_since(before)
-                || controller.has_done_half_since(listed);
+                || controller.has_done_a_third_since(listed);
             if anothers_turn && controller.next_reply().is_none() {
                 return;
             }

@@ -129,7 +129,7 @@ fn a_list_is_seen_to_get_shorter() {
     cell.send(add_rcc(&json!(list)));
     cell.frames();
     let lengths: Vec<_> = (0..6).map(|_| cell.value("RemoteCmdLen")).collect();
-    assert_eq!(lengths, ["8", "4", "2", "1", "0", "0"]);
+    assert_eq!(lengths, ["8", "5", "3", "2", "1", "0"]);
 }
 
 #[test]
@@ -257,8 +257,8 @@ fn a_jump_takes_no_time_from_others() {
     cell.send(r#"{"reqType":"que"#);
     let other = cell.controller.connect(cell.clock.now());
     cell.clock.handle_input(&mut cell.controller, other, add_rcc(&json!(list)).as_bytes());
-    // Each look sees half of what was left.
-    for _ in 0..4 {
+    // Each look sees two thirds of what was left.
+    for _ in 0..6 {
         cell.clock.handle_input(&mut cell.controller, other, query("isMoving").as_bytes());
     }
     assert!(cell.seconds() > 40.0, "{}", cell.seconds());

@@ -72,7 +72,8 @@ impl Rest {
         }
         self.unreadable_since = None;
         let stands = self.last.is_some_and(|last| sample.stands_since(&last));
-        let more_to_come = sample.list_length.is_some_and(|length| length > 0);
+        // A length below zero is no empty list.
+        let more_to_come = sample.list_length.is_some_and(|length| length != 0);
         self.moved |= sample.moving == Some(true) || more_to_come || (self.last.is_some() && !stands);
         self.last = Some(sample);
         if !stands || more_to_come {

@@ -11,8 +11,8 @@ use crate::status::{AlarmAdvice, Status};
 /// What a controller shows that lost its list together with the connection: it was switched off and on, or somebody stopped it and
 /// cleared its list before the connection was made anew. Nothing on the wire tells the two apart.
 ///
-/// Said only where the same robot answers over another connection, in a mode in which no program runs, and either has an empty
-/// list or does not know its origin.
+/// Said only where the same robot answers over another connection, in a mode in which no program runs, with an empty list; or, where the
+/// firmware does not tell the length of its list, without its origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Restart {
     /// The mode it is in now.
@@ -28,8 +28,8 @@ impl Restart {
     fn of(status: &Status, idle_mode: OperationMode) -> Option<Self> {
         let mode = status.mode.filter(|mode| !mode.may_run() && *mode != idle_mode)?;
         let origin_lost = status.homed == Some(false);
-        let list_lost = status.list_length == Some(0);
-        (origin_lost || list_lost).then(|| Self { mode, alarm: status.alarm, origin_lost })
+        let list_lost = status.list_length == Some(0) || (status.list_length.is_none() && origin_lost);
+        list_lost.then(|| Self { mode, alarm: status.alarm, origin_lost })
     }
 }
 
@@ -55,7 +55,7 @@ impl fmt::Display for Restart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { mode, alarm, origin_lost } = self;
         write!(f, "the connection was lost, and the controller answers again in mode {mode}")?;
-        f.write_str(if *origin_lost { " without its origin" } else { " with an empty list" })?;
+        f.write_str(if *origin_lost { " without its list and its origin" } else { " with an empty list" })?;
         f.write_str(
             ": it was switched off and on (a power cut), or somebody stopped it and cleared its list meanwhile",
         )?;
@@ -84,6 +84,7 @@ mod tests {
         assert!(after(1, None, false).is_some_and(|restart| restart.origin_lost));
         // It was stopped, and kept its list.
         assert_eq!(after(3, Some(4), true), None);
+        assert_eq!(after(3, Some(4), false), None);
         // It runs: nothing tells.
         assert_eq!(after(7, Some(0), true), None);
         assert_eq!(after(3, None, true), None);

@@ -10,12 +10,18 @@ use tokio::time::Instant;
 
 use super::progress::Looked;
 
-/// A speed is believed up to this many times the fastest that was seen: the speed of the steps, and the speed of the whole machine, may
-/// change in between (fitted to `make sim TRAP=E5`).
-const FASTER: f64 = 4.0;
+/// A pace is believed up to this many times the fastest that was seen: axes differ, and the speed of the whole machine may change in between
+/// (fitted to `make sim TRAP=E5`).
+const FASTER: f64 = 5.0;
 
-/// What is always believed in a second: an arm that was seen at a crawl may go on at a usual speed. Degrees, mm, moves.
-const ALWAYS: Way = Way { turn: 100.0, tool: 1000.0, moves: 20.0 };
+/// The same where steps lead to and fro, so that the place of the arm says nothing for it.
+const NEARLY: f64 = 1.5;
+
+/// What an arm whose pace is not known may have made in a second, degrees, mm and moves: twice what the virtual arms do.
+const POSSIBLE: [f64; 3] = [450.0, 4000.0, 20.0];
+
+/// Clocks differ by this much in one look, seconds.
+const CLOCKS: f64 = 0.2;
 
 /// The pace is known once the arm was seen to go on so many times, and its list to get shorter step by step: before, it may just have begun
 /// to move. A virtual controller whose clock jumps is never seen to do that.
@@ -36,20 +42,52 @@ pub(super) struct Way {
     pub tool: f64,
     /// Moves whose length is not known.
     pub moves: f64,
+    /// The turn, each step divided by its speed (1 at 100 %), so that slow and fast steps count alike.
+    pub turn_at_full: f64,
+    /// The way of the tool, likewise.
+    pub tool_at_full: f64,
+    /// Waits for nothing but time, seconds.
+    pub standing: f64,
 }
 
 impl Way {
-    /// Both ways, one after the other.
-    pub fn and(&self, other: &Self) -> Self {
-        Self { turn: self.turn + other.turn, tool: self.tool + other.tool, moves: self.moves + other.moves }
+    /// A turn of an axis at this share of its speed.
+    pub fn of_turn(turn: f64, speed: f64) -> Self {
+        Self { turn, turn_at_full: turn / speed, ..Self::default() }
     }
 
-    /// What both have at least.
-    pub fn least(&self, other: &Self) -> Self {
+    /// A way of the tool at this share of its speed.
+    pub fn of_tool(tool: f64, speed: f64) -> Self {
+        Self { tool, tool_at_full: tool / speed, ..Self::default() }
+    }
+
+    /// A move whose length is not known.
+    pub fn of_a_move() -> Self {
+        Self { moves: 1.0, ..Self::default() }
+    }
+
+    /// Both ways, one after the other.
+    pub fn and(&self, other: &Self) -> Self {
+        self.each(other, |one, other| one + other)
+    }
+
+    /// The longer one of both.
+    pub fn most(&self, other: &Self) -> Self {
+        self.each(other, f64::max)
+    }
+
+    fn times(&self, factor: f64) -> Self {
+        self.each(self, |one, _| one * factor)
+    }
+
+    fn each(&self, other: &Self, both: impl Fn(f64, f64) -> f64) -> Self {
         Self {
-            turn: self.turn.min(other.turn),
-            tool: self.tool.min(other.tool),
-            moves: self.moves.min(other.moves),
+            turn: both(self.turn, other.turn),
+            tool: both(self.tool, other.tool),
+            moves: both(self.moves, other.moves),
+            turn_at_full: both(self.turn_at_full, other.turn_at_full),
+            tool_at_full: both(self.tool_at_full, other.tool_at_full),
+            standing: both(self.standing, other.standing),
         }
     }
 }
@@ -77,14 +115,28 @@ impl Pace {
         }
     }
 
-    /// Whether the arm can have gone this way between the last look and this one.
-    pub fn allows(&self, way: &Way, now: Looked) -> bool {
-        // The two are at most this far apart.
-        let seconds = (now.answered_at - self.looked.asked_at).as_secs_f64();
-        let fits = |way: f64, seen: f64, always: f64| way <= seconds * (seen * FASTER).max(always);
-        fits(way.turn, self.fastest.turn, ALWAYS.turn)
-            && fits(way.tool, self.fastest.tool, ALWAYS.tool)
-            && fits(way.moves, self.fastest.moves, ALWAYS.moves)
+    /// Whether the arm can have gone this way between the last look and this one. `to_and_fro`: where it is says nothing for it.
+    pub fn allows(&self, way: &Way, now: Looked, to_and_fro: bool) -> bool {
+        let seconds = self.seconds(now);
+        if self.is_known() {
+            let most = self.fastest.times(seconds * if to_and_fro { NEARLY } else { FASTER });
+            return way.turn_at_full <= most.turn_at_full
+                && way.tool_at_full <= most.tool_at_full
+                && way.moves <= most.moves;
+        }
+        let most = POSSIBLE.map(|most| most * seconds);
+        [way.turn, way.tool, way.moves].iter().zip(most).all(|(way, most)| *way <= most)
+    }
+
+    /// Whether these steps can have stood for as long as they say, where they do nothing else.
+    pub fn allows_standing(&self, way: &Way, now: Looked) -> bool {
+        let moves = way.turn > 0.0 || way.tool > 0.0 || way.moves > 0.0;
+        moves || way.standing <= self.seconds(now) + CLOCKS
+    }
+
+    /// The two looks are at most this far apart, seconds.
+    fn seconds(&self, now: Looked) -> f64 {
+        (now.answered_at - self.looked.asked_at).as_secs_f64()
     }
 
     /// Whether the arm was seen to go on often enough.
@@ -100,12 +152,7 @@ impl Pace {
     /// The arm went this way between the last look and this one.
     pub fn went(&mut self, way: &Way, now: Looked) {
         let seconds = (now.answered_at - self.looked.answered_at).max(SHORTEST).as_secs_f64();
-        let faster = |seen: f64, way: f64| seen.max(way / seconds);
-        self.fastest = Way {
-            turn: faster(self.fastest.turn, way.turn),
-            tool: faster(self.fastest.tool, way.tool),
-            moves: faster(self.fastest.moves, way.moves),
-        };
+        self.fastest = self.fastest.most(&way.times(1.0 / seconds));
         let goes_on = way.turn.max(way.tool).max(way.moves) > TREMBLING;
         self.looks = self.looks.saturating_add(u32::from(goes_on));
         self.looked = now;

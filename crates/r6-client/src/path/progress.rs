@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use r6_proto::message::Action;
 use r6_proto::message::Instruction;
-use r6_proto::message::instruction::Coordinates;
+use r6_proto::message::instruction::{Coordinates, Manner, Wait, WaitSource};
 use r6_proto::{AxisIndex, AxisMask};
 use tokio::time::Instant;
 
@@ -18,15 +18,18 @@ use crate::path::place::{Missed, Place};
 /// one counts, so that the list is rather thought too full than too empty.
 const EQUALLY_NEAR: f64 = 0.05;
 
+/// How long arms stand in a corner that is not blended, at most (0.25 to 0.33 s, reported, unit A).
+const CORNER: Duration = Duration::from_millis(350);
+
 /// Below this, degrees or mm, a difference between two reads is no direction.
 const NO_DIRECTION: f64 = 1e-3;
-
-/// An arm that went less than this share of a way has not gone it.
-const STAYED: f64 = 0.05;
 
 /// An arm that is further than this from the way of a step, degrees or mm, and than this share of its length, is not on it.
 const OFF_THE_WAY: f64 = 0.5;
 const ROUNDED: f64 = 0.1;
+
+/// A way that comes as near to a place as this, degrees or mm, leads through it.
+const THROUGH: f64 = 0.1;
 
 /// A path that is being run.
 #[derive(Debug)]
@@ -49,6 +52,8 @@ pub(crate) struct PathProgress {
     /// The steps up to this one were in the list before something was appended, since the last look. Whoever cleared the list before that
     /// append left none of them.
     held_until: Option<usize>,
+    /// Whether the list that was last seen to be empty can have been worked through; `None`: none was seen since.
+    worked_through: Option<bool>,
     /// Whether the list was seen to count the step that is under way.
     counts_running: bool,
     /// The steps that went out of the list faster than the arm can have made them.
@@ -90,6 +95,7 @@ impl PathProgress {
             at_once: 0,
             pace: Pace::new(now),
             held_until: None,
+            worked_through: None,
             counts_running: false,
             skipped: None,
         }
@@ -108,6 +114,7 @@ impl PathProgress {
         self.since_fed =
             SinceFed { first: self.accepted, from: self.before, moved: false, length: accepted - self.done };
         self.accepted = accepted;
+        self.worked_through = None;
     }
 
     /// Steps in the controller's list, as far as is known. The arm leaves a step's way at the corner, some time before the
@@ -141,14 +148,17 @@ impl PathProgress {
     ///
     /// A list that was accepted proves nothing, and neither does an empty one: somebody else may have cleared it.
     pub fn end(&self, sample: &Sample, rests: bool) -> Option<EndProof> {
-        if sample.list_length.is_some_and(|length| length > 0) {
+        if sample.list_length.is_some_and(|length| length != 0) {
             return None;
         }
         let (place, watched) = self.end_of_accepted();
         match place {
-            Place::Same => Some(EndProof::AtRest),
+            Place::Same => (self.worked_through != Some(false)).then_some(EndProof::AtRest),
             Place::Axes(..) | Place::Position(..) => match place.missed(sample) {
-                None => self.was_gone().then_some(EndProof::Reached),
+                None => {
+                    let came_by_its_end = self.worked_through != Some(false) || !self.passes_its_end();
+                    (self.was_gone() && came_by_its_end).then_some(EndProof::Reached)
+                }
                 Some(missed) => {
                     (watched && rests && self.was_consumed(sample)).then_some(EndProof::CutShort(missed))
                 }
@@ -198,10 +208,15 @@ impl PathProgress {
         let done = match sample.list_length {
             // An empty list elsewhere than at the end of what was accepted: it was taken and not carried out, was cleared by somebody
             // else, or counts only what has not begun.
-            Some(0) if self.is_emptied(looked) => self.done,
-            Some(0) if self.end(sample, rests).is_some() => self.accepted,
-            Some(0) => self.done,
-            Some(length) => self.count(usize::try_from(length).unwrap_or(0), sample, looked),
+            Some(0) => {
+                self.emptied(sample, looked);
+                if self.end(sample, rests).is_some() { self.accepted } else { self.done }
+            }
+            Some(length) => match usize::try_from(length) {
+                Ok(length) => self.count(length, sample, looked),
+                // A length below zero is none.
+                Err(_) => self.done,
+            },
             None if rests && self.end(sample, rests).is_some() => self.accepted,
             None => self.passed(sample),
         };
@@ -210,15 +225,40 @@ impl PathProgress {
         self.held_until = None;
     }
 
-    /// Whether the list is empty although the arm cannot have made all that was in it. Only an arm whose pace is known is judged.
-    fn is_emptied(&mut self, looked: Looked) -> bool {
-        let since = self.done..self.accepted;
-        let way = self.way_since(&since);
-        let is_emptied = self.pace.is_known() && !self.pace.allows(&way, looked);
-        if is_emptied {
-            self.skipped = Some(since);
+    /// Takes in an empty list: whether it can have been worked through since the last look.
+    fn emptied(&mut self, sample: &Sample, looked: Looked) {
+        if self.worked_through.is_none() {
+            let beyond_first = self.way_of(self.done + 1..self.accepted);
+            let can = self.was_consumed(sample) || self.pace.allows(&beyond_first, looked, true);
+            self.worked_through = Some(can && self.pace.allows_standing(&beyond_first, looked));
         }
-        is_emptied
+    }
+
+    /// Whether an arm that stands where the path ends may have come there before: the way of an earlier step, of those that are not proved to be
+    /// over, leads through that place.
+    fn passes_its_end(&self) -> bool {
+        let places = self.places.iter().enumerate().take(self.accepted);
+        let Some((last, end)) = places.rev().find(|(_, place)| **place != Place::Same) else { return false };
+        (self.done..last).any(|at| self.passes(at, end))
+    }
+
+    /// Whether the way of this step leads through that place, in the coordinates that both are told in.
+    fn passes(&self, at: usize, end: &Place) -> bool {
+        let Some(place) = self.places.get(at) else { return false };
+        let (values, mask, wanted, also) = match (place, end) {
+            (Place::Axes(values, mask), Place::Axes(wanted, also))
+            | (Place::Position(values, mask), Place::Position(wanted, also)) => {
+                (values, *mask, wanted, *also)
+            }
+            _ => return false,
+        };
+        let mut way = Sums::default();
+        for axis in AxisIndex::ALL.into_iter().filter(|axis| mask.contains(*axis) && also.contains(*axis)) {
+            let (Some(to), Some(wanted)) = (values.at(axis), wanted.at(axis)) else { continue };
+            let from = self.start(at, place, axis).unwrap_or(to);
+            way.add(to - from, wanted - from, 0.0);
+        }
+        way.way().distance <= THROUGH
     }
 
     /// Takes in the length of a list that is not empty; the steps that are over.
@@ -231,24 +271,44 @@ impl PathProgress {
         let way = self.way_since(&since);
         // A controller that clears its list may keep the step that it carries out just then.
         let may_be_cleared = since.end + 1 >= self.held_until.unwrap_or(self.accepted);
-        let turned = largest_change(&self.before.axes, &sample.axes);
-        let went = largest_change(&self.before.pose[..3], &sample.pose[..3]);
-        if may_be_cleared && !self.pace.allows(&way, looked) {
-            // Of an arm whose pace is not known yet the place has to say so, too.
-            let goes = |way: f64, went: f64| way > 0.0 && went > way * STAYED;
-            let stayed = !goes(way.turn, turned) && !goes(way.tool, went);
-            if self.pace.is_known() || stayed || !self.is_on_the_way(since.end, sample) {
-                self.skipped = Some(since);
-                return self.done;
-            }
+        if may_be_cleared && !self.can_have_made(&since, &way, sample, looked) {
+            self.skipped = Some(since);
+            return self.done;
         }
-        self.pace.went(&pace::Way { turn: way.turn.max(turned), tool: way.tool.max(went), ..way }, looked);
+        let share = self.speed(since.end).max(self.speed(since.start));
+        let turned = pace::Way::of_turn(largest_change(&self.before.axes, &sample.axes), share);
+        let went = pace::Way::of_tool(largest_change(&self.before.pose[..3], &sample.pose[..3]), share);
+        self.pace.went(&way.most(&turned).most(&went), looked);
         if !since.is_empty() && !may_be_cleared {
             self.pace.goes_stepwise();
         }
         self.at_once = self.at_once.max(self.moves(gone));
         self.since_fed.length = length.min(self.since_fed.length);
+        self.worked_through = None;
         over(length)
+    }
+
+    /// Whether the arm can have made these steps since the last look, by its pace and its place.
+    fn can_have_made(&self, steps: &Range<usize>, way: &pace::Way, sample: &Sample, looked: Looked) -> bool {
+        let on_the_old = self.is_on_the_way(steps.start, sample);
+        let on_the_new = self.is_on_the_way(steps.end, sample);
+        let (last, count) = (self.places.get(steps.end.saturating_sub(1)), steps.len());
+        // At the end of the only step that is gone: it made it.
+        let at_its_end = count == 1 && last.is_some_and(|place| place.missed(sample).is_none());
+        let by_place = on_the_new && (!on_the_old || at_its_end);
+        // Where it is not on its new way, its list may run ahead of it, as it did before.
+        let by_pace = self.pace.allows(way, looked, on_the_new && on_the_old);
+        (by_place || by_pace) && self.pace.allows_standing(way, looked)
+    }
+
+    /// The speed of this step as a share of the fastest; 1 where the step does not say.
+    fn speed(&self, at: usize) -> f64 {
+        let speed = match self.steps.get(at).map(|step| &step.action) {
+            Some(Action::AxisMove(step) | Action::LinearMove(step)) => step.manner.speed,
+            Some(Action::CurveMove(curve)) => curve.manner.speed,
+            _ => None,
+        };
+        speed.map_or(1.0, |percent| (percent / 100.0).clamp(0.001, 1.0))
     }
 
     /// Whether the arm is on the way of this step, or of the one before or after it: corners are rounded. `true` where nobody can tell.
@@ -258,15 +318,11 @@ impl PathProgress {
         (step.saturating_sub(1)..=step + 1).any(near)
     }
 
-    /// The way that the arm has gone at least since the last look if it has made these steps.
+    /// The way that the arm has gone at least since the last look if it has made these steps. It may be on the last one still, where corners are
+    /// rounded; and where the list tells only what has not begun, it may have just left the first one.
     fn way_since(&self, steps: &Range<usize>) -> pace::Way {
-        if self.counts_running {
-            // It was on the way of the first one already.
-            let rest = self.way_of(steps.start + 1..steps.end);
-            return rest.and(&self.rest_of(steps));
-        }
-        // Where the list tells what has not begun, the arm may have just left the first one or just begun the last one.
-        self.way_of(steps.start + 1..steps.end).least(&self.way_of(steps.start..steps.end.saturating_sub(1)))
+        let between = self.way_of(steps.start + 1..steps.end.saturating_sub(1));
+        if self.counts_running && steps.len() > 1 { between.and(&self.rest_of(steps)) } else { between }
     }
 
     /// The way from where the arm was seen last to the end of the first of these steps.
@@ -275,9 +331,10 @@ impl PathProgress {
         let Some(place) = place else { return pace::Way::default() };
         let rest = place.beside(&self.before).unwrap_or_default();
         let rest = rest.iter().map(|(_, end, found)| (end - found).abs()).fold(0.0, f64::max);
+        let speed = self.speed(steps.start);
         match place {
-            Place::Axes(..) => pace::Way { turn: rest, ..pace::Way::default() },
-            Place::Position(..) => pace::Way { tool: rest, ..pace::Way::default() },
+            Place::Axes(..) => pace::Way::of_turn(rest, speed),
+            Place::Position(..) => pace::Way::of_tool(rest, speed),
             Place::Same | Place::Unknown => pace::Way::default(),
         }
     }
@@ -286,30 +343,34 @@ impl PathProgress {
     fn way_of(&self, steps: Range<usize>) -> pace::Way {
         let mut sum = pace::Way::default();
         for at in steps {
-            let Some(place) = self.places.get(at) else { break };
+            let (Some(place), Some(step)) = (self.places.get(at), self.steps.get(at)) else { break };
             let length = |values: &Coordinates, mask: AxisMask| {
                 let along = |axis| Some((values.at(axis)? - self.start(at, place, axis)?).abs());
                 let axes = AxisIndex::ALL.into_iter().filter(|axis| mask.contains(*axis));
                 axes.filter_map(along).reduce(f64::max)
             };
-            match place {
-                Place::Same => {}
-                Place::Axes(values, mask) => match length(values, *mask) {
-                    Some(turn) => sum.turn += turn,
-                    None => sum.moves += 1.0,
-                },
-                Place::Position(values, mask) => match length(values, *mask) {
-                    Some(way) => sum.tool += way,
-                    None => sum.moves += 1.0,
-                },
-                Place::Unknown => sum.moves += 1.0,
-            }
+            let (speed, a_move) = (self.speed(at), pace::Way::of_a_move());
+            let way = match place {
+                Place::Same => pace::Way { standing: time_alone(&step.action), ..pace::Way::default() },
+                Place::Axes(values, mask) => {
+                    length(values, *mask).map_or(a_move, |turn| pace::Way::of_turn(turn, speed))
+                }
+                Place::Position(values, mask) => {
+                    length(values, *mask).map_or(a_move, |way| pace::Way::of_tool(way, speed))
+                }
+                Place::Unknown => a_move,
+            };
+            sum = sum.and(&way);
         }
         sum
     }
 
     /// The step that the arm is on: the earliest of those that lead where it goes and that it is nearest to.
     fn passed(&self, sample: &Sample) -> usize {
+        if !sample.went_on_from(&self.before.axes) {
+            // It stands: perhaps in a wait, of which no place tells that it is over.
+            return self.done;
+        }
         let ways: Vec<(usize, Way)> = (self.done..self.accepted)
             .filter_map(|at| Some((at, self.way(at, sample)?)))
             .filter(|(_, way)| way.agrees)
@@ -359,10 +420,13 @@ impl PathProgress {
         step.map_or(Some(Duration::ZERO), standing_time)
     }
 
-    /// How long the steps that are in the list may let the arm stand, together; `None`: for ever.
+    /// How long the steps that are in the list may let the arm stand, together; `None`: for ever. Around a wait, the corners count too: a move that
+    /// leads nowhere is one.
     pub fn all_may_stand(&self) -> Option<Duration> {
         let listed = self.steps.get(self.done..self.accepted).unwrap_or_default();
-        listed.iter().try_fold(Duration::ZERO, |sum, step| Some(sum + standing_time(step)?))
+        let waits = listed.iter().try_fold(Duration::ZERO, |sum, step| Some(sum + standing_time(step)?))?;
+        let corners = u32::try_from(self.moves(self.done..self.accepted)).unwrap_or(u32::MAX);
+        Some(if waits.is_zero() { waits } else { waits + CORNER.saturating_mul(corners) })
     }
 }
 
@@ -375,13 +439,15 @@ fn largest_change(before: &[Option<f64>], now: &[Option<f64>]) -> f64 {
 /// Where each step ends, and whether an input may cut it short. Nobody can tell of poses once the work frame changes.
 fn places(steps: &[Instruction]) -> (Vec<Place>, Vec<bool>) {
     let (mut may_stop, mut other_frame) = (false, false);
+    let is_of_tool = |manner: &Manner| manner.tool.is_some() || manner.coord.is_some();
     let place = |step: &Instruction| {
         match &step.action {
             Action::StopOnSignal(stop) => may_stop = stop.in_use,
             Action::Workbench(_) | Action::Unknown(_) => other_frame = true,
+            // Whether the tool and the frame of a move stay in use after it is not known.
+            Action::LinearMove(step) => other_frame |= is_of_tool(&step.manner),
+            Action::CurveMove(curve) => other_frame |= is_of_tool(&curve.manner),
             Action::AxisMove(_)
-            | Action::LinearMove(_)
-            | Action::CurveMove(_)
             | Action::PathSpeed(_)
             | Action::Wait(_)
             | Action::Output(_)
@@ -411,6 +477,14 @@ pub(crate) fn standing_time(step: &Instruction) -> Option<Duration> {
         | Action::Unknown(_) => 0.0,
     };
     Some(Duration::try_from_secs_f64(seconds).unwrap_or_default())
+}
+
+/// How long a step takes that waits for nothing but time, seconds; 0 for every other one.
+fn time_alone(action: &Action) -> f64 {
+    match action {
+        Action::Wait(Wait { source: WaitSource::Time, unlimited: false, limit, .. }) => *limit,
+        _ => 0.0,
+    }
 }
 
 /// How near a point is to a way.
@@ -459,7 +533,7 @@ impl Sums {
 
 #[cfg(test)]
 mod tests {
-    use r6_proto::message::instruction::{Manner, Move};
+    use r6_proto::message::instruction::Move;
     use r6_proto::{AXES, OperationMode};
 
     use super::*;
@@ -522,8 +596,9 @@ mod tests {
         assert_eq!(skipped_after(7, 1), Some(3..8));
         assert_eq!(skipped_after(7, 5), None);
         assert_eq!(skipped_after(7, 4), None);
-        // Its pace is not known yet, and it is on the way of a step.
-        assert_eq!(skipped_after(2, 1), None);
+        // Its pace is not known yet, but no arm is as fast as that.
+        assert_eq!(skipped_after(2, 1), Some(1..8));
+        assert_eq!(skipped_after(2, 5), None);
     }
 
     fn seen(path: &mut PathProgress, samples: &[[f64; 2]]) -> usize {

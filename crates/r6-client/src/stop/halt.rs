@@ -93,8 +93,13 @@ impl Halted {
     /// What to tell where nothing came back at all.
     pub fn into_error(self) -> RequestError {
         let request = Work::Command(Command::ActionStop).sent();
-        let timed_out = OutcomeUnknown::TimedOut { request, after: CONFIRM_WITHIN, heard: None };
-        self.failed.unwrap_or(timed_out.into())
+        let timed_out = || OutcomeUnknown::TimedOut { request, after: CONFIRM_WITHIN, heard: None }.into();
+        match self.failed {
+            // One that left may be carried out, whatever became of the others.
+            Some(RequestError::NotSent(_) | RequestError::Invalid(_)) if self.attempts > 0 => timed_out(),
+            Some(failed) => failed,
+            None => timed_out(),
+        }
     }
 }
 

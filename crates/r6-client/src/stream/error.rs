@@ -234,6 +234,10 @@ impl fmt::Display for Cause {
             Self::Stalled { after } => {
                 write!(f, "nothing has gone on for {after:?}: look at the global speed and at the pendant")
             }
+            Self::Unreadable(RequestError::NotSent(NotSent::Disconnected)) => f.write_str(
+                "the connection was lost after all of it had left; what another connection shows does not tell whether the \
+                 motion came to its end: look where the arm is",
+            ),
             Self::Unreadable(error) => write!(f, "the state cannot be read: {error}"),
             Self::Abandoned => f.write_str("the runtime ended, and nobody watches the motion any more"),
         }

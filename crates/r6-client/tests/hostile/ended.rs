@@ -68,6 +68,43 @@ async fn a5_steps_that_another_client_cleared_in_the_middle_are_not_told_as_done
     assert!(cleared > 100, "{cleared}");
 }
 
+/// The path comes by its end again and again, so that the arm may stand there in the middle of it.
+#[tokio::test(start_paused = true)]
+async fn a5_a_path_that_comes_by_its_end_is_not_told_as_done_when_it_was_cleared() {
+    let to = |j1: f64| AxisPosition::degrees([j1, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let motion = (0..15)
+        .fold(Motion::new(), |motion, n| motion.axis_move(to(if n % 2 == 0 { 5.0 } else { 0.0 }), fast()));
+    for interval in [50, 100] {
+        let options = RunOptions { interval: Duration::from_millis(interval), ..RunOptions::default() };
+        let mut cleared = 0;
+        for at in (20..1500).step_by(10) {
+            let clears = Foreign { at: Duration::from_millis(at), replace: true, instructions: Vec::new() };
+            let (controller, robot) =
+                robot_at(Character { foreign: vec![clears], ..Character::default() }).await;
+            let ended = robot.run(&motion, options).await.unwrap().finished().await;
+            let carried = controller.arm(|arm, _| arm.carried(1).iter().filter(|step| step.whole).count());
+            cleared += u32::from(carried < 14);
+            assert!(ended.is_err() || carried >= 14, "{interval} ms, {at} ms: {carried} of 15: {ended:?}");
+        }
+        assert!(cleared > 100, "{cleared}");
+        // Without a foreign clear it is done.
+        let (_controller, robot) = robot_at(Character::default()).await;
+        let done = robot.run(&motion, options).await.unwrap().finished().await.unwrap();
+        assert_eq!(done.proof, EndProof::Reached);
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a5_waits_that_were_cleared_are_not_told_as_done() {
+    // The controller keeps the one that is under way.
+    let wait = Duration::from_secs(5);
+    let motion = Motion::new().wait(wait).wait(wait).wait(wait);
+    let clears = Foreign { at: Duration::from_millis(700), replace: true, instructions: Vec::new() };
+    let error = result_of(Character { foreign: vec![clears], ..Character::default() }, &motion).await;
+    assert_eq!(error.unwrap_err().cause, Cause::NotSeen);
+    assert_eq!(result_of(Character::default(), &motion).await.unwrap().proof, EndProof::AtRest);
+}
+
 #[tokio::test(start_paused = true)]
 async fn a5_a_list_that_was_accepted_and_never_executed_is_not_done() {
     let never = |what| Character { never_executed: Some(what), ..Character::default() };

@@ -272,7 +272,7 @@ async fn a_motion_that_ends_where_it_began_is_seen_on_a_clock_that_jumps() {
             assert_eq!((done.proof, done.moved), (EndProof::Reached, true), "{name}");
         }
         // Firmware without the length of the list: half a second of rest tells the end.
-        let most = if name == "r6-host" || name == "legacy" { 6 } else { 2 };
+        let most = if name == "hc1" { 2 } else { 6 };
         assert!(begun.elapsed() < Duration::from_secs(most), "{name}: {:?}", begun.elapsed());
     }
 }

@@ -9,6 +9,7 @@ mod relay;
 
 mod ends;
 mod guarded;
+mod honest;
 mod long;
 mod reckoned;
 mod stops;

@@ -12,6 +12,13 @@ pub(crate) struct Progress {
     list_length: usize,
 }
 
+impl Progress {
+    /// Whether a list that was not empty is longer in `now`.
+    pub(crate) fn was_appended_to(self, now: Self) -> bool {
+        self.list_length > 0 && now.list_length > self.list_length
+    }
+}
+
 impl Controller {
     /// When the controller does something next: its machine (`Machine::next_own_event`), an input follows an output,
     /// or a reply leaves that is held back.
@@ -61,13 +68,13 @@ impl Controller {
 
     /// Whether the arm is on its way, by a list that came since then and found none before it.
     pub(crate) fn has_set_out_since(&self, before: Progress) -> bool {
-        before.list_length == 0 && self.machine.list().len() > 0 && self.machine.tells_moving()
+        before.list_length == 0 && !self.machine.list().is_empty() && self.machine.tells_moving()
     }
 
-    /// Whether half of its list is carried out since then, and not all of it.
-    pub(crate) fn has_done_half_since(&self, before: Progress) -> bool {
+    /// Whether a third of its list is carried out since then, and not all of it.
+    pub(crate) fn has_done_a_third_since(&self, before: Progress) -> bool {
         let left = self.machine.list().len();
-        left > 0 && left <= before.list_length / 2
+        left > 0 && left <= before.list_length * 2 / 3
     }
 
     /// Whether it sent a frame that nobody had asked for, since then.

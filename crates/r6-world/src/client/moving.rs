@@ -14,6 +14,9 @@ use crate::shared::{State, now};
 /// Steps that one client numbers at most: a thousandth of a degree of J2 each.
 const MOST_STEPS: i64 = 6000;
 
+/// The places of a path are as far apart as this, degrees of J1: far enough to be told apart.
+const APART: f64 = 0.15;
+
 /// A frame that was handed over is through or taken back after this long.
 const HANDED_OVER: u64 = 10;
 
@@ -88,9 +91,15 @@ impl Work {
         };
         let steps: Vec<i64> = (first..first + count).collect();
         let mut motion = Motion::new();
+        let mut places: Vec<f64> = Vec::new();
         for step in &steps {
             #[expect(clippy::cast_precision_loss, reason = "a small number")]
-            let (j1, j2) = (self.random.below(30_000) as f64 / 1000.0, *step as f64 / 1000.0);
+            let (mut j1, j2) = (self.random.below(30_000) as f64 / 1000.0, *step as f64 / 1000.0);
+            // No two steps end where a client has to take one for the other.
+            while places.iter().any(|place| (place - j1).abs() < APART) {
+                j1 += APART;
+            }
+            places.push(j1);
             self.shared.state().lines[self.index].targets.insert(*step, j1);
             let place = AxisPosition::degrees([j1, j2, 0.0, 0.0, 0.0, 0.0]);
             let speed = Percent::new([30.0, 60.0, 100.0][self.random.below(3)]).ok()?;
