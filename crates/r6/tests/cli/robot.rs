@@ -152,7 +152,7 @@ fn nobody_there_is_code_3_and_names_the_way_out() {
     // A stop has more to say, and says it first.
     let stop = r6(&["-r", &address, "stop"]);
     let first = format!(
-        "r6: the arm was NOT stopped: it goes on with what is in its list; use the emergency stop; nothing was sent: {address} "
+        "r6: the arm was NOT stopped: it may go on with what is in its list; use the emergency stop; nothing was sent: {address} "
     );
     assert_eq!(stop.code, 3, "{stop:?}");
     assert!(stop.err.starts_with(&first) && !stop.err.contains("r6 up"), "{}", stop.err);
