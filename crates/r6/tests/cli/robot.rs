@@ -24,6 +24,23 @@ fn a_robot_that_may_be_ready_says_what_no_value_tells() {
 }
 
 /// Where the controller tells its program, the name of one that only waits is the proof.
+/// What the quick start and `r6 status` warn of.
+#[test]
+fn a_list_that_a_production_program_refuses_stops_the_machine() {
+    let robot = Robot::start(&["--program", "register-move"]);
+    let status = robot.r6(&["status"]);
+    assert_eq!(status.code, 0, "{status:?}");
+    assert!(status.out.contains("`r6 run` stops the machine, production program included"), "{}", status.out);
+    let outcome = robot.r6(&["run", "examples/programs/square.toml", "--wait"]);
+    assert_eq!(outcome.code, 1, "{outcome:?}");
+    assert!(outcome.err.contains("refused the instruction list"), "{}", outcome.err);
+    assert!(outcome.err.contains("stopped: the arm stands"), "{}", outcome.err);
+    assert!(outcome.err.contains("start the program again before the next motion"), "{}", outcome.err);
+    assert_ne!(robot.value("curMode"), 7);
+    let page = std::fs::read_to_string(crate::support::root().join("docs/QUICKSTART.md")).unwrap();
+    assert!(page.contains("`r6 run` stops production"), "{page}");
+}
+
 #[test]
 fn a_program_that_only_waits_makes_it_ready() {
     let profile = TempFile::new("tells-all.toml", "unsupported_addresses = []\n");
