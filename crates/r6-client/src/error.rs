@@ -98,7 +98,7 @@ pub enum NotSent {
         /// What the system says.
         detail: String,
     },
-    /// It was a stop ([`crate::Robot::stop`]): the arm goes on with what is in its list.
+    /// It was a stop ([`crate::Robot::stop`]): the arm may go on with what is in its list.
     NotStopped(Box<NotSent>),
 }
 
@@ -261,7 +261,7 @@ impl fmt::Display for NotSent {
             Self::AnotherRobot { expected, found } => write!(
                 f,
                 "another robot answers at this address: {found}; before the connection was lost it was {expected}. Check \
-                 the cabling and the address; if the new one is meant, accept it (accept_identity) or connect anew"
+                 the cabling and the address. If the new one is meant, accept it or connect anew"
             ),
             Self::Unidentified { address, reason } => write!(
                 f,
@@ -283,7 +283,7 @@ impl fmt::Display for NotSent {
 
 /// What a person has to know first when a stop could not be sent.
 const NOT_STOPPED: &str =
-    "the arm was NOT stopped: it goes on with what is in its list; use the emergency stop";
+    "the arm was NOT stopped: it may go on with what is in its list; use the emergency stop";
 
 /// The same where nobody knows what became of a stop.
 const STOP_UNKNOWN: &str =
@@ -344,7 +344,7 @@ impl fmt::Display for OutcomeUnknown {
                 return write!(
                     f,
                     "{}: another robot answered at this address: {found}; before the connection was lost it was {expected}. \
-                     Check the cabling and the address; if the new one is meant, accept it (accept_identity) or connect anew",
+                     Check the cabling and the address. If the new one is meant, accept it or connect anew",
                     request.word
                 );
             }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::process::ExitCode;
 
-use r6_client::{Effect, Invalid, NotSent, OutcomeUnknown, RequestError, WaitError};
+use r6_client::{Effect, Identity, Invalid, NotSent, OutcomeUnknown, RequestError, WaitError};
 use r6_proto::printable;
 use serde_json::{Map, Value};
 
@@ -180,6 +180,24 @@ impl Failure {
         self
     }
 
+    /// The same failure where the controller took the connection and answered nothing on it: sending it again does not help.
+    pub fn unanswered(mut self) -> Self {
+        for again in ["; it only reads, so ask again", "; send it again until the arm is seen to stand"] {
+            if let Some(what) = self.what.strip_suffix(again) {
+                self.what = what.to_owned();
+            }
+        }
+        self.advise(
+            "the connection was made and nothing came back over it: other programs may hold all the connections of the \
+             controller: close them (`r6 watch`, a panel, a PLC), then try again",
+        )
+    }
+
+    /// The same failure without its second line.
+    pub fn without_advice(self) -> Self {
+        Self { advice: None, ..self }
+    }
+
     /// How the run ends.
     pub fn exit(&self) -> Exit {
         self.exit
@@ -260,12 +278,98 @@ impl From<RequestError> for Failure {
             RequestError::NotSent(NotSent::Unreachable { address, .. }) if is_local(address) => {
                 failure.advise("for a virtual controller, start `r6 up` in another shell")
             }
+            error if is_another_robot(error) => failure.advise(who_answers()),
             RequestError::Invalid(_)
             | RequestError::NotSent(_)
             | RequestError::Refused(_)
             | RequestError::OutcomeUnknown(_) => failure,
         }
     }
+}
+
+/// Whether it says that another robot answered.
+pub fn is_another_robot(error: &RequestError) -> bool {
+    match error {
+        RequestError::NotSent(NotSent::NotStopped(why)) => matches!(**why, NotSent::AnotherRobot { .. }),
+        RequestError::NotSent(NotSent::AnotherRobot { .. })
+        | RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. }) => true,
+        RequestError::Invalid(_)
+        | RequestError::NotSent(_)
+        | RequestError::Refused(_)
+        | RequestError::OutcomeUnknown(_) => false,
+    }
+}
+
+/// What to do where another robot answers.
+fn who_answers() -> String {
+    format!(
+        "`{}` shows who answers now; run the command again only if that robot is meant, and look at the other one, which may \
+         still move",
+        hint::r6("status")
+    )
+}
+
+/// Something of a motion left, and then the state could not be read, or the rest could not be sent. The error's own words are
+/// about one request: that nothing was sent, or that it can be sent again, is not true of the motion.
+pub fn after_a_part_left(doing: &str, error: &RequestError) -> Failure {
+    let failure = Failure::unknown(format!("{doing}: {}", why_not(error)));
+    if is_another_robot(error) {
+        return failure.with_code(Code::AnotherRobot).advise(who_answers());
+    }
+    failure.advise(format!(
+        "look at the arm, then at `{}`; do not send the list again before",
+        hint::r6("status")
+    ))
+}
+
+/// Why there was no answer, in words that are not about one request.
+pub fn why_not(error: &RequestError) -> String {
+    match error {
+        RequestError::NotSent(why) => why_not_sent(why),
+        RequestError::OutcomeUnknown(OutcomeUnknown::TimedOut { after, .. }) => {
+            format!("no usable reply within {after:?}")
+        }
+        RequestError::OutcomeUnknown(OutcomeUnknown::ConnectionLost { reason, .. }) => {
+            format!("the connection was lost ({reason})")
+        }
+        RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { expected, found, .. }) => {
+            another_robot(expected, found)
+        }
+        RequestError::OutcomeUnknown(OutcomeUnknown::Unreadable { error, .. }) => {
+            format!("the reply cannot be understood: {error}")
+        }
+        RequestError::OutcomeUnknown(OutcomeUnknown::Unclear { answer, .. }) => {
+            format!("the reply is neither ok nor err: `{}`", printable(answer))
+        }
+        RequestError::Invalid(_) | RequestError::Refused(_) => error.to_string(),
+    }
+}
+
+fn why_not_sent(why: &NotSent) -> String {
+    match why {
+        NotSent::Unreachable { address, detail, .. } => {
+            format!("{address} cannot be reached any more ({detail})")
+        }
+        NotSent::ConnectTimedOut { address, after } => {
+            format!("{address} did not take a new connection within {after:?}")
+        }
+        NotSent::Disconnected | NotSent::StateNotRead => "the connection was lost".to_owned(),
+        NotSent::AnotherRobot { expected, found } => another_robot(expected, found),
+        NotSent::Unidentified { address, reason } => {
+            format!("{address} took a new connection but did not say who it is ({reason})")
+        }
+        NotSent::Busy { waited } => format!("the request waited {waited:?} behind others"),
+        NotSent::NoRoom(error) => error.to_string(),
+        NotSent::Closed => "the connection was closed".to_owned(),
+        NotSent::NoEngine { detail } => format!("the system has no thread for the connection ({detail})"),
+        NotSent::NotStopped(why) => why_not_sent(why),
+    }
+}
+
+fn another_robot(expected: &Identity, found: &Identity) -> String {
+    format!(
+        "another robot answers at this address: {found}; the motion was sent to {expected}; check the cabling and the address"
+    )
 }
 
 /// What the caller has to change stands on the command line or in a file; only a guard is a no.
@@ -365,10 +469,53 @@ impl From<WaitError> for Failure {
                 Self::unknown(&error).advise(format!("look with `{}`, then decide", hint::r6("status")))
             }
             WaitError::Motion(error) => Self::unknown(error),
-            WaitError::Request(error) => Self::from(error)
-                .while_doing("the list was sent, then the state could not be read")
-                .with_exit(Exit::Unknown)
-                .with_code(Code::OutcomeUnknown),
+            WaitError::Request(error) => {
+                after_a_part_left("the list was sent, then the state could not be read", &error)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::ErrorKind;
+    use std::time::Duration;
+
+    use r6_client::{LostReason, Sent};
+
+    use super::*;
+
+    #[test]
+    fn what_is_said_after_a_part_left_is_not_about_one_request() {
+        let request = Sent { word: "query", effect: Effect::Reads };
+        let address = "127.0.0.1:9760".to_owned();
+        let (after, robot) = (Duration::from_secs(2), Box::<Identity>::default());
+        for (error, words) in [
+            (NotSent::Disconnected.into(), "the connection was lost"),
+            (NotSent::StateNotRead.into(), "the connection was lost"),
+            (
+                NotSent::Unreachable { address, kind: ErrorKind::Other, detail: "no".to_owned() }.into(),
+                "cannot be reached any more (no)",
+            ),
+            (NotSent::Busy { waited: after }.into(), "waited 2s"),
+            (OutcomeUnknown::TimedOut { request, after, heard: None }.into(), "within 2s"),
+            (
+                OutcomeUnknown::ConnectionLost { request, reason: LostReason::ClosedByPeer }.into(),
+                "was lost (",
+            ),
+            (
+                OutcomeUnknown::AnotherRobot { request, expected: robot.clone(), found: robot }.into(),
+                "another robot answers",
+            ),
+        ] {
+            let error: RequestError = error;
+            let failure = after_a_part_left("the list was sent", &error);
+            let text = failure.to_string();
+            assert!(text.starts_with("r6: the list was sent: ") && text.contains(words), "{text}");
+            for wrong in ["nothing was sent", "ask again", "send it again", "r6 up", "accept_identity"] {
+                assert!(!text.contains(wrong), "{wrong}: {text}");
+            }
+            assert_eq!(failure.exit(), Exit::Unknown);
         }
     }
 }

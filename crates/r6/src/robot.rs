@@ -3,7 +3,8 @@
 use clap::Args;
 use r6_client::{RequestError, Robot, RobotSettings};
 
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
+use crate::output::problem::Code;
 
 /// Which robot a command is for.
 #[derive(Debug, Args)]
@@ -42,8 +43,22 @@ impl RobotArgs {
     /// have few connections, and a half-open one can keep their port busy.
     pub async fn with<T>(&self, work: impl AsyncFnOnce(&Robot) -> Result<T, Failure>) -> Result<T, Failure> {
         let robot = self.connect().await?;
-        let result = work(&robot).await;
+        let result = work(&robot).await.map_err(|failure| told_of(&robot, failure));
         robot.close().await;
         result
     }
+}
+
+/// Whether the controller took the connection and never answered anything on it. That looks as if it were dead, but a controller
+/// all of whose connections are in use does it, too.
+pub fn is_mute(robot: &Robot) -> bool {
+    let link = robot.link_quality();
+    link.requests > 0 && link.replies == 0 && link.strays == 0 && link.garbled == 0
+}
+
+/// The same failure of a robot that was connected: with what to do where nothing ever answered, and without the advice to start one.
+pub fn told_of(robot: &Robot, failure: Failure) -> Failure {
+    let failure = if failure.code() == Code::Unreachable { failure.without_advice() } else { failure };
+    let is_silence = matches!(failure.exit(), Exit::NoReply | Exit::Unknown);
+    if is_silence && is_mute(robot) { failure.unanswered() } else { failure }
 }

@@ -32,7 +32,7 @@ pub enum Invalid {
     Step(StepError),
     /// A list goes beyond the envelope of the handle's guard.
     OutsideEnvelope(Violation),
-    /// It was a stop ([`crate::Robot::stop`]): the arm goes on with what is in its list.
+    /// It was a stop ([`crate::Robot::stop`]): the arm may go on with what is in its list.
     NotStopped(Box<Invalid>),
 }
 

@@ -283,14 +283,14 @@ async fn a_handle_and_its_futures_move_between_threads() {
 }
 
 #[tokio::test]
-async fn a_stop_that_cannot_be_sent_says_first_that_the_arm_goes_on() {
+async fn a_stop_that_cannot_be_sent_says_first_that_the_arm_may_go_on() {
     let (controller, robot, peer) = Controller::with_robot(RobotSettings::default()).await;
     let mut pushed = robot.pushed();
     drop((controller, peer));
     assert!(matches!(soon(pushed.recv()).await.unwrap(), Pushed::ConnectionLost(_)));
     tokio::time::pause();
     let error = robot.stop().await.unwrap_err();
-    let first = "the arm was NOT stopped: it goes on with what is in its list; use the emergency stop; nothing was sent: ";
+    let first = "the arm was NOT stopped: it may go on with what is in its list; use the emergency stop; nothing was sent: ";
     assert!(error.to_string().starts_with(first), "{error}");
     assert!(
         matches!(&error, RequestError::NotSent(NotSent::NotStopped(_))) && error.may_send_again(),

@@ -1,7 +1,7 @@
 //! `r6 discover`: who answers at the addresses that are named.
 
 use clap::Args;
-use r6_client::{Discovered, Identity, RequestError, check_address, discover};
+use r6_client::{Discovered, Identity, OutcomeUnknown, RequestError, check_address, discover};
 use r6_proto::printable;
 use serde_json::{Value, json};
 
@@ -52,7 +52,13 @@ pub async fn run(args: DiscoverArgs) -> Result<Exit, Failure> {
         for Discovered { address, who } in &found {
             match who {
                 Ok(identity) => output::line(format_args!("{}: {identity}", printable(address))),
-                Err(error) => output::line(format_args!("{}: {error}", printable(address))),
+                Err(error) => {
+                    let failure = failure(error);
+                    output::line(format_args!("{}: {}", printable(address), failure.what()));
+                    if let Some(advice) = failure.advice().filter(|_| is_silence(error)) {
+                        output::line(format_args!("    {advice}"));
+                    }
+                }
             }
         }
     }
@@ -64,14 +70,25 @@ pub async fn run(args: DiscoverArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+/// Why nobody answered. Each address is asked over a connection of its own.
+fn failure(error: &RequestError) -> Failure {
+    let failure = Failure::from(error.clone());
+    if is_silence(error) { failure.unanswered() } else { failure }
+}
+
+/// Whether the connection was made, and nothing came back over it.
+fn is_silence(error: &RequestError) -> bool {
+    matches!(error, RequestError::OutcomeUnknown(OutcomeUnknown::TimedOut { heard: None, .. }))
+}
+
 fn as_json(Discovered { address, who }: &Discovered) -> Value {
     match who {
         Ok(Identity { firmware, machine_name, axis_count }) => json!({
             "robot": address, "firmware": firmware, "machine_name": machine_name, "axis_count": axis_count,
         }),
         Err(error) => {
-            let problem = problem::object(&Failure::from(error.clone()));
-            json!({ "robot": address, "error": error.to_string(), "problem": problem })
+            let failure = failure(error);
+            json!({ "robot": address, "error": failure.what(), "problem": problem::object(&failure) })
         }
     }
 }

@@ -91,14 +91,26 @@ async fn attempt(
             if args.dry_run {
                 return Ok(print_motion(&motion, envelope.as_ref(), options)?);
             }
-            robot.with(async |robot| Ok(streamed::run(args, robot, &motion, envelope, options).await)).await?
+            robot
+                .with(async |robot| {
+                    Ok(streamed::run(args, robot, &motion, envelope, options)
+                        .await
+                        .map_err(|ended| ended.told_of(robot)))
+                })
+                .await?
         }
         Job::Whole(batches) => {
             let batches = whole::prepare(batches, envelope.as_ref(), options.room)?;
             if args.dry_run {
                 return Ok(whole::print_frames(&batches)?);
             }
-            robot.with(async |robot| Ok(whole::run(args, robot, &batches, envelope).await)).await?
+            robot
+                .with(async |robot| {
+                    Ok(whole::run(args, robot, &batches, envelope)
+                        .await
+                        .map_err(|ended| ended.told_of(robot)))
+                })
+                .await?
         }
     }
 }

@@ -27,7 +27,7 @@ pub const DEFAULT_PANEL: &str = "127.0.0.1:9770";
     arg_required_else_help = true,
     after_help = "\
 It talks to the panel of `r6 up`, or of `r6 sim --panel ADDR:PORT`. A real machine has no such panel. \
-Which panel is said by --panel, and not by --robot.
+Which panel is said by --panel or R6_PANEL, and not by --robot or R6_ROBOT.
 
 Examples:
   r6 panel status

@@ -45,19 +45,29 @@ FILE.toml is written by people: one [[instruction]] table for each step, in orde
 
 The machine is looked at first, as for `r6 move`. A program that replaces the list and does not \
 repeat is streamed: in frames of at most 8 instructions and 2048 bytes, each sent once and never \
-again, as the controller has room, while the arm moves. With --wait that goes on until the arm \
-stands at the end, and a motion in which nothing goes on for 5 s ends; without, until the last \
+again, as the controller has room, while the arm moves. With --wait that goes on until the end is \
+proved, and a motion in which nothing goes on for 5 s ends; without, until the last \
 frame was accepted, and the arm finishes what is then in its list. A list that repeats has to fit \
 as a whole, and so does what --append sends, all at once and without looking at what is left in \
 the list. A wait without a limit waits for ever.
+
+With --wait the last line tells what proves the end (\"proof\" in --json): the arm stands where the \
+last move ends (\"reached\"); or that cannot be compared (another tool or work frame), and the \
+controller was seen to work through its list (\"consumed\"); or the list has no move, the arm stands \
+and the list is empty (\"at_rest\"). Where an input that `stop-on-signal` watches ended the last move \
+early, the line says CUT SHORT (\"cut_short\", with the axis, where it should be and where it is). \
+The exit code is 0 then, too, because the program asked for it: a script that has to know looks at \
+\"proof\". How far a list of --append is cannot be seen. Where its end cannot be compared with where \
+the arm stands, or an input may have cut it short, nothing proves that it was carried out: exit code 4.
 
 Ctrl-C and --timeout end the streaming: nothing more is sent, the arm finishes its list, and the \
 last line tells how much that is; with --stop-on-interrupt the arm is stopped instead. When a \
 streamed motion fails (alarm, stop, refusal, unknown outcome, nothing goes on), the arm is stopped \
 and its list cleared, and the last line tells what became of the steps and of the arm. The exit \
-code is 1 where the arm was then seen to stand; it is 4 where it was not, where it was left to \
-finish its list, where the outcome of a frame is unknown, and where the controller was lost or \
-refused after it had taken a part.
+code is 1 where the arm was then seen to stand. It is 4 where it was not, or was left to finish its \
+list. It is 4 although the arm stands where it is not known which steps were carried out: the list \
+is gone and nothing proves that all of it was carried out, the outcome of a frame is unknown, or \
+the controller was lost or refused after it had taken a part.
 
 FILE.toml of --guard has limits; what is left out is not limited:
   max_speed = 50          percent, of each move          max_path_speed = 500    mm/s

@@ -11,7 +11,7 @@ use crate::exit::{Exit, Failure};
 use crate::hint;
 use crate::output;
 use crate::output::problem::{self, Code};
-use crate::robot::RobotArgs;
+use crate::robot::{self, RobotArgs};
 use crate::signals::Ending;
 
 const NO_EMERGENCY_STOP: &str = "This is an ordinary command over a network, not an emergency stop: only the wired button protects people.";
@@ -19,9 +19,11 @@ const NO_EMERGENCY_STOP: &str = "This is an ordinary command over a network, not
 /// End the motion and clear the instruction list (not an emergency stop)
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Sends actionStop until the machine is seen to stand, then clears what is left in the instruction \
-list, so that it does not start again later. The program on the pendant has to be started again \
-before the next motion.
+Sends actionStop. While the machine is not seen to stand, stopButton, actionPause and an empty list \
+follow in turn, half a second each, and then actionStop again; where the first answer is late, a \
+second connection is opened for the same. Once the machine stands, what is left in the instruction \
+list is cleared, so that it does not start again later. It ends within 15 s. The program on the \
+pendant has to be started again before the next motion.
 
 This is an ordinary command over a network, not an emergency stop: only the wired button protects \
 people.
@@ -49,6 +51,7 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     })?;
     output::acts();
     let result = stop(&connected).await?;
+    let result = result.map_err(|error| robot::told_of(&connected, error.into()));
     let address = connected.address().to_owned();
     connected.close().await;
     let report = result?;
@@ -56,6 +59,9 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         output::json_pretty(&as_json(&address, &report));
     } else {
         output::line(printable(&report.to_string()));
+        if let Some(advice) = start_again(&report) {
+            output::line(advice);
+        }
         output::line(NO_EMERGENCY_STOP);
     }
     Ok(if report.confirmed { Exit::Done } else { Exit::Unknown })
@@ -88,6 +94,15 @@ fn given_up() -> Failure {
     Failure::unknown("interrupted twice; the stop was under way, and it is not known whether the arm stands")
         .with_code(Code::NotStopped)
         .advise(format!("use the emergency stop if the arm moves; `{}` stops again", hint::r6("stop")))
+}
+
+/// What has to be done before the next motion, where the mode shows that the program does not run any more.
+pub fn start_again(report: &StopReport) -> Option<String> {
+    let ended = report.confirmed && report.mode.is_some_and(|mode| !mode.may_run());
+    ended.then(|| {
+        let status = hint::r6("status");
+        format!("the program does not run any more: start the program again before the next motion (`{status}` says how)")
+    })
 }
 
 fn as_json(address: &str, report: &StopReport) -> Value {

@@ -12,7 +12,7 @@ use tokio::time::MissedTickBehavior;
 use crate::cmd::query;
 use crate::exit::{Exit, Failure};
 use crate::output::{self, problem, readings};
-use crate::robot::RobotArgs;
+use crate::robot::{self, RobotArgs};
 use crate::signals::Ending;
 use crate::units;
 use crate::words::AddressWord;
@@ -98,7 +98,7 @@ async fn watch(args: &WatchArgs, robot: &Robot, seen: &mut Seen) -> Result<Exit,
                 return Err(error.into());
             }
             Err(error) => {
-                let failure = Failure::from(error);
+                let failure = robot::told_of(robot, Failure::from(error));
                 view.show_failure(robot.address(), &failure);
                 seen.failed += 1;
                 seen.last = failure.exit();

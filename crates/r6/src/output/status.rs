@@ -116,7 +116,7 @@ fn what_to_look_at(unproved: Unproved, status: &Status, remote_program: Option<&
             };
             format!(
                 "{named}mode 7 says that a program runs, not at which step: look at the pendant; where it is at another step, instructions \
-                 are refused or wait"
+                 are refused or wait, and `r6 run` stops the machine, production program included, when its list is refused"
             )
         }
         Unproved::ListLength => format!(

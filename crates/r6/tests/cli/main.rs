@@ -1,5 +1,7 @@
 //! The built binary as people use it: its help, the commands that need no robot, and all others against `r6 sim`.
 
+mod crowded;
+mod ends;
 mod forged;
 mod help;
 mod inspect;

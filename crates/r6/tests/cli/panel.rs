@@ -238,3 +238,16 @@ fn up_has_a_panel_unless_told() {
     let outcome = r6(&["up", "--listen", "127.0.0.1:0", "--panel", &address]);
     assert!(outcome.code == 2 && outcome.err.contains(&address), "{outcome:?}");
 }
+
+#[test]
+fn where_no_panel_is_the_option_that_names_it_comes_first() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let nobody = listener.local_addr().unwrap().to_string();
+    drop(listener);
+    let outcome = r6(&["panel", "--panel", &nobody, "status"]);
+    assert_eq!(outcome.code, 3, "{outcome:?}");
+    let advice = outcome.err.lines().nth(1).unwrap();
+    let option = advice.find("--panel ADDR:PORT").unwrap();
+    assert!(advice.contains("R6_PANEL") && advice.contains("R6_ROBOT does not count"), "{advice}");
+    assert!(advice.find("start one").is_some_and(|start| start > option), "{advice}");
+}

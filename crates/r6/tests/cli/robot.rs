@@ -24,6 +24,23 @@ fn a_robot_that_may_be_ready_says_what_no_value_tells() {
 }
 
 /// Where the controller tells its program, the name of one that only waits is the proof.
+/// What the quick start and `r6 status` warn of.
+#[test]
+fn a_list_that_a_production_program_refuses_stops_the_machine() {
+    let robot = Robot::start(&["--program", "register-move"]);
+    let status = robot.r6(&["status"]);
+    assert_eq!(status.code, 0, "{status:?}");
+    assert!(status.out.contains("`r6 run` stops the machine, production program included"), "{}", status.out);
+    let outcome = robot.r6(&["run", "examples/programs/square.toml", "--wait"]);
+    assert_eq!(outcome.code, 1, "{outcome:?}");
+    assert!(outcome.err.contains("refused the instruction list"), "{}", outcome.err);
+    assert!(outcome.err.contains("stopped: the arm stands"), "{}", outcome.err);
+    assert!(outcome.err.contains("start the program again before the next motion"), "{}", outcome.err);
+    assert_ne!(robot.value("curMode"), 7);
+    let page = std::fs::read_to_string(crate::support::root().join("docs/QUICKSTART.md")).unwrap();
+    assert!(page.contains("`r6 run` stops production"), "{page}");
+}
+
 #[test]
 fn a_program_that_only_waits_makes_it_ready() {
     let profile = TempFile::new("tells-all.toml", "unsupported_addresses = []\n");
@@ -152,7 +169,7 @@ fn nobody_there_is_code_3_and_names_the_way_out() {
     // A stop has more to say, and says it first.
     let stop = r6(&["-r", &address, "stop"]);
     let first = format!(
-        "r6: the arm was NOT stopped: it goes on with what is in its list; use the emergency stop; nothing was sent: {address} "
+        "r6: the arm was NOT stopped: it may go on with what is in its list; use the emergency stop; nothing was sent: {address} "
     );
     assert_eq!(stop.code, 3, "{stop:?}");
     assert!(stop.err.starts_with(&first) && !stop.err.contains("r6 up"), "{}", stop.err);

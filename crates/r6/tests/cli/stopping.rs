@@ -7,7 +7,7 @@ use r6_testkit::hostile::serve::HostileController;
 use r6_testkit::hostile::{Character, Effect, Program, Reaction, Stops};
 use serde_json::json;
 
-use crate::support::Running;
+use crate::support::{Running, hostile};
 
 /// A controller whose arm is moved by a program that `actionStop` and `stopButton` do not end: a stop takes a second and more.
 fn stubborn() -> (String, Arc<HostileController>) {
@@ -16,19 +16,7 @@ fn stubborn() -> (String, Arc<HostileController>) {
     let step =
         |j1: &str| json!({ "oneshot": "0", "action": "4", "m0": j1, "ckStatus": "0x3F", "speed": "10" });
     let program = Program { at: Duration::ZERO, steps: vec![step("80"), step("0")] };
-    let controller =
-        HostileController::new(Character { stops, program: Some(program), ..Character::default() });
-    let served = Arc::clone(&controller);
-    let (tell, told) = std::sync::mpsc::channel();
-    std::thread::spawn(move || {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        runtime.block_on(async {
-            let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
-            tell.send(listener.local_addr().unwrap().to_string()).unwrap();
-            served.listen(listener).await
-        })
-    });
-    (told.recv().unwrap(), controller)
+    hostile(Character { stops, program: Some(program), ..Character::default() })
 }
 
 #[test]

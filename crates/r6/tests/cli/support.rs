@@ -3,6 +3,10 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::PathBuf;
 use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
+use std::sync::Arc;
+
+use r6_testkit::hostile::Character;
+use r6_testkit::hostile::serve::HostileController;
 
 /// What a run of r6 came to.
 #[derive(Debug)]
@@ -220,6 +224,21 @@ impl Robot {
     pub fn value(&self, address: &str) -> serde_json::Value {
         self.r6(&["query", address, "--json"]).json()["values"][address].clone()
     }
+}
+
+/// A controller that misbehaves in this way, on a free port, until the test ends: its address.
+pub fn hostile(character: Character) -> (String, Arc<HostileController>) {
+    let (tell, told) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async {
+            let controller = HostileController::new(character);
+            let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+            tell.send((listener.local_addr().unwrap().to_string(), Arc::clone(&controller))).unwrap();
+            controller.listen(listener).await
+        })
+    });
+    told.recv().unwrap()
 }
 
 /// A file for one test, removed with it.

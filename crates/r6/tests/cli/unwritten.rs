@@ -44,6 +44,26 @@ fn a_reader_that_ends_leaves_the_arm_alone_where_no_stop_was_promised() {
     }
 }
 
+/// `| head -1`, as the table of the documentation has it.
+#[test]
+fn what_a_reader_that_ended_did_not_read_is_on_stderr() {
+    let cell = Cell::new("hc1", Clock::Times(10.0));
+    let outcome = r6_onto(
+        &["-r", &cell.address, "move", "axes", "10", "--speed", "100", "--wait"],
+        Some(broken()),
+        None,
+    );
+    assert_eq!(outcome.code, 4, "{outcome:?}");
+    assert!(outcome.err.starts_with("r6: stdout: it cannot be written: Broken pipe"), "{}", outcome.err);
+    assert!(outcome.err.contains("    done after "), "{}", outcome.err);
+    let page = std::fs::read_to_string(crate::support::root().join("docs/COMMAND_LINE.md")).unwrap();
+    assert!(
+        page.contains("stderr says that stdout could not be written, and has what it did not take"),
+        "{page}"
+    );
+    assert!(!page.contains("goes on to the end without a word"), "{page}");
+}
+
 #[test]
 fn a_full_stdout_stops_every_kind_of_motion_that_has_to_be_stopped() {
     // What is appended is sent at once, and without --wait nobody follows it.

@@ -3,13 +3,15 @@
 use std::fmt;
 use std::time::Duration;
 
-use r6_client::{Cause, Missed, MotionError, Progress, RequestError, StopReport};
+use r6_client::{Cause, Missed, MotionError, Progress, RequestError, Robot, StopReport};
 
 use crate::cmd::job::guard;
-use crate::exit::{Exit, Failure, restarted};
+use crate::cmd::stop::start_again;
+use crate::exit::{Exit, Failure, after_a_part_left, is_another_robot, restarted, why_not};
 use crate::hint;
 use crate::output::alarm;
 use crate::output::problem::Code;
+use crate::robot;
 
 /// What to do where the arm stands elsewhere.
 pub fn elsewhere() -> String {
@@ -36,7 +38,8 @@ impl From<Failure> for Ended {
 
 impl From<MotionError> for Ended {
     fn from(MotionError { cause, progress, stop }: MotionError) -> Self {
-        let failure = of_cause(&cause, &progress);
+        let stopped = matches!(stop.as_deref(), Some(Ok(report)) if report.confirmed);
+        let failure = of_cause(&cause, &progress, stopped);
         let failure =
             if progress.left > 0 && progress.total > 1 { failure.add(steps(&progress)) } else { failure };
         let ended = match stop {
@@ -55,12 +58,23 @@ impl Ended {
             Ok(report) => {
                 (failure.add(&report).with_exit(Exit::Unknown).with_code(Code::NotStopped), Some(report))
             }
+            // An arm that goes on comes before everything else.
             Err(error) => {
-                // An arm that goes on comes before everything else.
-                (failure.lead(error).with_exit(Exit::Unknown).with_code(Code::NotStopped), None)
+                let code = if is_another_robot(&error) { Code::AnotherRobot } else { Code::NotStopped };
+                let first = not_stopped(&error, failure.code());
+                (failure.lead(first).with_exit(Exit::Unknown).with_code(code), None)
             }
         };
+        let failure = match stop.as_ref().and_then(start_again) {
+            Some(advice) if failure.advice().is_none() => failure.advise(advice),
+            Some(_) | None => failure,
+        };
         Self { failure, progress: None, stop }
+    }
+
+    /// The same, with what to do where the controller never answered anything.
+    pub fn told_of(self, robot: &Robot) -> Self {
+        Self { failure: robot::told_of(robot, self.failure), ..self }
     }
 
     /// A motion that was given up and stopped.
@@ -121,7 +135,21 @@ fn steps(progress: &Progress) -> String {
     )
 }
 
-fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
+/// What a person has to know first where nothing came of a stop, and why. `told`: what the failure of the motion says already. That
+/// nothing was sent is true of the stop alone, and steps of the motion were.
+fn not_stopped(error: &RequestError, told: Code) -> String {
+    const MOST_IMPORTANT: &str = "use the emergency stop";
+    let text = error.to_string();
+    let (RequestError::NotSent(_), Some(at)) = (error, text.find(MOST_IMPORTANT)) else { return text };
+    let first = text.get(..at + MOST_IMPORTANT.len()).unwrap_or_default();
+    if is_another_robot(error) && told == Code::AnotherRobot {
+        return first.to_owned();
+    }
+    format!("{first}; the stop could not be sent: {}", why_not(error))
+}
+
+/// `stopped`: the arm was stopped after it, and was seen to stand.
+fn of_cause(cause: &Cause, progress: &Progress, stopped: bool) -> Failure {
     let some_left = progress.left > 0;
     match cause {
         Cause::Step(_) => Failure::usage(cause),
@@ -131,7 +159,7 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
         Cause::NotCleared(error) => Failure::from(error.clone()),
         // Code 3 would say that nothing of the job was carried out.
         Cause::NotSent(error) if some_left => {
-            Failure::unknown(format!("the rest could not be sent: {error}"))
+            after_a_part_left("the rest could not be sent", &error.clone().into())
         }
         Cause::NotSent(error) => Failure::from(RequestError::from(error.clone())),
         Cause::Invalid(error) if some_left => Failure::unknown(format!("the rest cannot be sent: {error}")),
@@ -166,11 +194,12 @@ fn of_cause(cause: &Cause, progress: &Progress) -> Failure {
                 .with_code(Code::Stalled)
                 .advise("look at the global speed, at the pendant, and at what the list waits for")
         }
-        Cause::Unreadable(error) if some_left => Failure::from(error.clone())
-            .while_doing("the list was sent, then the state could not be read")
-            .with_exit(Exit::Unknown)
-            .with_code(Code::OutcomeUnknown),
+        Cause::Unreadable(error) if some_left => {
+            after_a_part_left("the list was sent, then the state could not be read", error)
+        }
         Cause::Unreadable(error) => Failure::from(error.clone()),
+        Cause::NotSeen if stopped => Failure::unknown(cause)
+            .advise(format!("look at the arm and at `{}` before the next motion", hint::r6("status"))),
         Cause::NotSeen => Failure::unknown(cause).advise(format!(
             "look at the arm and at `{}`; `{}` stops it",
             hint::r6("status"),

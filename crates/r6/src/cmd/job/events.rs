@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use r6_client::{Done, Progress, Unmet};
+use r6_client::{Done, EndProof, Missed, Progress, Unmet};
 use serde_json::{Value, json};
 
 use crate::cmd::job::ended::Ended;
@@ -68,16 +68,40 @@ fn steps(progress: &Progress) -> Value {
     json!({ "total": total, "sent": left, "accepted": accepted, "done": done })
 }
 
-/// The arm stands. Whether it stands where it should is told by what follows, and by the exit code.
+/// The arm stands at the end of the motion, and what proves that it is the end.
 pub fn stands(robot: &str, done: &Done) -> Value {
     json!({
         "event": "stands",
         "robot": robot,
         "took_s": readings::milliseconds(done.took) / 1e3,
         "moved": done.moved,
+        "proof": proof(&done.proof),
+        "cut_short": cut_short(&done.proof),
         "axes_deg": done.axes.iter().take(AXES).collect::<Vec<_>>(),
         "pose": status::pose_json(&done.pose),
     })
+}
+
+/// The word for what proves the end.
+fn proof(proof: &EndProof) -> &'static str {
+    match proof {
+        EndProof::Reached => "reached",
+        EndProof::Consumed => "consumed",
+        EndProof::CutShort(_) => "cut_short",
+        EndProof::AtRest => "at_rest",
+    }
+}
+
+/// Where the last move should have ended and where the arm stands, if an input cut that move short.
+fn cut_short(proof: &EndProof) -> Option<Value> {
+    match proof {
+        EndProof::CutShort(Missed { axis, of_pose, wanted, found }) => {
+            let (axis, unit) =
+                if *of_pose { (axis.world_name().to_owned(), "mm") } else { (axis.to_string(), "deg") };
+            Some(json!({ "axis": axis, "wanted": wanted, "found": found, "unit": unit }))
+        }
+        EndProof::Reached | EndProof::Consumed | EndProof::AtRest => None,
+    }
 }
 
 /// It did not come to what was asked for. Where steps were streamed, programs are told what became of them, and where the arm

@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use r6_client::{Cause, Done, Envelope, Motion, MotionError, MotionHandle, Progress, Robot, RunOptions};
+use r6_client::{
+    Cause, Done, EndProof, Envelope, Motion, MotionError, MotionHandle, Progress, Robot, RunOptions,
+};
 use tokio::time::{sleep, timeout};
 
 use crate::cmd::job::ended::{Ended, GivenUp};
@@ -133,7 +135,7 @@ async fn give_up(robot: &Robot, handle: MotionHandle, why: GivenUp, stop: bool) 
     let length = robot.status().await.ok().and_then(|status| status.list_length);
     let advice = match why {
         GivenUp::Interrupted | GivenUp::Untold => {
-            format!("the arm finishes its list: end the motion with `{}`", hint::r6("stop"))
+            format!("the arm may finish its list: end the motion with `{}`", hint::r6("stop"))
         }
         GivenUp::TimedOut(_) => format!(
             "look with `{}`, end it with `{}`; --timeout waits longer",
@@ -149,11 +151,12 @@ async fn give_up(robot: &Robot, handle: MotionHandle, why: GivenUp, stop: bool) 
 /// What the arm still does when nothing more is sent, where the controller tells the length of its list and where not.
 fn what_goes_on(progress: &Progress, length: Option<i64>) -> String {
     let Progress { total, left, accepted, done, .. } = *progress;
-    let (done, in_list) = match length.and_then(|length| usize::try_from(length).ok()) {
-        Some(length) => (done.max(accepted.saturating_sub(length)), format!("{length} in its list")),
-        None => (done, format!("at most {} in its list", progress.under_way())),
+    let in_list = match length {
+        Some(length) => format!("{length} in its list"),
+        None => format!("at most {} in its list", progress.under_way()),
     };
-    let mut text = format!("{done} of {total} steps done, {in_list}");
+    // A list that is shorter than before may have been cleared: what is gone from it counts only as far as the motion saw it.
+    let mut text = format!("{done} of {total} steps seen to be done, {in_list}");
     if left > accepted {
         text += &format!(", {} sent and not answered", left - accepted);
     }
@@ -171,15 +174,33 @@ fn say_lists(teller: &Teller<'_>, progress: &Progress) {
     output::line(format_args!("{instructions} accepted in {lists}; the arm finishes the last {in_list}"));
 }
 
+/// That the motion is at its end, and what proves it.
+fn ending(done: &Done) -> String {
+    let seconds = done.took.as_secs_f64();
+    match done.proof {
+        EndProof::Reached => format!("done after {seconds:.2} s: the arm stands where the last move ends"),
+        EndProof::Consumed => format!(
+            "done after {seconds:.2} s: the controller worked through its list; where the last move ends cannot be compared"
+        ),
+        EndProof::CutShort(missed) => format!(
+            "the last move was CUT SHORT after {seconds:.2} s: {missed}; an input that the program watches ends a move"
+        ),
+        EndProof::AtRest => {
+            format!(
+                "done after {seconds:.2} s: the arm stands and its list is empty, as far as the controller tells"
+            )
+        }
+    }
+}
+
 /// Where the arm ended.
 pub fn stands(robot: &Robot, done: &Done, json: bool) {
     if json {
         output::json(&events::stands(robot.address(), done));
         return;
     }
-    let seconds = done.took.as_secs_f64();
     let moved = if done.moved { "" } else { "; no motion was seen" };
-    output::line(format_args!("done after {seconds:.2} s{moved}"));
+    output::line(format_args!("{}{moved}", ending(done)));
     output::line(status::position_table(&done.axes, &done.pose));
 }
 
@@ -192,13 +213,17 @@ mod tests {
         let progress = Progress { total: 500, left: 48, accepted: 40, done: 20, ended: true };
         assert_eq!(
             what_goes_on(&progress, Some(17)),
-            "23 of 500 steps done, 17 in its list, 8 sent and not answered, 452 never sent"
+            "20 of 500 steps seen to be done, 17 in its list, 8 sent and not answered, 452 never sent"
         );
         assert_eq!(
             what_goes_on(&progress, None),
-            "20 of 500 steps done, at most 28 in its list, 8 sent and not answered, 452 never sent"
+            "20 of 500 steps seen to be done, at most 28 in its list, 8 sent and not answered, 452 never sent"
+        );
+        // After a power cut, or when somebody else cleared it, the list is empty and proves nothing.
+        assert!(
+            what_goes_on(&progress, Some(0)).starts_with("20 of 500 steps seen to be done, 0 in its list, ")
         );
         let last = Progress { total: 1, left: 1, accepted: 1, done: 0, ended: true };
-        assert_eq!(what_goes_on(&last, Some(1)), "0 of 1 steps done, 1 in its list");
+        assert_eq!(what_goes_on(&last, Some(1)), "0 of 1 steps seen to be done, 1 in its list");
     }
 }

@@ -2,16 +2,18 @@
 
 use std::time::Duration;
 
-use r6_client::{Done, Envelope, Instruction, Robot, Unmet, WaitError, WaitOptions};
+use r6_client::{
+    Done, EndProof, Envelope, Instruction, RequestError, Robot, Status, Unmet, WaitError, WaitOptions,
+};
 use r6_proto::message::Action;
 
 use crate::cmd::job::ended::{Ended, GivenUp, elsewhere};
 use crate::cmd::job::events::Accepted;
 use crate::cmd::job::progress::show_progress;
 use crate::cmd::job::streamed::stands;
-use crate::cmd::job::target::{Missed, Target};
+use crate::cmd::job::target::{Course, End, Missed, Position, Target};
 use crate::cmd::job::{JobArgs, guard, is_untold, not_ready, repeats, say_how_to_follow, untold};
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, after_a_part_left};
 use crate::hint;
 use crate::output;
 use crate::output::problem::Code;
@@ -89,7 +91,7 @@ pub async fn run(
             start_within: START_WITHIN + lead_time(&instructions),
             ..usual
         };
-        return follow(args, robot, options, Target::of(instructions), ending).await;
+        return follow(args, robot, options, &Course::of(instructions), &state, ending).await;
     }
     if !args.json {
         if repeats(batches) {
@@ -159,14 +161,15 @@ async fn send(
     for (number, batch) in batches.iter().enumerate() {
         let robot = if number == 0 { &guarded } else { robot };
         let accepted = robot.add_rcc(batch.replace, batch.instructions.clone()).await.map_err(|error| {
-            let failure = Failure::from(error);
-            match number {
-                0 => failure,
-                _ => failure
-                    .while_doing(format!(
-                        "after {number} of {} frames had been accepted and run",
-                        batches.len()
-                    ))
+            let some = format!("after {number} of {} frames had been accepted and run", batches.len());
+            match (number, &error) {
+                (0, _) => Failure::from(error),
+                (_, RequestError::NotSent(_)) => after_a_part_left(&some, &error),
+                (
+                    _,
+                    RequestError::Invalid(_) | RequestError::Refused(_) | RequestError::OutcomeUnknown(_),
+                ) => Failure::from(error)
+                    .while_doing(some)
                     .with_exit(Exit::Unknown)
                     .with_code(Code::OutcomeUnknown),
             }
@@ -192,7 +195,8 @@ async fn follow(
     args: &JobArgs,
     robot: &Robot,
     options: WaitOptions,
-    target: Option<Target>,
+    course: &Course,
+    before: &Status,
     mut ending: Ending,
 ) -> Result<Exit, Ended> {
     let waited = tokio::select! {
@@ -204,8 +208,9 @@ async fn follow(
     output::clear_line();
     let (why, failure) = match waited {
         Ok(Ok(done)) => {
+            let done = Done { proof: proof(course, before, &done)?, ..done };
             stands(robot, &done, args.json);
-            return Ok(compare(target, &done)?);
+            return Ok(Exit::Done);
         }
         Ok(Err(error @ WaitError::TimedOut { after, .. })) => {
             (GivenUp::TimedOut(after), Failure::from(error))
@@ -213,7 +218,7 @@ async fn follow(
         Ok(Err(error)) => return Err(Failure::from(error).into()),
         Err(why) => (
             why,
-            Failure::unknown("no longer waiting; the arm goes on")
+            Failure::unknown("no longer waiting; the arm may go on")
                 .with_code(why.code())
                 .advise(format!("end the motion with `{}`", hint::r6("stop"))),
         ),
@@ -224,18 +229,49 @@ async fn follow(
     Err(failure.into())
 }
 
-/// Whether the arm stands where it should.
-fn compare(target: Option<Target>, done: &Done) -> Result<Exit, Failure> {
-    match target.and_then(|target| target.missed(done)) {
-        None => Ok(Exit::Done),
-        Some(missed @ Missed::Unread { .. }) => {
-            Err(Failure::unknown(format!("the list was accepted and the arm stands, but {missed}"))
-                .advise(format!("look at the arm and at `{}`", hint::r6("status"))))
+/// What proves that the list was carried out. That it was accepted does not, and an empty list does not either: controllers drop
+/// instructions that they answered with ok, and somebody else may have cleared the list. What is in the list besides is not known
+/// here, so that nobody can tell by its length how far this one is.
+fn proof(course: &Course, before: &Status, done: &Done) -> Result<EndProof, Failure> {
+    let place = Position::from(done);
+    match course.end() {
+        None => Ok(EndProof::AtRest),
+        Some(End::Unknown) => {
+            Err(unproved("where its last move ends cannot be compared with where the arm stands"))
         }
-        Some(missed @ Missed::Elsewhere { .. }) => {
-            Err(Failure::refused(format!("the list was accepted, but {missed}"))
-                .with_code(Code::NotAtTarget)
-                .advise(elsewhere()))
-        }
+        Some(End::At(target)) => match target.missed(&place) {
+            None if was_gone(course, &target, before, done) => Ok(EndProof::Reached),
+            None => Err(unproved(
+                "the arm stands at its end, where it was before, and nothing shows that this list moved it",
+            )),
+            Some(missed @ Missed::Unread { .. }) => {
+                Err(Failure::unknown(format!("the list was accepted and the arm stands, but {missed}"))
+                    .advise(format!("look at the arm and at `{}`", hint::r6("status"))))
+            }
+            Some(missed @ Missed::Elsewhere { .. }) if course.is_watched() => {
+                Err(unproved(format!("{missed}; the input that it watches may have cut the move short")))
+            }
+            Some(missed @ Missed::Elsewhere { .. }) => {
+                Err(Failure::refused(format!("the list was accepted, but {missed}"))
+                    .with_code(Code::NotAtTarget)
+                    .advise(elsewhere()))
+            }
+        },
     }
+}
+
+/// Whether an arm at the end of the list must have gone there: it was elsewhere before, or was seen to move, or no step leads away.
+fn was_gone(course: &Course, target: &Target, before: &Status, done: &Done) -> bool {
+    // What moves an arm that was moving may be what was in the list before.
+    let stood = before.moving == Some(false) && before.list_length.is_none_or(|length| length == 0);
+    let was_elsewhere = matches!(target.missed(&Position::from(before)), Some(Missed::Elsewhere { .. }));
+    was_elsewhere || stood && done.moved || !course.leads_away_from(&Position::from(done))
+}
+
+fn unproved(why: impl std::fmt::Display) -> Failure {
+    Failure::unknown(format!("the list was accepted, but nothing proves that it was carried out: {why}"))
+        .advise(format!(
+            "look at the arm and at `{}`; without --append it is seen how far a list is",
+            hint::r6("status")
+        ))
 }

@@ -105,7 +105,8 @@ impl Panel {
     async fn connect(&self) -> Result<TcpStream, Failure> {
         let unreachable = |why: String| {
             Failure::no_reply(format!("no panel at {}: {why}", self.address)).advise(
-                "start `r6 up`, or `r6 sim --panel 127.0.0.1:9770`; --panel says where it is (real machines have none)",
+                "where `r6 up` or `r6 sim --panel` runs already, name the panel that it shows with --panel ADDR:PORT (or R6_PANEL; \
+                 R6_ROBOT does not count here); else start one; real machines have no panel",
             )
         };
         match tokio::time::timeout(PATIENCE, TcpStream::connect(&self.address)).await {
