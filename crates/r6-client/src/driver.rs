@@ -140,6 +140,10 @@ impl<C: Connect> Driver<C> {
             self.hand_over_held(link);
             if link.is_introducing() {
                 link.introduce(self.clock.now());
+                if !link.is_introducing() {
+                    // Not one of its questions fits into a frame: nothing will wake who waits for the answer.
+                    self.hand_over_held(link);
+                }
             }
             let (urgent, ordinary) = (&mut self.urgent, &mut self.ordinary);
             let woken = waiter.woken(stream, link, urgent, ordinary, self.clock).await;
@@ -197,8 +201,8 @@ impl<C: Connect> Driver<C> {
         }
     }
 
-    /// Nothing but a stop leaves before it was asked who is there, so that the controller can be known again on the next connection.
-    /// A command waits until the controller has said so, a query for a while.
+    /// Nothing but a stop and the answer to a photo leaves before the controller was asked who it is, so that it can be known again on
+    /// the next connection. A command waits until the controller has said so, a query for a while.
     fn hand_over_once_known(&mut self, job: Job, link: &mut Link) {
         if !link.is_first() || job.is_moot() || self.hub.known().present.is_some() {
             return self.hand_over_unless_stale(job, link);

@@ -448,6 +448,9 @@ impl Robot {
         if known.connection == connection && (meant || known.present.is_none()) {
             known.expected.get_or_insert_with(|| identity.clone());
             known.present = Some(identity);
+        } else if known.connection != connection {
+            // The connection ended right behind this answer: it tells who was there first, and so is meant.
+            known.expected.get_or_insert(identity);
         }
     }
 

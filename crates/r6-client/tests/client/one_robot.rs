@@ -1,6 +1,6 @@
 //! All values of a query are of one robot, and what is known of one connection is not told of the next.
 
-use r6_client::{LostReason, Pushed};
+use r6_client::{LostReason, OutcomeUnknown, Pushed, RequestError};
 use r6_proto::address::Address;
 use serde_json::json;
 
@@ -59,4 +59,23 @@ async fn a_firmware_that_lacks_the_name_says_who_it_is_on_the_first_connection_t
     result.unwrap();
     let identity = robot.identity().unwrap();
     assert_eq!((identity.machine_name, identity.axis_count), (None, Some(6)));
+}
+
+#[tokio::test]
+async fn who_said_who_he_is_right_before_the_connection_ended_is_meant() {
+    let (controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let who = [Address::Version, Address::MachineName, Address::AxisNum];
+    let (told, ()) = tokio::join!(robot.query(&who), async {
+        peer.introduces().await;
+        drop(peer);
+    });
+    assert_eq!(told.unwrap().text(Address::MachineName), Some("cell 4"));
+    let (result, ()) = tokio::join!(robot.query(&[Address::IsMoving]), async {
+        let mut peer = controller.accept().await;
+        peer.name = "cell 5";
+        let request = peer.frame().await;
+        peer.send(values(&request, json!(["0"]))).await;
+    });
+    let error = result.unwrap_err();
+    assert!(matches!(error, RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. })), "{error}");
 }

@@ -210,3 +210,12 @@ async fn one_query_never_mixes_the_values_of_two_robots() {
     }
     assert!(cut > 12, "a query is cut in parts: {cut}");
 }
+
+#[tokio::test(start_paused = true)]
+async fn where_no_question_fits_into_a_frame_a_query_is_refused_at_once() {
+    let cable = crate::cable::Cable(HostileController::new(two()));
+    let settings = RobotSettings { max_frame_bytes: 60, ..RobotSettings::default() };
+    let robot = Robot::connect_with(cable, settings).await.unwrap();
+    let refused = tokio::time::timeout(Duration::from_secs(60), robot.query(&[J1])).await;
+    assert!(matches!(refused, Ok(Err(RequestError::Invalid(_)))), "{refused:?}");
+}
