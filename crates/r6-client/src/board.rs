@@ -22,8 +22,8 @@ pub(crate) struct Last {
     pub value: Result<Reading, NoReading>,
     /// When it was asked for: the value is no older.
     pub at: Instant,
-    /// The number of the connection that it was read over; `None` where the connection changed while it was read.
-    pub connection: Option<u64>,
+    /// The number of the connection that it was read over.
+    pub connection: u64,
 }
 
 /// Subscriptions, plan and values.

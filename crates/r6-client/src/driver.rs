@@ -16,7 +16,8 @@ use crate::clock::Clock;
 use crate::connect::{Connect, Dialer};
 use crate::driver::wake::{Waiter, Woken};
 use crate::error::{Effect, NotSent};
-use crate::job::Job;
+use crate::identity::asks_who_is_there;
+use crate::job::{Job, Work};
 use crate::link::{Lane, Link};
 use crate::pushed::LostReason;
 use crate::robot::Hub;
@@ -139,6 +140,10 @@ impl<C: Connect> Driver<C> {
             self.hand_over_held(link);
             if link.is_introducing() {
                 link.introduce(self.clock.now());
+                if !link.is_introducing() {
+                    // Not one of its questions fits into a frame: nothing will wake who waits for the answer.
+                    self.hand_over_held(link);
+                }
             }
             let (urgent, ordinary) = (&mut self.urgent, &mut self.ordinary);
             let woken = waiter.woken(stream, link, urgent, ordinary, self.clock).await;
@@ -196,14 +201,31 @@ impl<C: Connect> Driver<C> {
         }
     }
 
-    /// No command leaves before it is known who is there, so that he can be known again on the next connection.
+    /// Nothing but a stop and the answer to a photo leaves before the controller was asked who it is, so that it can be known again on
+    /// the next connection. A command waits until the controller has said so, a query for a while.
     fn hand_over_once_known(&mut self, job: Job, link: &mut Link) {
-        if job.work.needs_known_state() && link.is_first() && self.hub.known().present.is_none() {
-            link.begin_introduction();
-            self.held.push_front(job);
-            return;
+        if !link.is_first() || job.is_moot() || self.hub.known().present.is_some() {
+            return self.hand_over_unless_stale(job, link);
         }
-        self.hand_over_unless_stale(job, link);
+        let waits = match &job.work {
+            work if work.needs_known_state() => {
+                link.begin_introduction();
+                true
+            }
+            Work::Query(addresses) => {
+                !asks_who_is_there(addresses) && link.begin_introduction_for_query(self.clock.now())
+            }
+            // A photo cannot wait. What stops does not come this way on a first connection.
+            Work::PhotoAnswer(_) | Work::Command(_) | Work::AddRcc { .. } | Work::AddPoints(_) => {
+                link.begin_introduction_for_query(self.clock.now());
+                false
+            }
+        };
+        if waits {
+            self.held.push_front(job);
+        } else {
+            self.hand_over_unless_stale(job, link);
+        }
     }
 
     /// A command that waited long must not leave as a surprise; a query may.
@@ -340,7 +362,6 @@ mod tests {
     use r6_proto::time::Instant;
 
     use super::*;
-    use crate::job::Work;
 
     #[tokio::test]
     async fn a_command_that_waited_long_does_not_leave_and_a_query_does() {

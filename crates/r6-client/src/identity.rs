@@ -1,4 +1,4 @@
-//! Who is at the other end: read before the first command, and again on every connection that was made anew.
+//! Who is at the other end: asked before the first request, and again on every connection that was made anew.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -29,6 +29,11 @@ const MAX_ODD: u32 = 3;
 
 /// So many characters of a text are told in an error; names on pendants are shorter.
 const TOLD_CHARS: usize = 64;
+
+/// Whether a query of these tells who is there.
+pub(crate) fn asks_who_is_there(addresses: &[Address]) -> bool {
+    IDENTITY.iter().all(|address| addresses.contains(address))
+}
 
 /// What a controller says of itself. `None` where it has no such value.
 ///
@@ -221,7 +226,9 @@ impl Introduction {
 impl Robot {
     /// Who is at the other end of the present connection; `None` while that has not been read.
     ///
-    /// It is read with [`Robot::status`], before the first command, and first of all on a connection that was made anew.
+    /// It is asked before the first query or command, unless that is [`Robot::status`], which asks for it too, and first of all on a
+    /// connection that was made anew. A first query waits half a second at most for the answer; a controller that gives none
+    /// within two time-outs is not asked again on its connection before the first command.
     #[must_use]
     pub fn identity(&self) -> Option<Identity> {
         self.hub().known().present.clone()
@@ -249,7 +256,9 @@ impl Robot {
     /// # }
     /// ```
     pub fn accept_identity(&self, found: Identity) {
-        self.hub().known().expected = Some(found);
+        let mut known = self.hub().known();
+        known.expected = Some(found);
+        known.read_of_nobody = false;
     }
 }
 

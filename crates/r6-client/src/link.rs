@@ -33,11 +33,13 @@ const SILENT_TIMEOUTS: u32 = 3;
 /// How long a stop waits on a connection that was made anew for the controller to say who it is, so that no other robot is stopped
 /// unasked. Real controllers answer within 26 ms. One that does not answer in this time is most likely the one that is meant, behind
 /// a bad link: the stop leaves, and is not confirmed before it has said who it is.
-const STOPS_WAIT: Duration = Duration::from_millis(500);
+///
+/// A query waits as long on a handle's first connection. Then it leaves too: some controller may not answer such a question.
+const WHO_WITHIN: Duration = Duration::from_millis(500);
 
 /// What has to be read on a connection that was made anew before a command may leave: behind our back the machine may
 /// have been stopped, put into another mode, or have raised an alarm.
-const STATE: [Address; 2] = [Address::CurMode, Address::CurAlarm];
+pub(crate) const STATE: [Address; 2] = [Address::CurMode, Address::CurAlarm];
 
 /// One connection's session and the jobs that wait on it.
 #[derive(Debug)]
@@ -59,6 +61,8 @@ pub(crate) struct Link {
     unusable: Option<(Instant, String)>,
     /// Whether the controller ever answered on this connection.
     answered: bool,
+    /// Whether values were handed out over this connection.
+    handed_out: bool,
     /// The number of this connection.
     connection: u64,
     /// What has to be read before commands may leave; nothing on a handle's first connection.
@@ -67,11 +71,26 @@ pub(crate) struct Link {
     first: bool,
     /// Asks who is there, while that is not known.
     introduction: Option<Introduction>,
+    /// What a controller that does not answer the introduction loses.
+    without: Without,
+    /// Whether the introduction was begun for a query: once for a connection.
+    begun_for_query: bool,
+    /// Until when queries wait for an introduction that was begun for them.
+    queries_wait_until: Option<Instant>,
     /// The introduction's query that is under way.
     introducing: Option<Ticket>,
     /// Until when stops wait for the controller to say who it is; `None` where they do not.
     stops_wait_until: Option<Instant>,
     hub: Arc<Hub>,
+}
+
+/// What becomes of a connection on which the controller does not say who it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Without {
+    /// It goes on as it is: only queries were asked for.
+    GoesOn,
+    /// Nothing ordinary leaves on it, and it ends.
+    Ends,
 }
 
 /// The jobs that wait for their replies, the longest waiting first: few, and the first is nearly always the next to be answered.
@@ -150,12 +169,16 @@ impl Link {
             heard: None,
             unusable: None,
             answered: false,
+            handed_out: false,
             connection,
             unread: if first { Vec::new() } else { STATE.to_vec() },
             first,
             introduction: (!first).then(Introduction::again),
+            without: if first { Without::GoesOn } else { Without::Ends },
+            begun_for_query: false,
+            queries_wait_until: None,
             introducing: None,
-            stops_wait_until: meant.then_some(now + STOPS_WAIT),
+            stops_wait_until: meant.then_some(now + WHO_WITHIN),
             hub: Arc::clone(hub),
         }
     }
@@ -168,9 +191,9 @@ impl Link {
         match lane {
             Lane::Urgent => self.in_flight.len() < MAX_IN_FLIGHT + RESERVED_FOR_STOPS,
             Lane::Ordinary | Lane::Background => {
-                self.in_flight.len() < self.most_in_flight()
+                self.in_flight.len() + usize::from(self.introducing.is_some()) < self.most_in_flight()
                     && self.output().is_empty()
-                    && !self.is_introducing()
+                    && !self.holds_queries()
             }
         }
     }
@@ -194,14 +217,30 @@ impl Link {
         self.first
     }
 
-    /// Whether the controller has yet to say who it is; until then no ordinary request has room.
+    /// Whether the controller has yet to say who it is.
     pub fn is_introducing(&self) -> bool {
         self.introduction.is_some()
     }
 
-    /// Has the controller asked who it is, on a first connection.
+    /// Whether ordinary requests have to wait until the controller has said who it is.
+    fn holds_queries(&self) -> bool {
+        self.is_introducing() && (self.without == Without::Ends || self.queries_wait_until.is_some())
+    }
+
+    /// Has the controller asked who it is, on a first connection; nothing ordinary leaves before it has said so.
     pub fn begin_introduction(&mut self) {
+        self.without = Without::Ends;
         self.introduction.get_or_insert_with(Introduction::first);
+    }
+
+    /// The same for a request that leaves without it where the controller does not say who it is. Whether it has to wait.
+    pub fn begin_introduction_for_query(&mut self, now: Instant) -> bool {
+        if !self.begun_for_query && !self.is_introducing() {
+            self.introduction = Some(Introduction::first());
+            self.queries_wait_until = Some(now + WHO_WITHIN);
+        }
+        self.begun_for_query = true;
+        self.holds_queries()
     }
 
     /// Sends the introduction's next query, if it is its turn.
@@ -215,7 +254,10 @@ impl Link {
                 Ok(ticket) => {
                     self.introducing = Some(ticket);
                     self.output_since.get_or_insert(now);
-                    self.hub.meter().asked(now);
+                    // A controller that answers all else is no worse link.
+                    if self.without == Without::Ends {
+                        self.hub.meter().asked(now);
+                    }
                 }
                 // Too long for the frames of these settings: then in smaller parts, or not at all.
                 Err(error) => {
@@ -319,13 +361,15 @@ impl Link {
         let stalled = self.output_since.map(|since| since + self.reply_timeout);
         // Behind bytes that do not leave, another heartbeat is of no use.
         let beat = self.heartbeat.filter(|_| self.output().is_empty()).map(|(_, due)| due);
-        let stops = self.stops_wait_until.filter(|_| self.is_introducing());
-        [self.session.poll_timeout(), stalled, beat, stops].into_iter().flatten().min()
+        let held = [self.stops_wait_until, self.queries_wait_until];
+        let held = held.into_iter().flatten().min().filter(|_| self.is_introducing());
+        [self.session.poll_timeout(), stalled, beat, held].into_iter().flatten().min()
     }
 
     /// Time passed: heartbeats, overdue replies, bytes that do not leave.
     pub fn tick(&mut self, now: Instant) -> Result<(), LostReason> {
         self.stops_wait_until = self.stops_wait_until.filter(|until| *until > now);
+        self.queries_wait_until = self.queries_wait_until.filter(|until| *until > now);
         if self.output_since.is_some_and(|since| since + self.reply_timeout <= now) {
             return Err(LostReason::Stalled);
         }
@@ -351,10 +395,11 @@ impl Link {
             match event {
                 Event::Reply { ticket, message, after } => {
                     let on = Answered { connection: self.connection, asked_at: now - after, after };
+                    let introduced = self.introducing == Some(ticket);
                     replied = true;
                     self.silent = 0;
                     self.heard = None;
-                    if self.introducing == Some(ticket) {
+                    if introduced {
                         self.introducing = None;
                         if let Some(introduction) = &mut self.introduction {
                             let asked = introduction.next().unwrap_or_default().to_vec();
@@ -365,18 +410,32 @@ impl Link {
                         if !job.background {
                             self.unread.retain(|address| !reads(*address, &answer));
                         }
+                        if !self.handed_out && matches!(answer, Ok(Answer::Values { .. })) {
+                            self.handed_out = true;
+                            hub.known().handed_out = true;
+                        }
                         job.finish(answer);
                     }
-                    let waiting = !self.in_flight.is_empty() || self.introducing.is_some();
-                    hub.meter().replied(now, after, waiting);
+                    let measured = self.without == Without::Ends;
+                    if measured || !introduced {
+                        let waiting = !self.in_flight.is_empty() || (measured && self.introducing.is_some());
+                        hub.meter().replied(now, after, waiting);
+                    }
                 }
                 Event::TimedOut(ticket) => {
-                    self.silent += 1;
-                    hub.meter().timed_out();
-                    if self.introducing == Some(ticket) {
+                    let introducing = self.introducing == Some(ticket);
+                    let goes_on = introducing && self.without == Without::GoesOn;
+                    if !goes_on {
+                        self.silent += 1;
+                        hub.meter().timed_out();
+                    }
+                    if introducing {
                         self.introducing = None;
                         if self.introduction.as_mut().is_some_and(Introduction::timed_out) {
-                            lost = Some(LostReason::Unresponsive);
+                            match self.without {
+                                Without::GoesOn => self.introduction = None,
+                                Without::Ends => lost = Some(LostReason::Unresponsive),
+                            }
                         }
                     } else if let Some(job) = self.in_flight.take(ticket) {
                         let (request, after) = (job.work.sent(), self.reply_timeout);

@@ -1,6 +1,5 @@
 //! Queries: split to what a controller takes, and asked again in smaller parts where values are missing.
 
-use std::collections::BTreeSet;
 use std::fmt;
 use std::time::Duration;
 
@@ -12,9 +11,9 @@ use r6_proto::request::Request;
 use tokio::time::Instant;
 
 use crate::error::{NotSent, OutcomeUnknown, RequestError};
-use crate::identity::Identity;
-use crate::job::{Answer, Work};
-use crate::link::Lane;
+use crate::identity::{Identity, asks_who_is_there};
+use crate::job::{Answer, Answered, Work};
+use crate::link::{Lane, STATE};
 use crate::robot::Robot;
 use crate::settings::RobotSettings;
 
@@ -41,18 +40,21 @@ pub(crate) fn around_query(settings: &RobotSettings) -> usize {
 /// The longest `packID` that is counted on, in digits.
 const LONGEST_PACK_ID: &str = "18446744073709551615";
 
+/// How often a query is asked for in all, where the connection changes between its parts.
+const ROUNDS: u32 = 2;
+
 /// Addresses of one frame, each with its place in the whole query.
 type Part = Vec<(usize, Address)>;
 
 /// The values of some addresses, each with its address.
 ///
-/// Values that took several frames to read are not of one instant.
+/// Values that took several frames to read are not of one instant. All of them came over one connection, so they are of one robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QueryResult {
     rows: Vec<(Address, Result<Reading, NoReading>)>,
     took: Duration,
-    /// The connection that all replies came over; `None` where they came over several.
-    connection: Option<u64>,
+    /// The connection that all replies came over.
+    connection: u64,
 }
 
 /// When the values of a query were asked for: they are no older.
@@ -105,11 +107,11 @@ impl std::error::Error for NoReading {}
 impl QueryResult {
     #[cfg(test)]
     pub(crate) fn for_tests(rows: Vec<(Address, Result<Reading, NoReading>)>) -> Self {
-        Self { rows, took: Duration::ZERO, connection: Some(0) }
+        Self { rows, took: Duration::ZERO, connection: 0 }
     }
 
-    /// The number of the connection that all of it was answered over; `None` where the connection changed on the way.
-    pub(crate) fn connection(&self) -> Option<u64> {
+    /// The number of the connection that all of it was answered over.
+    pub(crate) fn connection(&self) -> u64 {
         self.connection
     }
 
@@ -196,8 +198,12 @@ impl Robot {
     /// is asked for alone is not asked for again on this connection, except for counters, which can be made at any
     /// time, and addresses that both ports have since V6.0.
     ///
+    /// All values are of one robot: where the connection changes between two parts, all of it is asked for once more.
+    ///
     /// # Errors
-    /// [`RequestError`]; a query that the connection ended under is asked once more over a new one first.
+    /// [`RequestError`]; a query that the connection ended under is asked once more over a new one first. Where another robot
+    /// answers than the one that this handle was used with before, its values are not handed out
+    /// ([`OutcomeUnknown::AnotherRobot`]).
     pub async fn query(&self, addresses: &[Address]) -> Result<QueryResult, RequestError> {
         self.query_in(Lane::Ordinary, addresses).await
     }
@@ -210,19 +216,19 @@ impl Robot {
         Ok(self.query_timed(lane, addresses).await?.0)
     }
 
-    /// A query whose values were all answered over one connection; where the connection changes on the way, all is asked for once more.
+    /// A query, the connection that it was answered over, and when the oldest of its values was asked for.
     pub(crate) async fn query_on_one_connection(
         &self,
         lane: Lane,
         addresses: &[Address],
     ) -> Result<(QueryResult, u64, Instant), RequestError> {
-        for _ in 0..2 {
-            let (read, asked_at) = self.query_timed(lane, addresses).await?;
-            if let Some(connection) = read.connection() {
-                return Ok((read, connection, asked_at.oldest()));
-            }
+        let (read, asked_at) = self.query_timed(lane, addresses).await?;
+        let connection = read.connection();
+        if lane == Lane::Urgent && self.hub().known().read_of_nobody {
+            // This would confirm a stop, of whichever robot answers now.
+            return Err(NotSent::StateNotRead.into());
         }
-        Err(NotSent::Disconnected.into())
+        Ok((read, connection, asked_at.oldest()))
     }
 
     /// A query, and when each of its values was asked for; for a value that is known to be missing, when that was told.
@@ -236,40 +242,48 @@ impl Robot {
             let missing = |address: &Address| known.unsupported.contains(address);
             known.unsupported.is_empty() || !addresses.iter().any(missing)
         };
-        if !all || addresses.is_empty() || !self.fits(addresses) {
-            return self.query_in_parts(lane, addresses, None).await;
-        }
-        // Nearly every query is this one: all in one frame, and all of it answered.
-        match self.ask(Work::Query(addresses.to_vec()), lane).await? {
-            Answer::Values { rows, on } => {
-                self.remember_supported(on.connection, addresses.iter().copied());
-                let result = QueryResult { rows, took: on.after, connection: Some(on.connection) };
-                self.remember(&result)?;
-                Ok((result, AskedAt::Once(self.hub().clock.at(Some(on.asked_at)))))
+        let mut answer = None;
+        if all && !addresses.is_empty() && self.fits(addresses) {
+            // Nearly every query is this one: all in one frame, and all of it answered.
+            match self.ask(Work::Query(addresses.to_vec()), lane).await? {
+                Answer::Values { rows, on } => {
+                    self.remember_supported(on.connection, addresses.iter().copied());
+                    let result = QueryResult { rows, took: on.after, connection: on.connection };
+                    self.remember(lane, &result)?;
+                    return Ok((result, AskedAt::Once(self.hub().clock.at(Some(on.asked_at)))));
+                }
+                other => answer = Some(other),
             }
-            other => self.query_in_parts(lane, addresses, Some(other)).await,
         }
+        for _ in 0..ROUNDS {
+            if let Some(read) = self.query_in_parts(lane, addresses, answer.take()).await? {
+                return Ok(read);
+            }
+        }
+        Err(NotSent::Disconnected.into())
     }
 
-    /// The same in as many frames as it takes; `answer` is that to all addresses at once, if there was one.
+    /// The same in as many frames as it takes; `answer` is that to all addresses at once, if there was one. `None` if the connection
+    /// changed on the way: what was read before may be of another robot than what comes after.
     async fn query_in_parts(
         &self,
         lane: Lane,
         addresses: &[Address],
         mut answer: Option<Answer>,
-    ) -> Result<(QueryResult, AskedAt), RequestError> {
+    ) -> Result<Option<(QueryResult, AskedAt)>, RequestError> {
         let mut times = vec![Instant::now(); addresses.len()];
         let mut rows: Vec<_> =
             addresses.iter().map(|address| (*address, Err(NoReading::Unsupported))).collect();
-        let wanted: Part = {
+        let (wanted, missing_on): (Part, u64) = {
             let known = self.hub().known();
             // What was answered was asked for, whatever has become known since.
             let wanted = |address: &Address| answer.is_some() || !known.unsupported.contains(address);
             let all = addresses.iter().copied().enumerate();
-            all.filter(|(_, address)| wanted(address)).collect()
+            (all.filter(|(_, address)| wanted(address)).collect(), known.connection)
         };
         let mut took = Duration::ZERO;
-        let mut connections: BTreeSet<u64> = BTreeSet::new();
+        // Which addresses are missing is known of one connection too.
+        let mut connection = (wanted.len() < addresses.len()).then_some(missing_on);
         let mut parts: Vec<Part> = self.split(wanted);
         parts.reverse();
         while let Some(part) = parts.pop() {
@@ -280,21 +294,31 @@ impl Robot {
                     self.ask(Work::Query(asked), lane).await?
                 }
             };
+            if let Answer::Values { on: Answered { connection: here, after, .. }, .. }
+            | Answer::Mismatch { on: Answered { connection: here, after, .. }, .. } = &answered
+            {
+                if *connection.get_or_insert(*here) != *here {
+                    return Ok(None);
+                }
+                took = took.max(*after);
+            }
             match answered {
                 Answer::Values { rows: read, on } => {
-                    took = took.max(on.after);
-                    connections.insert(on.connection);
+                    let asked: Vec<_> = part.iter().map(|(_, address)| *address).collect();
+                    if asks_who_is_there(&asked) {
+                        // Before the next part leaves: nothing else then has to ask who is there.
+                        let (rows, connection) = (read.clone(), on.connection);
+                        self.remember_identity(connection, &QueryResult { rows, took, connection });
+                    }
                     let asked_at = self.hub().clock.at(Some(on.asked_at));
                     for ((at, _), read) in part.iter().zip(read) {
                         if let (Some(time), Some(row)) = (times.get_mut(*at), rows.get_mut(*at)) {
                             (*time, *row) = (asked_at, read);
                         }
                     }
-                    self.remember_supported(on.connection, part.iter().map(|(_, address)| *address));
+                    self.remember_supported(on.connection, asked.into_iter());
                 }
                 Answer::Mismatch { answered, on } => {
-                    took = took.max(on.after);
-                    connections.insert(on.connection);
                     match part.as_slice() {
                         // Only an empty reply to one address alone says which address it is about.
                         [(_, address)] if answered == 0 => self.remember_unsupported(on.connection, *address),
@@ -320,15 +344,9 @@ impl Robot {
                 }
             }
         }
-        let connection = match connections.len() {
-            // All of it is known to be missing here.
-            0 => Some(self.connection()),
-            1 => connections.first().copied(),
-            _several => None,
-        };
-        let result = QueryResult { rows, took, connection };
-        self.remember(&result)?;
-        Ok((result, AskedAt::Each(times)))
+        let result = QueryResult { rows, took, connection: connection.unwrap_or(missing_on) };
+        self.remember(lane, &result)?;
+        Ok(Some((result, AskedAt::Each(times))))
     }
 
     /// Whether a query of these is one frame, and its reply another.
@@ -393,8 +411,8 @@ impl Robot {
     }
 
     /// Keeps what a query tells of the controller besides its values, and refuses the values of another robot.
-    fn remember(&self, result: &QueryResult) -> Result<(), RequestError> {
-        let Some(connection) = result.connection else { return Ok(()) };
+    fn remember(&self, lane: Lane, result: &QueryResult) -> Result<(), RequestError> {
+        let connection = result.connection;
         self.remember_firmware(connection, result);
         self.remember_identity(connection, result);
         match self.hub().stranger_on(connection) {
@@ -403,7 +421,21 @@ impl Robot {
                 let (expected, found) = (Box::new(expected), Box::new(found));
                 Err(OutcomeUnknown::AnotherRobot { request, expected, found }.into())
             }
-            None => Ok(()),
+            None => {
+                self.remember_look(lane, result);
+                Ok(())
+            }
+        }
+    }
+
+    /// A caller who has read mode and alarm knows which robot he means: the one that answers now. What subscriptions and stops read
+    /// by themselves does not count.
+    fn remember_look(&self, lane: Lane, result: &QueryResult) {
+        let mut known = self.hub().known();
+        let looked = || STATE.into_iter().all(|address| result.reading(address).is_some());
+        if known.read_of_nobody && known.connection == result.connection && lane == Lane::Ordinary && looked()
+        {
+            known.read_of_nobody = false;
         }
     }
 
@@ -416,6 +448,9 @@ impl Robot {
         if known.connection == connection && (meant || known.present.is_none()) {
             known.expected.get_or_insert_with(|| identity.clone());
             known.present = Some(identity);
+        } else if known.connection != connection {
+            // The connection ended right behind this answer: it tells who was there first, and so is meant.
+            known.expected.get_or_insert(identity);
         }
     }
 

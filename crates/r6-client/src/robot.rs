@@ -94,8 +94,8 @@ pub struct Accepted {
 impl Robot {
     /// Connects to a controller: `host` or `host:port`, port 9760 where none is given.
     ///
-    /// Nothing is sent: who is there is read with the first [`Robot::status`], or else before the first command. Needs a
-    /// tokio runtime with time and network.
+    /// Nothing is sent: who is there is asked with the first [`Robot::status`], or else before the first query or command. Needs
+    /// a tokio runtime with time and network.
     ///
     /// # Errors
     /// [`Invalid::BadAddress`](crate::Invalid::BadAddress) if the text is no address, [`RequestError::NotSent`] if no connection can
@@ -121,8 +121,14 @@ impl Robot {
         let settings = RobotSettings { heartbeat: Heartbeat::Off, ..self.settings().clone() };
         let stream = self.lanes.dial.dial(settings.connect_timeout).await?;
         tracing::info!(controller = self.address(), "second connection");
-        let expected = self.hub().known().expected.clone();
-        Ok(Self::over(Dialer::new(Once::new(self.address())), stream, settings, expected))
+        let (expected, of_nobody) = {
+            let known = self.hub().known();
+            let of_nobody = known.read_of_nobody || (known.handed_out && known.expected.is_none());
+            (known.expected.clone(), of_nobody)
+        };
+        let second = Self::over(Dialer::new(Once::new(self.address())), stream, settings, expected);
+        second.hub().known().read_of_nobody = of_nobody;
+        Ok(second)
     }
 
     /// A handle on a connection that is there; `expected`: who has to be at its other end, where that is known.
@@ -485,6 +491,13 @@ pub(crate) struct Known {
     pub present: Option<Identity>,
     /// Who is meant: the one that was there first, or that was accepted since.
     pub expected: Option<Identity>,
+    /// Whether values were handed out over the present connection.
+    pub handed_out: bool,
+    /// Whether values were handed out over a connection that ended before anybody knew who was meant, and no caller has read mode
+    /// and alarm since. Then nothing tells that the robot which answers now is the one that those values were of.
+    pub read_of_nobody: bool,
+    /// Who was there instead of the one that is meant, on the connection before this one.
+    pub stranger_before: Option<Identity>,
 }
 
 impl Default for Hub {
@@ -549,11 +562,16 @@ impl Hub {
         if known.connection == connection { known.present.clone() } else { None }
     }
 
-    /// Who is meant, and who is there instead on this connection.
+    /// Who is meant, and who is there instead on this connection, or was on the one before.
     pub fn stranger_on(&self, connection: u64) -> Option<(Identity, Identity)> {
         let known = self.known();
-        let (expected, found) = (known.expected.as_ref()?, known.present.as_ref()?);
-        (known.connection == connection && expected != found).then(|| (expected.clone(), found.clone()))
+        let expected = known.expected.as_ref()?;
+        let found = match known.connection.checked_sub(connection)? {
+            0 => known.present.as_ref()?,
+            1 => known.stranger_before.as_ref()?,
+            _earlier => return None,
+        };
+        (expected != found).then(|| (expected.clone(), found.clone()))
     }
 
     /// Why no command may leave: another robot is there than the one that is meant.
@@ -591,7 +609,10 @@ impl Hub {
         {
             let mut known = self.known();
             let connection = known.connection + 1;
-            *known = Known { connection, expected: known.expected.take(), ..Known::default() };
+            let (expected, present) = (known.expected.take(), known.present.take());
+            let read_of_nobody = known.read_of_nobody || (known.handed_out && expected.is_none());
+            let stranger_before = present.filter(|present| expected.as_ref().is_some_and(|it| it != present));
+            *known = Known { connection, expected, read_of_nobody, stranger_before, ..Known::default() };
         }
         self.meter().disconnected(self.clock.now());
         self.board.connection_lost();

@@ -230,7 +230,7 @@ impl Value {
             Ok(reading)
                 if overdue > liveness.suspect_after
                     || link == LinkState::Suspect
-                    || connection != Some(present) =>
+                    || connection != present =>
             {
                 (Some(reading), Quality::Stale)
             }

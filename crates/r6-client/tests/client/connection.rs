@@ -225,8 +225,12 @@ async fn a_controller_that_never_answers_is_given_up() {
         assert!(error.may_send_again());
     }
     assert!(matches!(soon(pushed.recv()).await.unwrap(), Pushed::ConnectionLost(LostReason::Unresponsive)));
+    // It was asked twice who it is, and that alone would not have ended the connection.
+    for _ in 0..2 {
+        assert_eq!(asked(&peer.any_frame().await), ["version", "machineName", "axisNum"]);
+    }
     for _ in 0..3 {
-        peer.frame().await;
+        assert_eq!(asked(&peer.any_frame().await), ["curMode"]);
     }
     peer.ends().await;
 }

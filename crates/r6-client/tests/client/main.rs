@@ -9,6 +9,7 @@ mod following;
 mod identity;
 mod listening;
 mod motion;
+mod one_robot;
 mod outcomes;
 mod queries;
 mod reconnecting;

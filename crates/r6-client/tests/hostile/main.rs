@@ -3,6 +3,7 @@
 
 mod cable;
 mod ended;
+mod first;
 mod fresh;
 mod standing;
 

@@ -1,0 +1,221 @@
+//! Who is there is asked on the first connection too (docs/SAFETY.md): a handle that only reads knows another robot again.
+
+use std::time::Duration;
+
+use r6_client::{
+    Address, AxisIndex, Command, NotSent, OutcomeUnknown, Reading, RequestError, Robot, RobotSettings,
+};
+use r6_testkit::hostile::serve::HostileController;
+use r6_testkit::hostile::{Cabinet, Character, Kind, Links, Lost, Swap, SwapWhen};
+use tokio::time::{Instant, sleep};
+
+use crate::robot_at;
+
+const J1: Address = Address::Axis(AxisIndex::ALL[0]);
+
+/// Two robots, of which the second one stands at 77 degrees.
+fn two() -> Character {
+    let to = Cabinet { name: "cell 5".to_owned(), axes: [77.0; 8], ..Cabinet::default() };
+    Character { swap: Some(Swap { when: SwapWhen::Told, links: Links::End, to }), ..Character::default() }
+}
+
+/// The same; the answers to these queries never arrive.
+fn losing(queries: &[u32]) -> Character {
+    let lost = queries.iter().map(|nth| Lost { kind: Kind::Query, nth: *nth }).collect();
+    Character { lost, ..two() }
+}
+
+/// What the second robot was sent besides queries.
+fn told_to_the_second(controller: &HostileController) -> Vec<String> {
+    let told = |entry: &r6_testkit::hostile::Entry| entry.robot == 2 && entry.kind != Kind::Query;
+    controller.arm(|arm, _| {
+        let log = arm.log().iter().filter(|entry| told(entry) && !entry.frame.is_null());
+        log.map(|entry| entry.frame.to_string()).collect()
+    })
+}
+
+/// The queries that arrived.
+fn asked(controller: &HostileController) -> Vec<String> {
+    controller.arm(|arm, _| {
+        let log = arm.log().iter().filter(|entry| entry.kind == Kind::Query && !entry.frame.is_null());
+        log.map(|entry| entry.frame["queryAddr"].to_string()).collect()
+    })
+}
+
+async fn another_is_told(robot: &Robot) {
+    let mut told = false;
+    for _ in 0..50 {
+        match robot.query(&[J1]).await {
+            Ok(values) => assert_eq!(values.decimal(J1), Some(0.0), "cell 5 stands at 77"),
+            Err(RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. })) => told = true,
+            Err(_connecting) => {}
+        }
+        sleep(Duration::from_millis(50)).await;
+    }
+    assert!(told, "it is told that another robot answers");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_handle_that_only_read_one_value_knows_that_another_robot_answers() {
+    let (controller, robot) = robot_at(two()).await;
+    assert_eq!(robot.query(&[J1]).await.unwrap().decimal(J1), Some(0.0));
+    controller.arm(|arm, now| arm.swap(now));
+    another_is_told(&robot).await;
+    let refused = robot.stop().await.unwrap_err();
+    let RequestError::NotSent(NotSent::NotStopped(why)) = &refused else { panic!("{refused:?}") };
+    assert!(matches!(**why, NotSent::AnotherRobot { .. }), "{why:?}");
+    assert_eq!(told_to_the_second(&controller), Vec::<String>::new());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_right_after_the_swap_does_not_stop_the_other_robot() {
+    let (controller, robot) = robot_at(two()).await;
+    robot.query(&[J1]).await.unwrap();
+    controller.arm(|arm, now| arm.swap(now));
+    let refused = robot.stop().await.unwrap_err();
+    assert!(matches!(refused, RequestError::NotSent(NotSent::NotStopped(_))), "{refused:?}");
+    assert_eq!(told_to_the_second(&controller), Vec::<String>::new());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_subscription_alone_knows_that_another_robot_answers() {
+    let (controller, robot) = robot_at(two()).await;
+    let mut seen = robot.subscribe(&[J1], Duration::from_millis(100)).unwrap();
+    while seen.next().await.unwrap().fresh(J1).is_none() {}
+    controller.arm(|arm, now| arm.swap(now));
+    let mut told = false;
+    for _ in 0..100 {
+        let snapshot = seen.latest();
+        let fresh = snapshot.fresh(J1);
+        assert!(fresh.is_none_or(|j1| *j1 == Reading::Decimal(0.0)), "{snapshot:?}");
+        let another = |error: &RequestError| {
+            matches!(error, RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. }))
+        };
+        told |= snapshot.failure().is_some_and(another);
+        sleep(Duration::from_millis(20)).await;
+    }
+    assert!(told);
+}
+
+#[tokio::test(start_paused = true)]
+async fn who_is_there_is_asked_once_and_before_the_first_query() {
+    let (controller, robot) = robot_at(two()).await;
+    let begun = Instant::now();
+    for _ in 0..3 {
+        robot.query(&[J1]).await.unwrap();
+    }
+    let who = r#"["version","machineName","axisNum"]"#;
+    assert_eq!(asked(&controller), [who, r#"["axis-0"]"#, r#"["axis-0"]"#, r#"["axis-0"]"#]);
+    assert!(begun.elapsed() < Duration::from_millis(100), "{:?}", begun.elapsed());
+    assert_eq!(robot.identity().unwrap().machine_name.as_deref(), Some("cell 4"));
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_controller_that_does_not_say_who_it_is_answers_all_else_as_before() {
+    // The second query is the caller's own.
+    let (controller, robot) = robot_at(losing(&[1, 3])).await;
+    let begun = Instant::now();
+    assert_eq!(robot.query(&[J1]).await.unwrap().decimal(J1), Some(0.0));
+    assert!(begun.elapsed() < Duration::from_millis(600), "{:?}", begun.elapsed());
+    sleep(Duration::from_millis(1800)).await;
+    for _ in 0..20 {
+        let begun = Instant::now();
+        robot.query(&[J1]).await.unwrap();
+        assert!(begun.elapsed() < Duration::from_millis(100), "{:?}", begun.elapsed());
+        sleep(Duration::from_millis(200)).await;
+    }
+    assert_eq!(asked(&controller).iter().filter(|asked| asked.contains("version")).count(), 2);
+    // A command asks again, and leaves over the same connection.
+    robot.command(Command::ClearAlarm).await.unwrap();
+    assert_eq!(robot.identity().unwrap().machine_name.as_deref(), Some("cell 4"));
+    assert!(controller.arm(|arm, _| arm.log().iter().all(|entry| entry.connection <= 1)));
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_does_not_wait_on_the_first_connection() {
+    let (controller, robot) = robot_at(losing(&[1])).await;
+    let begun = controller.now();
+    let (read, stopped) = tokio::join!(robot.query(&[J1]), async {
+        sleep(Duration::from_millis(5)).await;
+        robot.stop().await
+    });
+    read.unwrap();
+    assert!(stopped.unwrap().confirmed);
+    let left = controller.arm(|arm, _| {
+        let stop = arm.log().iter().find(|entry| entry.frame.to_string().contains("actionStop"));
+        stop.unwrap().at - begun
+    });
+    assert!(left < Duration::from_millis(20), "{left:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn where_values_were_read_of_nobody_a_stop_on_the_next_connection_proves_nothing() {
+    for looked in [false, true] {
+        let (controller, robot) = robot_at(losing(&[1])).await;
+        assert_eq!(robot.query(&[J1]).await.unwrap().decimal(J1), Some(0.0));
+        assert_eq!(robot.identity(), None);
+        controller.arm(|arm, now| arm.swap(now));
+        sleep(Duration::from_millis(10)).await;
+        if looked {
+            // The caller sees who is there now: that robot is meant.
+            robot.status().await.unwrap();
+            assert_eq!(robot.identity().unwrap().machine_name.as_deref(), Some("cell 5"));
+        }
+        let report = robot.stop().await.unwrap();
+        assert_eq!(report.confirmed, looked, "{report:?}");
+    }
+}
+
+/// The axes that a query of many addresses may show.
+fn all_axes() -> Vec<Address> {
+    let axes = || AxisIndex::ALL.into_iter().take(6);
+    let (first, last) = (axes().take(3).map(Address::Axis), axes().skip(3).map(Address::Axis));
+    first.chain(axes().map(Address::World)).chain(last).collect()
+}
+
+#[tokio::test(start_paused = true)]
+async fn one_query_never_mixes_the_values_of_two_robots() {
+    let mut cut = 0;
+    for known in [true, false] {
+        for at in (0..400).step_by(3) {
+            let to = Cabinet { name: "cell 5".to_owned(), axes: [77.0; 8], ..Cabinet::default() };
+            let swap = Swap { when: SwapWhen::Told, links: Links::End, to };
+            let controller = HostileController::new(Character { swap: Some(swap), ..Character::default() });
+            // Six or so addresses in a frame.
+            let settings = RobotSettings { max_frame_bytes: 260, ..RobotSettings::default() };
+            let cable = crate::cable::Cable(std::sync::Arc::clone(&controller));
+            let robot = Robot::connect_with(cable, settings).await.unwrap();
+            if known {
+                robot.status().await.unwrap();
+            }
+            let swapping = async {
+                sleep(Duration::from_millis(at)).await;
+                controller.arm(|arm, now| arm.swap(now));
+            };
+            let asking = async {
+                // Whoever was read first is meant.
+                let mut meant = known.then_some(0.0);
+                for _ in 0..4 {
+                    let Ok(read) = robot.query(&all_axes()).await else { continue };
+                    let axes = read.rows().iter().filter(|(address, _)| matches!(address, Address::Axis(_)));
+                    let axes: Vec<f64> = axes.filter_map(|(address, _)| read.decimal(*address)).collect();
+                    let first = *meant.get_or_insert(axes[0]);
+                    assert!(axes.iter().all(|axis| *axis == first), "{at} ms, known: {known}: {axes:?}");
+                }
+            };
+            tokio::join!(swapping, asking);
+            let frames = asked(&controller).iter().filter(|asked| asked.contains("axis-")).count();
+            cut = cut.max(frames);
+        }
+    }
+    assert!(cut > 12, "a query is cut in parts: {cut}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn where_no_question_fits_into_a_frame_a_query_is_refused_at_once() {
+    let cable = crate::cable::Cable(HostileController::new(two()));
+    let settings = RobotSettings { max_frame_bytes: 60, ..RobotSettings::default() };
+    let robot = Robot::connect_with(cable, settings).await.unwrap();
+    let refused = tokio::time::timeout(Duration::from_secs(60), robot.query(&[J1])).await;
+    assert!(matches!(refused, Ok(Err(RequestError::Invalid(_)))), "{refused:?}");
+}
