@@ -223,7 +223,7 @@ class Followed:
 
 @dataclass(frozen=True)
 class Accepted:
-    """A controller's yes: the request was taken, not that anything moves."""
+    """The controller accepted the request. This does not mean that the arm moves."""
 
     after: float
     """How long the reply took, seconds."""
