@@ -196,7 +196,8 @@ impl<C: Connect> Driver<C> {
         }
     }
 
-    /// Holds commands back until the controller has said who it is. The next connection is compared with that.
+    /// Holds commands back until the controller has said who it is. The next connection is compared with
+    /// that.
     fn hand_over_once_known(&mut self, job: Job, link: &mut Link) {
         if job.work.needs_known_state() && link.is_first() && self.hub.known().present.is_none() {
             link.begin_introduction();

@@ -74,8 +74,8 @@ struct Lanes {
     dial: Arc<dyn Dial>,
     /// Set when the handle is being closed: a motion that is streamed ends then.
     closing: watch::Sender<bool>,
-    /// Locked from the look at the arm, through the check of a list against that place, until the list is answered. Another list in
-    /// between would move the arm, and the check would be for the wrong place.
+    /// Locked from the look at the arm, through the check of a list against that place, until the list is
+    /// answered. Another list in between would move the arm, and the check would be for the wrong place.
     lists: Arc<AsyncMutex<()>>,
     tell: Tell,
     /// Held by the task that serves photos: two tasks would both answer each request.
@@ -163,9 +163,10 @@ impl Robot {
 
     /// Ends the connection for all clones and waits until it is closed.
     ///
-    /// It waits for a stop that is under way, for 15 s at most. A motion that is being streamed ends here: the arm finishes what is
-    /// in its list ([`crate::RunOptions::stop_on_drop`]: it is stopped), and [`Closed::cut_short`] tells what was not sent. That end is
-    /// waited for, too, for 15 s at most. The orderly end of the connection itself takes half a second at most.
+    /// It waits for a stop that is under way, for 15 s at most. A motion that is being streamed ends here:
+    /// the arm finishes what is in its list ([`crate::RunOptions::stop_on_drop`]: it is stopped), and
+    /// [`Closed::cut_short`] tells what was not sent. That end is waited for, too, for 15 s at most. The
+    /// orderly end of the connection itself takes half a second at most.
     ///
     /// Dropping the last clone does the same in the background; use this where the runtime ends right after.
     /// Other clones' later requests are not sent ([`NotSent::Closed`]).
@@ -513,8 +514,9 @@ impl Hub {
 
     /// Takes in the answer to the identity query.
     ///
-    /// `certain`: every part of it could be read. If some parts could not be read and the others are those of the expected robot, the
-    /// missing parts are taken from the expected robot. If no part could be read, the controller stays unknown.
+    /// `certain`: every part of it could be read. If some parts could not be read and the others are those of
+    /// the expected robot, the missing parts are taken from the expected robot. If no part could be read, the
+    /// controller stays unknown.
     pub fn introduced(&self, mut found: Found, certain: bool, first: bool) {
         {
             let mut known = self.known();

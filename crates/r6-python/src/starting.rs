@@ -197,8 +197,8 @@ impl Starting {
         handle.call1((self.take()?,))
     }
 
-    /// Stops the arm if a motion has begun whose handle the caller did not get. The call itself begins the stop. `None` if no motion
-    /// has begun.
+    /// Stops the arm if a motion has begun whose handle the caller did not get. The call itself begins the
+    /// stop. `None` if no motion has begun.
     fn give_up(&self, py: Python<'_>) -> PyResult<Option<Operation>> {
         self.stopping(py)
     }
@@ -219,4 +219,5 @@ impl Starting {
     }
 }
 
-const UNOWNED: &str = "the call ended after the motion had begun and before it returned the handle, so the client tried to stop the motion";
+const UNOWNED: &str = "the call ended after the motion had begun and before it returned the handle, \
+                       so the client tried to stop the motion";

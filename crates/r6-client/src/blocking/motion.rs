@@ -12,7 +12,8 @@ use crate::error::RequestError;
 use crate::handle::{Progress, StepState};
 use crate::{Done, MotionError, StopReport};
 
-/// As [`crate::MotionHandle`]. Dropping it does not end the motion: the engine's thread streams it on to its end.
+/// As [`crate::MotionHandle`]. Dropping it does not end the motion: the engine's thread streams it on to its
+/// end.
 #[must_use = "if the handle is dropped, only wait_until_done reports that the motion failed"]
 pub struct MotionHandle {
     handle: crate::MotionHandle,

@@ -180,7 +180,8 @@ impl Halt {
                 let here = self.watch.as_ref().is_some_and(|(about, _)| about.connection == on.connection);
                 self.halted.accepted |= here;
             }
-            // A controller may refuse a stop because the arm stands already. So the state decides, not the answer.
+            // A controller may refuse a stop because the arm stands already. So the state decides, not the
+            // answer.
             Ok(_) | Err(RequestError::Refused(_)) => self.halted.answered = true,
             Err(error) => {
                 if matches!(error, RequestError::NotSent(_) | RequestError::Invalid(_)) {
@@ -206,7 +207,8 @@ impl Halt {
 
     fn failed(&mut self, error: RequestError) {
         self.halted.failed = Some(match self.halted.failed.take() {
-            // A stop that left may be carried out, even if a later one could not be sent. So its error is kept.
+            // A stop that left may be carried out, even if a later one could not be sent. So its error is
+            // kept.
             Some(left @ RequestError::OutcomeUnknown(_))
                 if !matches!(error, RequestError::OutcomeUnknown(_)) =>
             {

@@ -98,7 +98,8 @@ class Starting:
     the motion was taken, the arm is stopped."""
 
     UNOWNED: str
-    """A line of text, shown above the result of the stop: the call ended before it returned the handle of a motion that had begun."""
+    """A note above the result of the stop: the call ended before it returned the handle of a motion that had
+    begun."""
     @property
     def operation(self) -> Operation[None]:
         """What makes the motion; nothing is begun before it is."""

@@ -196,7 +196,7 @@ class Done:
     """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN where not known."""
     mode: int | None
     moved: bool
-    """Whether a motion was seen at all."""
+    """Whether a look saw the arm move, or a list that was not empty."""
     motion: int | None
     """The number of the motion (``MotionHandle.number``); ``None`` where none of this robot's motions was waited for."""
     proof: Literal["reached", "consumed", "cut_short", "at_rest"]
