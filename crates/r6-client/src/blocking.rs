@@ -44,8 +44,17 @@ use crate::{
     WaitOptions,
 };
 
-/// A handle on one controller. Clones share one connection; dropping the last one, and what was made with it, closes it in
-/// order, which takes half a second at most, and longer only where a motion is to be stopped before ([`RunOptions::stop_on_drop`]).
+/// A handle on one controller. Clones share one connection.
+///
+/// Dropping the last clone, and what was made with it, closes the connection. The drop blocks this thread for
+/// half a second at most, or longer in these cases:
+///
+/// - While a motion is being streamed or stopped, it waits for the end of that, for 16 s at most. A motion
+///   that goes on after that is carried to its end in the background, while the program lives, and the
+///   connection is closed then.
+/// - While a stop is under way besides, it waits for that, too, for 15 s at most.
+///
+/// On a thread that runs a tokio runtime the drop does not block: the engine's thread closes the connection.
 #[derive(Clone)]
 pub struct Robot {
     robot: crate::Robot,
@@ -139,7 +148,8 @@ impl Robot {
         &self.robot
     }
 
-    /// As [`crate::Robot::close`], whatever other clones are doing; only a stop that is under way is waited for.
+    /// As [`crate::Robot::close`], whatever other clones are doing. It waits for a stop that is under way,
+    /// and until a motion that is being streamed has ended, for 15 s at most each.
     pub fn close(self) -> Closed {
         self.engine().block_on(self.robot.clone().close())
     }

@@ -24,7 +24,7 @@ impl Robot {
 }
 
 impl StopsUnderWay {
-    /// How long [`Self::over`] waits: a stop takes no longer in all.
+    /// How long [`Self::over`] waits: 15 s, the longest that a whole stop takes.
     pub const WITHIN: Duration = STOP_WITHIN;
 
     /// Whether a stop is under way now.

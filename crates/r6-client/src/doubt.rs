@@ -15,7 +15,8 @@ use tokio::time::{Instant, timeout_at};
 
 use crate::error::RequestError;
 
-/// How long after the time-out a controller may still take a frame: a second was seen to be taken late, and the same again is room.
+/// How long after the time-out a controller may still take a frame. One was seen to take a list 1 s after it;
+/// this is twice that.
 const TAKEN_LATE: Duration = Duration::from_secs(2);
 
 /// The frames of one handle whose outcome is open.

@@ -201,8 +201,8 @@ impl<C: Connect> Driver<C> {
         }
     }
 
-    /// Nothing but a stop and the answer to a photo leaves before the controller was asked who it is, so that it can be known again on
-    /// the next connection. A command waits until the controller has said so, a query for a while.
+    /// Holds commands back until the controller has said who it is, and queries for a while. A stop and the answer to a photo leave at once.
+    /// The next connection is compared with that identity.
     fn hand_over_once_known(&mut self, job: Job, link: &mut Link) {
         if !link.is_first() || job.is_moot() || self.hub.known().present.is_some() {
             return self.hand_over_unless_stale(job, link);

@@ -28,7 +28,8 @@ const MAX_FAILED_READS: u32 = 3;
 /// How to wait until a motion has ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaitOptions {
-    /// The time between two reads. Default 50 ms, which real controllers bear for hours.
+    /// The pause between the answer to one read of the state and the next read. Default 50 ms, which real
+    /// controllers bear for hours. There is no minimum: with 0 the state is read as fast as answers come.
     pub interval: Duration,
     /// How long to wait at most. Default 60 s.
     pub timeout: Duration,
@@ -71,7 +72,7 @@ pub struct Done {
     pub pose: [Option<f64>; AXES],
     /// The operation mode.
     pub mode: Option<OperationMode>,
-    /// Whether a motion was seen at all.
+    /// Whether a look saw the arm move, or a list that was not empty.
     pub moved: bool,
     /// How long it took from the first read on.
     pub took: Duration,
@@ -80,7 +81,8 @@ pub struct Done {
 /// What proves that a motion has ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EndProof {
-    /// The arm stands where the last move ends.
+    /// The arm stands where the last move ends, and it moved, or was elsewhere before. Exception: a motion to
+    /// where the arm stands already; then [`Done::moved`] may be false.
     Reached,
     /// Where the last move ends cannot be compared (another tool or work frame), but the controller was seen to work
     /// through its list step by step, down to the last one.

@@ -66,7 +66,7 @@ struct Lanes {
     stops: watch::Sender<u64>,
     /// The stops that are under way: a motion that one of them ended waits for it.
     stopping: watch::Sender<Stopping>,
-    /// Whoever streams a path has it: two paths would mix in one list.
+    /// Held by the motion that is being streamed: two motions would mix in one list.
     streaming: Arc<Semaphore>,
     /// The motions of this handle and its clones.
     motions: Motions,
@@ -74,15 +74,15 @@ struct Lanes {
     dial: Arc<dyn Dial>,
     /// Set when the handle is being closed: a motion that is streamed ends then.
     closing: watch::Sender<bool>,
-    /// Whoever looks where the arm is, checks a list against that, and sends it, has it until the list is answered: another list would
-    /// begin elsewhere than where it was checked.
+    /// Locked from the look at the arm, through the check of a list against that place, until the list is
+    /// answered. Another list in between would move the arm, and the check would be for the wrong place.
     lists: Arc<AsyncMutex<()>>,
     tell: Tell,
-    /// Whoever serves photos has it: two would both answer each request.
+    /// Held by the task that serves photos: two tasks would both answer each request.
     photos: Arc<Semaphore>,
 }
 
-/// A controller's yes. It says that the request was taken, not that anything moves.
+/// The controller accepted the request. This does not mean that the arm moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Accepted {
     /// How long the reply took.
@@ -169,8 +169,9 @@ impl Robot {
 
     /// Ends the connection for all clones and waits until it is closed.
     ///
-    /// A stop that is under way is waited for, 15 s at most. A motion that is being streamed ends here: the arm finishes what is
-    /// in its list ([`crate::RunOptions::stop_on_drop`]: it is stopped), and [`Closed::cut_short`] tells what was not sent. The
+    /// It waits for a stop that is under way, for 15 s at most. A motion that is being streamed ends here:
+    /// the arm finishes what is in its list ([`crate::RunOptions::stop_on_drop`]: it is stopped), and
+    /// [`Closed::cut_short`] tells what was not sent. That end is waited for, too, for 15 s at most. The
     /// orderly end of the connection itself takes half a second at most.
     ///
     /// Dropping the last clone does the same in the background; use this where the runtime ends right after.
@@ -525,8 +526,11 @@ impl Hub {
         self.meter.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A controller has said who it is; `certain`: and all of that could be read. What could not is taken to be as it was, if
-    /// something else could and is as it was. Whoever cannot be read at all is nobody yet.
+    /// Takes in the answer to the identity query.
+    ///
+    /// `certain`: every part of it could be read. If some parts could not be read and the others are those of
+    /// the expected robot, the missing parts are taken from the expected robot. If no part could be read, the
+    /// controller stays unknown.
     pub fn introduced(&self, mut found: Found, certain: bool, first: bool) {
         {
             let mut known = self.known();

@@ -29,7 +29,8 @@ use crate::stream::task::Task;
 /// How a motion is run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunOptions {
-    /// The time between two reads of the state. Default 50 ms, which real controllers bear for hours.
+    /// The pause between the answer to one read of the state and the next read. Default 50 ms, which real
+    /// controllers bear for hours. There is no minimum: with 0 the state is read as fast as answers come.
     pub interval: Duration,
     /// Instructions in one frame at most, within [`crate::RobotSettings::max_frame_bytes`]. Default 8: eight were always
     /// answered, ten to sixteen never on one unit (reported, unit A), and nobody knows whether their number counts or

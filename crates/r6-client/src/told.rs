@@ -1,4 +1,4 @@
-//! What requests of this connection told the controller that outlives them: tool, workbench, a watched input.
+//! Settings of the controller that stay after the request that made them: tool, workbench, a watched input.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -145,7 +145,8 @@ impl Profile {
             replace_in_motion: ReplaceInMotion::Alarm200,
             turning: Turning::AsTold,
             lone_curve: LoneCurve::Skip,
-            // Unit B's list ran although it was refused; this is unit A's firmware, and of that nobody reports it.
+            // Unit B answered `err` and ran the list. This profile is the firmware of unit A, for which
+            // nothing like that is reported.
             path_speed_answer: PathSpeedAnswer::Ok,
             signal_stop: SignalStop::Level,
             signal_stop_outlives_list: true,

@@ -171,7 +171,7 @@ pub fn followed<'py>(py: Python<'py>, followed: &Followed) -> PyResult<Bound<'py
         .build()
 }
 
-/// A controller's yes.
+/// The controller accepted the request.
 pub fn accepted(py: Python<'_>, accepted: Accepted) -> PyResult<Bound<'_, PyAny>> {
     Record::new(py, "Accepted")?
         .with("after", accepted.after.as_secs_f64())?

@@ -130,7 +130,8 @@ impl RobotSettings {
 
 /// How a motion is run. Times are seconds.
 ///
-/// ``interval`` (0.05): between two reads of the state. ``frame_instructions`` (8): in one frame at most. ``room`` (24):
+/// ``interval`` (0.05): the pause between two reads of the state; 0 reads as fast as answers come.
+/// ``frame_instructions`` (8): in one frame at most. ``room`` (24):
 /// instructions in the controller's list at most; what is in the list runs on when the connection breaks. ``settle``
 /// (0.5): how long the arm has to stand where the controller cannot tell the length of its list. ``start_within`` (1).
 /// ``stall_within`` (5): how long the arm may stand without progress. ``idle_mode`` (7): the mode in which this controller

@@ -90,7 +90,7 @@ impl Drop for Way {
     }
 }
 
-/// The part of the engine: as long as it lives, there may come a motion.
+/// The engine's part. While it exists, a motion may still begin; dropping it before that says that none will.
 struct Making(Arc<Way>);
 
 impl Drop for Making {
@@ -197,7 +197,8 @@ impl Starting {
         handle.call1((self.take()?,))
     }
 
-    /// Stops the arm where there is a motion, whose handle never came to its caller: begun by the call. `None` where there is none.
+    /// Stops the arm if a motion has begun whose handle the caller did not get. The call itself begins the
+    /// stop. `None` if no motion has begun.
     fn give_up(&self, py: Python<'_>) -> PyResult<Option<Operation>> {
         self.stopping(py)
     }
@@ -218,4 +219,5 @@ impl Starting {
     }
 }
 
-const UNOWNED: &str = "the motion had begun, and its handle did not come to its caller: it was stopped";
+const UNOWNED: &str = "the call ended after the motion had begun and before it returned the handle, \
+                       so the client tried to stop the motion";

@@ -140,7 +140,7 @@ impl<'c, W: Wire> Conversation<'c, W> {
             if self.half_closed && due.is_none() {
                 return Ok(Some(End::Closed));
             }
-            // What is due was looked for just now, so whoever sends much delays nothing by being looked at first.
+            // Due events were handled above, so reading input first delays nothing.
             tokio::select! {
                 biased;
                 read = self.stream.read(&mut self.input), if !self.half_closed => {

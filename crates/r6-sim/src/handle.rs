@@ -170,8 +170,8 @@ impl ControllerHandle {
         self.shared.log.subscribe()
     }
 
-    /// Has the link to this controller be like this from now on: see [`Controller::set_link_faults`]. How the door goes, it tells
-    /// in the log once it is so; connections know when this returns.
+    /// Sets the link faults of this controller: see [`Controller::set_link_faults`]. Connections have them
+    /// when this returns. A log line tells when attempts to connect are treated differently.
     pub fn set_link_faults(&self, faults: Vec<LinkFaultNow>) {
         self.with(|controller, _| controller.set_link_faults(faults));
     }

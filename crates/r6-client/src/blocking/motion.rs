@@ -12,8 +12,9 @@ use crate::error::RequestError;
 use crate::handle::{Progress, StepState};
 use crate::{Done, MotionError, StopReport};
 
-/// As [`crate::MotionHandle`]: dropping it ends the streaming.
-#[must_use = "dropping the handle ends the streaming"]
+/// As [`crate::MotionHandle`]. Dropping it does not end the motion: the engine's thread streams it on to its
+/// end.
+#[must_use = "if the handle is dropped, only wait_until_done reports that the motion failed"]
 pub struct MotionHandle {
     handle: crate::MotionHandle,
     connection: Arc<Connection>,

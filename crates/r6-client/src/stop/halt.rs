@@ -184,7 +184,8 @@ impl Halt {
                 let here = self.watch.as_ref().is_some_and(|(about, _)| about.connection == on.connection);
                 self.halted.accepted |= here && means != StopMeans::ClearList;
             }
-            // Whoever says no may stand already: the state decides.
+            // A controller may refuse a stop because the arm stands already. So the state decides, not the
+            // answer.
             Ok(_) | Err(RequestError::Refused(_)) => self.halted.answered = true,
             Err(error) => {
                 if matches!(error, RequestError::NotSent(_) | RequestError::Invalid(_)) {
@@ -210,7 +211,8 @@ impl Halt {
 
     fn failed(&mut self, error: RequestError) {
         self.halted.failed = Some(match self.halted.failed.take() {
-            // One that left may be carried out, whatever became of those after it.
+            // A stop that left may be carried out, even if a later one could not be sent. So its error is
+            // kept.
             Some(left @ RequestError::OutcomeUnknown(_))
                 if !matches!(error, RequestError::OutcomeUnknown(_)) =>
             {

@@ -24,11 +24,14 @@ pub struct StopReport {
     pub means: Option<StopMeans>,
     /// How many stops were sent, of all means together.
     pub attempts: u32,
-    /// How long it took until the standstill was proved, or until it was given up.
+    /// The time until the standstill was proved for the first time, or until that was given up. Clearing the
+    /// list, and further stops while a frame is in doubt, come after it.
     pub took: Duration,
     /// The robot that this is about; `None` where nobody has read who it is.
     pub robot: Option<Identity>,
-    /// The number of the connection that it is about: all that is told here was read over it.
+    /// The number of the connection that it is about: all that is told here was read over it. A second
+    /// connection ([`SecondConnection::Used`]) counts its own numbers, from 0: they cannot be compared with
+    /// those of the first.
     pub connection: u64,
     /// What became of a second connection, where the first answer was late.
     pub second: Option<SecondConnection>,

@@ -102,7 +102,7 @@ impl Task {
     ) -> Ended {
         let (robot, number) = (self.robot.clone(), self.number);
         let ended = self.run_and_stop(ended, stops, lists).await;
-        // Before the right to stream is given back: whoever gets it next finds how this one ended.
+        // Stored before the turn is given back, so that the next motion finds this result.
         robot.motions().end(number, &ended.result);
         drop(turn);
         ended

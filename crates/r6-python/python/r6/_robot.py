@@ -244,9 +244,10 @@ class Robot:
     ) -> Done:
         """Watches the state until the arm stands and the list is done, ``timeout`` seconds at most.
 
-        ``interval``: seconds between two reads. ``settle``: how long the arm has to stand where the controller cannot tell the
-        length of its list, seconds. ``start_within``: how long it may take to begin to move, seconds. ``idle_mode``: the mode
-        in which this controller waits for instructions. Errors: ``WaitError``.
+        ``interval``: the pause between two reads, seconds; 0 reads as fast as answers come. ``settle``: how long the arm has
+        to stand where the controller cannot tell the length of its list, seconds. ``start_within``: how long it may take to
+        begin to move, seconds. ``idle_mode``: the mode in which this controller waits for instructions. Errors:
+        ``WaitError``.
         """
         return self._core.wait_until_done(timeout, interval, settle, start_within, idle_mode).wait()
 

@@ -196,7 +196,7 @@ class Done:
     """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN where not known."""
     mode: int | None
     moved: bool
-    """Whether a motion was seen at all."""
+    """Whether a look saw the arm move, or a list that was not empty."""
     motion: int | None
     """The number of the motion (``MotionHandle.number``); ``None`` where none of this robot's motions was waited for."""
     proof: Literal["reached", "consumed", "cut_short", "at_rest"]
@@ -223,7 +223,7 @@ class Followed:
 
 @dataclass(frozen=True)
 class Accepted:
-    """A controller's yes: the request was taken, not that anything moves."""
+    """The controller accepted the request. This does not mean that the arm moves."""
 
     after: float
     """How long the reply took, seconds."""
