@@ -270,6 +270,7 @@ fn took_its_time(error: &RequestError) -> bool {
             NotSent::Disconnected
             | NotSent::StateNotRead
             | NotSent::AnotherRobot { .. }
+            | NotSent::Overtaken
             | NotSent::Busy { .. }
             | NotSent::NoRoom(_)
             | NotSent::Closed

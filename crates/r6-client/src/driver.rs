@@ -149,7 +149,10 @@ impl<C: Connect> Driver<C> {
             let woken = waiter.woken(stream, link, urgent, ordinary, self.clock).await;
             let mut alive = Ok(());
             match woken {
-                Woken::Urgent(Some(Urgent::Job(job))) => self.hand_over_urgent(job, link),
+                Woken::Urgent(Some(Urgent::Job(job))) => {
+                    link.withdraw_overtaken();
+                    self.hand_over_urgent(job, link);
+                }
                 Woken::Urgent(Some(Urgent::Close(done))) => return Ended::Closed(Some(done)),
                 Woken::Urgent(None) | Woken::Ordinary(None) => return Ended::Closed(None),
                 Woken::Ordinary(Some(job)) => self.hand_over_once_known(job, link),
@@ -244,6 +247,9 @@ impl<C: Connect> Driver<C> {
 
     /// What was meant for one robot is not sent to another, and what was meant for one connection not over another.
     fn hand_over_unless_another(&self, job: Job, link: &mut Link) {
+        if job.is_overtaken(self.hub.stops_asked()) {
+            return job.not_sent(NotSent::Overtaken);
+        }
         if job.only_on.is_some_and(|only| only != self.hub.known().connection) {
             return job.not_sent(NotSent::Disconnected);
         }

@@ -84,6 +84,8 @@ pub enum NotSent {
         /// How it ended.
         reason: LostReason,
     },
+    /// It can move the arm, and before it left a stop was asked for over this handle.
+    Overtaken,
     /// It waited too long behind other requests.
     Busy {
         /// How long.
@@ -268,6 +270,7 @@ impl fmt::Display for NotSent {
                 "{address} took a connection but did not say who it is ({reason}); close other programs that are \
                  connected, look at the pendant, then try again"
             ),
+            Self::Overtaken => f.write_str("a stop was asked for before it left; decide whether it is still wanted"),
             Self::Busy { waited } => {
                 write!(f, "it waited {waited:?} behind other requests; send less, then send it again")
             }

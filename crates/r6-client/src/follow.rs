@@ -384,7 +384,7 @@ impl<'r> Following<'r> {
         self.sent += 1;
         // A step that waits behind other requests must not leave for a target that is old by then.
         let leave_by = self.told_at.and_then(|at| at.checked_add(self.options.fresh_within));
-        let terms = Terms { leave_by, only_on: Some(self.about.connection) };
+        let terms = Terms { leave_by, only_on: Some(self.about.connection), ..Terms::default() };
         let step = Work::AddRcc { replace: false, instructions: vec![instruction] };
         match self.robot.accepted_on(terms, step, Lane::Ordinary).await {
             Ok(_) => {

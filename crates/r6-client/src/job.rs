@@ -65,6 +65,8 @@ pub(crate) struct Terms {
     pub leave_by: Option<tokio::time::Instant>,
     /// As [`Job::only_on`].
     pub only_on: Option<u64>,
+    /// As [`Job::stops_before`], where the caller asked before this was given to the driver.
+    pub stops_before: Option<u64>,
 }
 
 /// One request on its way.
@@ -76,6 +78,8 @@ pub(crate) struct Job {
     pub leave_by: Option<tokio::time::Instant>,
     /// The number of the connection that it may leave on: what goes on with a motion does not on another.
     pub only_on: Option<u64>,
+    /// How many stops had been asked for when the caller asked for this: what can move the arm does not leave after a later one.
+    pub stops_before: u64,
     /// When it was put into the output of its connection.
     pub sent_at: Instant,
     /// How the connection ended that it left on, if it did before.
@@ -237,6 +241,7 @@ impl Job {
             asked_at: tokio::time::Instant::now(),
             leave_by: None,
             only_on: None,
+            stops_before: 0,
             sent_at: Instant::ORIGIN,
             lost: None,
             retried: false,
@@ -254,6 +259,11 @@ impl Job {
     /// Whether it must not leave any more.
     pub fn is_overdue(&self) -> bool {
         self.leave_by.is_some_and(|by| tokio::time::Instant::now() > by)
+    }
+
+    /// Whether it can move the arm, and a stop was asked for after it.
+    pub fn is_overtaken(&self, stops: u64) -> bool {
+        self.work.sent().effect == Effect::Moves && self.stops_before != stops
     }
 
     /// Gives the answer. A caller that is gone does not need it.

@@ -326,6 +326,22 @@ impl Link {
         }
     }
 
+    /// Takes back what can move the arm, was asked for before the last stop, and of which nothing has left.
+    pub fn withdraw_overtaken(&mut self) {
+        let stops = self.hub.stops_asked();
+        let overtaken = self.in_flight.jobs().filter(|(_, job)| job.is_overtaken(stops));
+        for ticket in overtaken.map(|(ticket, _)| *ticket).collect::<Vec<_>>() {
+            if self.session.withdraw(ticket)
+                && let Some(job) = self.in_flight.take(ticket)
+            {
+                job.not_sent(NotSent::Overtaken);
+            }
+        }
+        if self.output().is_empty() {
+            self.output_since = None;
+        }
+    }
+
     /// The first `bytes` of the output were given to the socket.
     pub fn written(&mut self, bytes: usize) {
         tracing::trace!(sent = %String::from_utf8_lossy(self.output().get(..bytes).unwrap_or_default()));

@@ -195,10 +195,12 @@ impl Robot {
         instructions: Vec<Instruction>,
         units: &[AxisUnits],
     ) -> Result<Accepted, RequestError> {
+        // Before anything is waited for: a stop that is asked for meanwhile takes this list back.
+        let stops_before = Some(self.hub().stops_asked());
         // An empty list is the same wherever the arm stands.
         let _turn = if instructions.is_empty() { None } else { Some(self.lists().await) };
         let only_on = self.held_against_guard(replace, &instructions, units).await?;
-        let terms = Terms { only_on, ..Terms::default() };
+        let terms = Terms { only_on, stops_before, ..Terms::default() };
         self.accepted_on(terms, Work::AddRcc { replace, instructions }, Lane::Ordinary).await
     }
 

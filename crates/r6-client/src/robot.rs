@@ -1,6 +1,7 @@
 //! The handle.
 
 use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 
@@ -306,6 +307,7 @@ impl Robot {
 
     /// Somebody wants the arm to stop: nothing more of a path is to be sent.
     pub(crate) fn announce_stop(&self) {
+        self.hub().stops_asked.fetch_add(1, Ordering::SeqCst);
         self.lanes.stops.send_modify(|stops| *stops = stops.wrapping_add(1));
     }
 
@@ -419,6 +421,7 @@ impl Robot {
         let (reply, answer) = oneshot::channel();
         let mut job = Job::new(work, reply);
         (job.leave_by, job.only_on) = (terms.leave_by, terms.only_on);
+        job.stops_before = terms.stops_before.unwrap_or_else(|| self.hub().stops_asked());
         job.background = lane == Lane::Background;
         let given = match lane {
             Lane::Urgent => self.lanes.urgent.send(Urgent::Job(job)).await.is_ok(),
@@ -474,6 +477,8 @@ pub(crate) struct Hub {
     pub board: Board,
     /// Frames that can move the arm and whose outcome is open.
     pub doubts: Doubts,
+    /// How many stops and pauses were asked for.
+    stops_asked: AtomicU64,
 }
 
 /// What is known of the controller behind the present connection.
@@ -511,6 +516,7 @@ impl Default for Hub {
             meter: Mutex::default(),
             board: Board::new(clock),
             doubts: Doubts::default(),
+            stops_asked: AtomicU64::new(0),
         }
     }
 }
@@ -586,6 +592,11 @@ impl Hub {
     }
 
     /// Tells the subscribers; there may be none.
+    /// How many stops and pauses were asked for so far.
+    pub fn stops_asked(&self) -> u64 {
+        self.stops_asked.load(Ordering::SeqCst)
+    }
+
     fn subscribe_to_pushed(&self) -> broadcast::Receiver<Pushed> {
         let pushed = self.pushed.lock().unwrap_or_else(PoisonError::into_inner);
         // The sender of a closed handle is gone, and so is this one at once.

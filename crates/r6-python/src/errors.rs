@@ -111,6 +111,7 @@ impl Raise for RequestError {
                     | NotSent::StateNotRead
                     | NotSent::Unidentified { .. }
                     | NotSent::NoEngine { .. }
+                    | NotSent::Overtaken
                     | NotSent::Busy { .. }
                     | NotSent::NoRoom(_)
                     | NotSent::Closed
@@ -177,6 +178,7 @@ fn not_sent_word(error: &NotSent) -> &'static str {
         NotSent::AnotherRobot { .. } => "another_robot",
         NotSent::Unidentified { .. } => "unidentified",
         NotSent::NoEngine { .. } => "no_engine",
+        NotSent::Overtaken => "overtaken",
         NotSent::Busy { .. } => "busy",
         NotSent::NoRoom(_) => "no_room",
         NotSent::Closed => "closed",

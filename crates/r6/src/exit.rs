@@ -256,6 +256,7 @@ impl From<RequestError> for Failure {
                 | NotSent::Disconnected
                 | NotSent::StateNotRead
                 | NotSent::Unidentified { .. }
+                | NotSent::Overtaken
                 | NotSent::Busy { .. }
                 | NotSent::NoRoom(_)
                 | NotSent::Closed
@@ -358,6 +359,7 @@ fn why_not_sent(why: &NotSent) -> String {
         NotSent::Unidentified { address, reason } => {
             format!("{address} took a new connection but did not say who it is ({reason})")
         }
+        NotSent::Overtaken => "a stop was asked for before it left".to_owned(),
         NotSent::Busy { waited } => format!("the request waited {waited:?} behind others"),
         NotSent::NoRoom(error) => error.to_string(),
         NotSent::Closed => "the connection was closed".to_owned(),
@@ -395,6 +397,7 @@ fn code_of(error: &RequestError) -> Code {
             | NotSent::StateNotRead
             | NotSent::Unidentified { .. }
             | NotSent::Closed => Code::NoConnection,
+            NotSent::Overtaken => Code::Stopped,
             NotSent::Busy { .. } | NotSent::NoRoom(_) => Code::Busy,
             NotSent::AnotherRobot { .. } => Code::AnotherRobot,
             NotSent::NotStopped(_) => Code::NotStopped,

@@ -25,7 +25,7 @@ const CLOCKS: f64 = 0.2;
 
 /// The pace is known once the arm was seen to go on so many times, and its list to get shorter step by step: before, it may just have begun
 /// to move. A virtual controller whose clock jumps is never seen to do that.
-const LOOKS: u32 = 5;
+const LOOKS: u32 = 3;
 
 /// Less than this, degrees or mm, is no motion: encoders tremble.
 const TREMBLING: f64 = 0.01;
@@ -128,10 +128,9 @@ impl Pace {
         [way.turn, way.tool, way.moves].iter().zip(most).all(|(way, most)| *way <= most)
     }
 
-    /// Whether these steps can have stood for as long as they say, where they do nothing else.
+    /// Whether these steps can have stood for as long as they say.
     pub fn allows_standing(&self, way: &Way, now: Looked) -> bool {
-        let moves = way.turn > 0.0 || way.tool > 0.0 || way.moves > 0.0;
-        moves || way.standing <= self.seconds(now) + CLOCKS
+        way.standing <= self.seconds(now) + CLOCKS
     }
 
     /// The two looks are at most this far apart, seconds.

@@ -230,8 +230,14 @@ impl PathProgress {
         if self.worked_through.is_none() {
             let beyond_first = self.way_of(self.done + 1..self.accepted);
             let can = self.was_consumed(sample) || self.pace.allows(&beyond_first, looked, true);
-            self.worked_through = Some(can && self.pace.allows_standing(&beyond_first, looked));
+            self.worked_through = Some(can && self.can_have_stood(&(self.done..self.accepted), looked));
         }
+    }
+
+    /// Whether these steps, if they only wait, can have waited for as long as they say. The first one may have been over soon.
+    fn can_have_stood(&self, steps: &Range<usize>, looked: Looked) -> bool {
+        let beyond_first = self.way_of(steps.start + 1..steps.end);
+        self.moves(steps.clone()) > 0 || self.pace.allows_standing(&beyond_first, looked)
     }
 
     /// Whether an arm that stands where the path ends may have come there before: the way of an earlier step, of those that are not proved to be
@@ -298,7 +304,7 @@ impl PathProgress {
         let by_place = on_the_new && (!on_the_old || at_its_end);
         // Where it is not on its new way, its list may run ahead of it, as it did before.
         let by_pace = self.pace.allows(way, looked, on_the_new && on_the_old);
-        (by_place || by_pace) && self.pace.allows_standing(way, looked)
+        (by_place || by_pace) && self.can_have_stood(steps, looked)
     }
 
     /// The speed of this step as a share of the fastest; 1 where the step does not say.

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use r6_client::units::{AxisPosition, Millimetres, Percent, Pose};
 use r6_client::{
-    Cause, Envelope, FollowOptions, Motion, MotionError, NotSent, RequestError, Robot, RunOptions,
-    TargetSender,
+    Cause, Envelope, FollowOptions, Motion, MotionError, NotSent, RequestError, Robot, RobotSettings,
+    RunOptions, TargetSender,
 };
 use r6_proto::Command;
 use r6_proto::address::Address;
@@ -78,7 +78,9 @@ struct Kept {
 #[tokio::test(start_paused = true)]
 async fn no_motion_begins_while_a_stop_is_under_way_and_a_pause_in_it_is_no_stop() {
     for following in [false, true] {
-        let (_wires, robot, peer) = Wires::with_robot(settings()).await;
+        // Its peer is in mode 7 all the time.
+        let settings = RobotSettings { stays_in_mode_7: true, ..settings() };
+        let (_wires, robot, peer) = Wires::with_robot(settings).await;
         let kept = Arc::new(Mutex::new(Kept::default()));
         let playing = Arc::clone(&kept);
         tokio::spawn(peer.answer_all(move |request| {

@@ -74,7 +74,7 @@ async fn a5_a_path_that_comes_by_its_end_is_not_told_as_done_when_it_was_cleared
     let to = |j1: f64| AxisPosition::degrees([j1, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let motion = (0..15)
         .fold(Motion::new(), |motion, n| motion.axis_move(to(if n % 2 == 0 { 5.0 } else { 0.0 }), fast()));
-    for interval in [50, 100] {
+    for interval in [30, 50] {
         let options = RunOptions { interval: Duration::from_millis(interval), ..RunOptions::default() };
         let mut cleared = 0;
         for at in (20..1500).step_by(10) {

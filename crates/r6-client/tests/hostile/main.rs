@@ -5,6 +5,7 @@ mod cable;
 mod ended;
 mod first;
 mod fresh;
+mod overtaken;
 mod standing;
 
 use std::sync::Arc;
