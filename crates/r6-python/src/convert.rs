@@ -207,6 +207,8 @@ pub fn stop_report<'py>(py: Python<'py>, report: &StopReport) -> PyResult<Bound<
         .with("in_doubt", report.doubt.as_ref().map(|doubt| doubt.still_open))?
         .with("attempts", report.attempts)?
         .with("took", report.took.as_secs_f64())?
+        .with("robot", report.robot.as_ref().map(|robot| identity(py, robot)).transpose()?)?
+        .with("connection", report.connection)?
         .with("moving", report.moving)?
         .with("mode", mode_number(report.mode))?
         .with("alarm", report.alarm)?

@@ -26,6 +26,8 @@ const DS_IDS: [(&str, DsIdForm); 2] = [("long", DsIdForm::Long), ("short", DsIdF
 /// connection are no longer trusted. ``reconnect_first_wait`` (0.1), ``reconnect_cap`` (5), ``reconnect_seed``: the waits
 /// between attempts to connect anew. ``type_key`` ("reqType"): the key of a request's type, ``"cmdType"`` for the oldest
 /// firmware. ``ds_id`` ("long"): the form of ``dsID``, ``"short"`` for older firmware (``HCRemoteMonitor``).
+/// ``stays_in_mode_7`` (False): whether this controller stays in mode 7 after a stop that it carried out. None is known that does. Where
+/// it is true, a rest of 2 s with an empty list proves the standstill, too; a taught program that waits longer may move the arm later.
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Default)]
 pub struct RobotSettings(pub r6_client::RobotSettings);
@@ -35,7 +37,8 @@ impl RobotSettings {
     #[new]
     #[pyo3(signature = (
         *, reply_timeout=None, connect_timeout=None, max_frame_bytes=None, heartbeat=None, suspect_after=None,
-        dead_after=None, reconnect_first_wait=None, reconnect_cap=None, reconnect_seed=None, type_key=None, ds_id=None
+        dead_after=None, reconnect_first_wait=None, reconnect_cap=None, reconnect_seed=None, type_key=None, ds_id=None,
+        stays_in_mode_7=false
     ))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
@@ -50,6 +53,7 @@ impl RobotSettings {
         reconnect_seed: Option<u64>,
         type_key: Option<&str>,
         ds_id: Option<&str>,
+        stays_in_mode_7: bool,
     ) -> PyResult<Self> {
         let mut settings = r6_client::RobotSettings::default();
         time("reply_timeout", reply_timeout, &mut settings.reply_timeout)?;
@@ -70,6 +74,7 @@ impl RobotSettings {
             }
             settings.heartbeat = Heartbeat::Managed { every: seconds("heartbeat", every)? };
         }
+        settings.stays_in_mode_7 = stays_in_mode_7;
         if let Some(key) = type_key {
             settings.type_key = word("type_key", key, &TYPE_KEYS)?;
         }
@@ -89,6 +94,7 @@ impl RobotSettings {
             reconnect,
             type_key,
             ds_id,
+            stays_in_mode_7,
         } = &self.0;
         let given = PyDict::new(py);
         given.set_item("reply_timeout", reply_timeout.as_secs_f64())?;
@@ -104,6 +110,7 @@ impl RobotSettings {
         given.set_item("reconnect_seed", reconnect.jitter_seed)?;
         given.set_item("type_key", type_key.word())?;
         given.set_item("ds_id", ds_id_word(*ds_id))?;
+        given.set_item("stays_in_mode_7", stays_in_mode_7)?;
         Ok((PyTuple::empty(py), given))
     }
 
@@ -123,6 +130,7 @@ impl RobotSettings {
                 ("heartbeat", heartbeat),
                 ("type_key", format!("'{}'", settings.type_key.word())),
                 ("ds_id", format!("'{ds_id}'")),
+                ("stays_in_mode_7", if settings.stays_in_mode_7 { "True" } else { "False" }.to_owned()),
             ],
         )
     }

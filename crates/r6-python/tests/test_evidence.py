@@ -159,3 +159,74 @@ def test_values_of_another_robot_are_not_handed_out(hostile: Start) -> None:
         assert found[0].machine_name == "cell 5"
         robot.accept_identity(found[0])
         assert robot.query("axis-0").number("axis-0") == 77
+
+
+def test_a_stop_names_the_robot_that_it_is_about(hostile: Start) -> None:
+    controller = hostile({})
+    with r6.Robot.connect(controller.address) as robot:
+        robot.status()
+        report = robot.stop()
+        assert report.confirmed and report.robot is not None
+        assert (report.robot.machine_name, report.connection) == ("cell 4", robot.stop().connection)
+
+
+def test_a_program_that_waits_for_an_input_is_no_standstill(hostile: Start) -> None:
+    steps = [
+        {"action": "100", "type": "100", "limit": "8"},
+        {"action": "4", "m0": "40", "ckStatus": "0x3F", "speed": "10"},
+    ]
+    stops = {means: {"effect": "no-effect"} for means in MEANS}
+    controller = hostile({"program": {"steps": steps}, "stops": stops, "cabinet": {"mode": 7}})
+    with r6.Robot.connect(controller.address) as robot:
+        assert not robot.stop().confirmed
+
+
+def test_a_power_cut_in_the_middle_of_a_motion_is_told_as_such(hostile: Start) -> None:
+    controller = hostile({"reboot": {"at": 1000}})
+    with r6.Robot.connect(controller.address) as robot:
+        handle = robot.run(to(*[5.0 * n for n in range(1, 30)]))
+        assert handle.step(2).started()
+        controller.ask("reboot")
+        with pytest.raises(r6.MotionError) as failed:
+            handle.finished()
+        assert (failed.value.cause, failed.value.mode) == ("restarted", 3)
+        assert "switched off and on" in str(failed.value)
+
+
+def test_a_list_that_another_client_cleared_is_not_done(hostile: Start) -> None:
+    controller = hostile({})
+    with r6.Robot.connect(controller.address) as robot:
+        handle = robot.run(to(*[5.0 if n % 2 else 0.0 for n in range(1, 16)]))
+        assert handle.step(5).started()
+        controller.ask("foreign-clear")
+        with pytest.raises(r6.MotionError) as failed:
+            handle.finished()
+        assert failed.value.cause == "not_seen"
+
+
+def test_a_value_of_another_robot_is_never_fresh(hostile: Start) -> None:
+    swap = {"when": "told", "links": "end", "to": {"name": "cell 5", "axes": [77.0] * 8}}
+    controller = hostile({"swap": swap})
+    with r6.Robot.connect(controller.address) as robot:
+        # Nobody has asked who is there: the first connection says so by itself.
+        with robot.subscribe("axis-0", every=0.05) as subscription:
+            until("there is a value", lambda: subscription.latest()["axis-0"].quality == "fresh")
+            controller.ask("swap")
+            told = controller.ask("now")["now"]
+            while controller.ask("now")["now"] < told + 3:
+                value = subscription.latest()["axis-0"]
+                assert value.quality != "fresh" or value.value == 0, value
+
+
+def test_a_target_that_was_told_once_is_followed_for_half_a_second_and_no_further(hostile: Start) -> None:
+    controller = hostile({})
+    with r6.Robot.connect(controller.address) as robot:
+        with robot.follow() as following:
+            following.target(r6.AxisPosition.degrees([75]))
+            told = controller.ask("now")["now"]
+            until("it is too old", lambda: controller.ask("now")["now"] > told + 2)
+            behind = controller.ask("position")
+        followed = following.finished()
+        assert followed.axes[0] is not None and followed.axes[0] < 75, "it was too old for the rest of the way"
+        assert behind[0] == pytest.approx(followed.axes[0], abs=0.01), "it stood by then"
+        assert followed.behind == pytest.approx(75 - followed.axes[0], abs=0.01)

@@ -69,7 +69,7 @@ class NotSent(RequestError):
     """Nothing reached the controller: sending again is safe.
 
     ``reason`` is one of ``unreachable``, ``connect_timed_out``, ``disconnected``, ``state_not_read``, ``another_robot``,
-    ``unidentified``, ``busy``, ``no_room``, ``closed``, ``no_engine``.
+    ``unidentified``, ``overtaken`` (a stop was asked for before it left), ``busy``, ``no_room``, ``closed``, ``no_engine``.
     """
 
     expected: Identity | None = None

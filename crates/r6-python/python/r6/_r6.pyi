@@ -487,6 +487,8 @@ class RobotSettings:
     connection are no longer trusted. ``reconnect_first_wait`` (0.1), ``reconnect_cap`` (5), ``reconnect_seed``: the waits
     between attempts to connect anew. ``type_key`` ("reqType"): the key of a request's type, ``"cmdType"`` for the oldest
     firmware. ``ds_id`` ("long"): the form of ``dsID``, ``"short"`` for older firmware (``HCRemoteMonitor``).
+    ``stays_in_mode_7`` (False): whether this controller stays in mode 7 after a stop that it carried out. None is known that does. Where
+    it is true, a rest of 2 s with an empty list proves the standstill, too; a taught program that waits longer may move the arm later.
     """
 
     def __new__(
@@ -503,6 +505,7 @@ class RobotSettings:
         reconnect_seed: int | None = None,
         type_key: Literal["reqType", "cmdType"] | None = None,
         ds_id: Literal["long", "short"] | None = None,
+        stays_in_mode_7: bool = False,
     ) -> RobotSettings: ...
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 

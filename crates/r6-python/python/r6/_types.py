@@ -238,7 +238,8 @@ class StopReport:
     confirmed: bool
     """Whether it is proved that the arm stands. If not, use the emergency stop."""
     proof: Literal["not_running", "empty_list"] | None
-    """What proves it: a mode in which no program runs, or a long rest with an empty list (a taught program may still run)."""
+    """What proves it: a mode in which no program runs; or, where ``RobotSettings.stays_in_mode_7`` is set, a long rest with an empty
+    list (a taught program may still run)."""
     means: str | None
     """The last means that left before that: ``actionStop``, ``stopButton``, ``actionPause``, or ``AddRCC`` (an empty list)."""
     second_connection: Literal["used", "answered", "silent", "opening", "not_made"] | None
@@ -249,6 +250,10 @@ class StopReport:
     """How many stops were sent."""
     took: float
     """Seconds until the standstill was proved, or was given up."""
+    robot: Identity | None
+    """Who was stopped; ``None`` if it did not say who it is."""
+    connection: int
+    """The number of the connection that the standstill was read over; a second connection counts its own."""
     moving: bool | None
     mode: int | None
     alarm: int | None
