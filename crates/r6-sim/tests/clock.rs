@@ -40,14 +40,16 @@ fn conversation() -> Vec<(String, usize)> {
     let mut frames = Vec::new();
     for round in 0..20 {
         frames.push((add(&[step(1, round * 4), step(1, -round * 3)]), 1));
-        frames.push((query(state), 1));
+        // It sets out, one step is left, and it is over: a list that is replaced before that raises an alarm.
+        frames.extend((0..3).map(|_| (query(state), 1)));
     }
     frames.push((add(&[step(0, 10), step(0, -10)]), 1));
     frames.extend((0..5).map(|_| (query(state), 1)));
     frames.push((command(r#""actionStop""#), 1));
     frames.push((command(r#""startButton""#), 1));
     frames.push((add(&[step(1, 300)]), 1));
-    frames.push((query(state), 1));
+    // It sets out, and ends with an alarm.
+    frames.extend((0..2).map(|_| (query(state), 1)));
     frames.push((command(r#""clearAlarm""#), 1));
     frames.push((command(r#""switchMold","register-move""#), 1));
     frames.push((command(r#""startButton""#), 1));

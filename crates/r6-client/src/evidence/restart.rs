@@ -29,7 +29,7 @@ impl Restart {
         let mode = status.mode.filter(|mode| !mode.may_run() && *mode != idle_mode)?;
         let origin_lost = status.homed == Some(false);
         let list_lost = status.list_length == Some(0) || (status.list_length.is_none() && origin_lost);
-        list_lost.then(|| Self { mode, alarm: status.alarm, origin_lost })
+        list_lost.then_some(Self { mode, alarm: status.alarm, origin_lost })
     }
 }
 
