@@ -77,7 +77,7 @@ def package(said: str, controller: r6.Simulator) -> None:
 
 
 def watch(said: str, controller: r6.Simulator) -> None:
-    assert re.search(r"^\[0\. 7\.\] \[\d\.\d+ \d\.\d+\]$", said, re.MULTILINE)
+    assert re.search(r"^\[0\. 7\.\] \[\d\.[\de-]+ \d\.[\de-]+\]$", said, re.MULTILINE)
 
 
 def passed(said: str, controller: r6.Simulator) -> None:

@@ -52,6 +52,7 @@ ELSEWHERE = {
     "Readiness": "Status.unproved",
     "Reconnect": "RobotSettings",
     "RegisterError": "NotTaken",
+    "Restart": "MotionError.cause",
     "RegisterIndex": " a number from 800 to 900",
     "SecondConnection": "StopReport.second_connection",
     "Sent": "OutcomeUnknown.request",

@@ -36,9 +36,14 @@ def test_captured_values_are_read_as_they_are(captured: dict[str, list[str]]) ->
     def answer() -> None:
         connection, _ = server.accept()
         with connection:
-            request = json.loads(connection.recv(4096))
-            connection.sendall(json.dumps({**captured, "packID": request["packID"]}).encode())
-            connection.recv(1)
+            while received := connection.recv(4096):
+                request = json.loads(received)
+                values = captured["queryData"]
+                if request["queryAddr"] != captured["queryAddr"]:
+                    # The client asks first who is there.
+                    values = ["6"] * len(request["queryAddr"])
+                same = {"packID": request["packID"], "queryAddr": request["queryAddr"], "queryData": values}
+                connection.sendall(json.dumps({**captured, **same}).encode())
 
     thread = threading.Thread(target=answer)
     thread.start()
