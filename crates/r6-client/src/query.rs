@@ -201,8 +201,8 @@ impl Robot {
     /// All values are of one robot: where the connection changes between two parts, all of it is asked for once more.
     ///
     /// # Errors
-    /// [`RequestError`]; a query that the connection ended under is asked once more over a new one first. Where another robot
-    /// answers than the one that this handle was used with before, its values are not handed out
+    /// [`RequestError`]; a query that the connection ended under is asked once more over a new one first. If the robot
+    /// that answers is not the one that this handle was used with before, its values are not handed out
     /// ([`OutcomeUnknown::AnotherRobot`]).
     pub async fn query(&self, addresses: &[Address]) -> Result<QueryResult, RequestError> {
         self.query_in(Lane::Ordinary, addresses).await
@@ -428,8 +428,8 @@ impl Robot {
         }
     }
 
-    /// A caller who has read mode and alarm knows which robot he means: the one that answers now. What subscriptions and stops read
-    /// by themselves does not count.
+    /// After a caller has read mode and alarm, the robot that answers now counts as the one that is meant. Reads of subscriptions and
+    /// stops do not count.
     fn remember_look(&self, lane: Lane, result: &QueryResult) {
         let mut known = self.hub().known();
         let looked = || STATE.into_iter().all(|address| result.reading(address).is_some());

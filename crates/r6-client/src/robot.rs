@@ -470,7 +470,7 @@ fn seed_from_clock() -> u64 {
 pub(crate) struct Hub {
     /// The clock of the handle: what its driver measures with.
     pub clock: Clock,
-    /// `None` once the handle is closed: nothing will ever be pushed again, and whoever listens is told so.
+    /// `None` once the handle is closed. That ends every receiver.
     pushed: Mutex<Option<broadcast::Sender<Pushed>>>,
     known: Mutex<Known>,
     meter: Mutex<Meter>,
@@ -499,10 +499,10 @@ pub(crate) struct Known {
     pub expected: Option<Identity>,
     /// Whether values were handed out over the present connection.
     pub handed_out: bool,
-    /// Whether values were handed out over a connection that ended before anybody knew who was meant, and no caller has read mode
-    /// and alarm since. Then nothing tells that the robot which answers now is the one that those values were of.
+    /// Whether values were handed out over a connection that ended before its robot was identified, and no caller has read mode and
+    /// alarm since. Then it is not known whether the robot that answers now is the one that those values came from.
     pub read_of_nobody: bool,
-    /// Who was there instead of the one that is meant, on the connection before this one.
+    /// The other robot that answered on the connection before this one, if another one did.
     pub stranger_before: Option<Identity>,
 }
 

@@ -1,4 +1,5 @@
-//! The statement "the controller was started anew": told of a motion whose connection was lost, and never of one that came to its end.
+//! The statement "the controller was started anew". It is made of a motion that was under way when its connection was lost. A motion that was
+//! reported as done before is never said to have been cut short.
 
 use std::fmt;
 

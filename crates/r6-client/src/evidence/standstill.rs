@@ -11,8 +11,8 @@
 //!                        seen empty)───────────────────────────────────────────────────────────────▶ EmptyList
 //! ```
 //!
-//! The second proof is none against a taught program: one that waits for an input stands for as long as it likes. So a controller that
-//! is not known to stay in mode 7, and does, is taken for one that the stop did not reach.
+//! The second proof does not exclude a taught program: it may wait for an input, with the arm at rest, for any time. So it counts only
+//! where the settings say that the controller stays in mode 7. Every other controller that stays there counts as not stopped.
 //!
 //! A read of another robot or over another connection begins the watching anew and proves nothing.
 

@@ -1,8 +1,8 @@
 //! How fast the arm works through its list, and whether it can have made all the steps that are gone from it.
 //!
 //! The length of a list tells how many steps wait, not which. Between two looks another client may clear the list, and this one may append
-//! to it before it looks again. Then the list is as short as if the arm had made the steps that were cleared. It cannot have made them in
-//! that time, unless it was many times as fast as it ever was.
+//! to it before it looks again. Then the list is as short as if the arm had made the steps that were cleared. They are not believed if the arm
+//! would have had to be several times as fast as it was ever seen to be.
 
 use std::time::Duration;
 
@@ -10,21 +10,22 @@ use tokio::time::Instant;
 
 use super::progress::Looked;
 
-/// A pace is believed up to this many times the fastest that was seen: axes differ, and the speed of the whole machine may change in between
-/// (fitted to `make sim TRAP=E5`).
+/// A pace is believed up to this many times the fastest that was seen: axes differ, and the speed of the whole machine may change in between.
+/// Chosen; `make sim TRAP=E5` and the tests of `path_streaming/honest.rs` hold it from both sides.
 const FASTER: f64 = 5.0;
 
 /// The same where steps lead to and fro, so that the place of the arm says nothing for it.
 const NEARLY: f64 = 1.5;
 
-/// What an arm whose pace is not known may have made in a second, degrees, mm and moves: twice what the virtual arms do.
+/// What an arm whose pace is not known may have made in a second, degrees, mm and moves. Chosen: it is far more than
+/// steps at usual speeds take, so that nothing is accused too soon.
 const POSSIBLE: [f64; 3] = [450.0, 4000.0, 20.0];
 
 /// Clocks differ by this much in one look, seconds.
 const CLOCKS: f64 = 0.2;
 
-/// The pace is known once the arm was seen to go on so many times, and its list to get shorter step by step: before, it may just have begun
-/// to move. A virtual controller whose clock jumps is never seen to do that.
+/// The pace counts as known after so many looks that saw the arm move, one of which saw the list get shorter without getting empty. Before
+/// that the arm may just have begun to move.
 const LOOKS: u32 = 3;
 
 /// Less than this, degrees or mm, is no motion: encoders tremble.

@@ -49,8 +49,8 @@ pub(crate) struct PathProgress {
     /// Steps with a move that went out of the list between two looks, at most.
     at_once: usize,
     pace: Pace,
-    /// The steps up to this one were in the list before something was appended, since the last look. Whoever cleared the list before that
-    /// append left none of them.
+    /// Something was appended since the last look, and the steps up to this one were in the list before that. If another client cleared
+    /// the list before the append, none of these steps is left.
     held_until: Option<usize>,
     /// Whether the list that was last seen to be empty can have been worked through; `None`: none was seen since.
     worked_through: Option<bool>,
@@ -214,7 +214,7 @@ impl PathProgress {
             }
             Some(length) => match usize::try_from(length) {
                 Ok(length) => self.count(length, sample, looked),
-                // A length below zero is none.
+                // Negative: not a length, so it says nothing.
                 Err(_) => self.done,
             },
             None if rests && self.end(sample, rests).is_some() => self.accepted,
@@ -272,7 +272,7 @@ impl PathProgress {
         let over = |length: usize| self.accepted.saturating_sub(length);
         let gone = over(self.since_fed.length)..over(length);
         let since = self.done..over(length);
-        // Only of a list that holds what is under way is as long as all that was sent.
+        // If the arm moves and the list is as long as all that was sent, the list counts the step that is under way.
         self.counts_running |= length == self.accepted && sample.moving == Some(true);
         let way = self.way_since(&since);
         // A controller that clears its list may keep the step that it carries out just then.
@@ -575,8 +575,8 @@ mod tests {
         Looked { asked_at: at, answered_at: at }
     }
 
-    /// A path of 10 degrees a step, of which eight are in the list, is made at 100 degrees a second for so many looks, 50 ms apart. Then the list is
-    /// this long.
+    /// Runs a path of eight steps, 10 degrees each, at 100 degrees a second, and looks every 50 ms, `looks` times. The next look finds a list
+    /// of `length`. Returns the steps that are not believed.
     fn skipped_after(looks: u32, length: i64) -> Option<Range<usize>> {
         let mut path = path(&[[10.0, 0.0], [0.0, 0.0]].repeat(8));
         path.accepted = 0;

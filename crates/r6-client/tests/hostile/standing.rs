@@ -50,6 +50,13 @@ fn stays_in_mode_7() -> RobotSettings {
     RobotSettings { stays_in_mode_7: true, ..RobotSettings::default() }
 }
 
+/// A controller that takes lists late, and that a stop leaves in a mode in which lists are taken and run.
+async fn takes_lists_after_a_stop(late: Late) -> (Arc<HostileController>, Robot) {
+    let stays = reaction(Effect::Works);
+    let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
+    robot_with(Character { late: vec![late], stops, ..Character::default() }, stays_in_mode_7()).await
+}
+
 /// Whatever is told: an arm that is told to stand does not move on.
 async fn assert_true(controller: &HostileController, stopped: &Result<StopReport, RequestError>) {
     let says_so = matches!(stopped, Ok(report) if report.confirmed);
@@ -192,11 +199,7 @@ async fn a4_a_list_that_is_taken_late_is_cleared_again() {
             taken_after: Duration::from_millis(taken_after),
             answered_after: answered_after.map(Duration::from_millis),
         };
-        // The stop leaves the machine in a mode in which lists are taken, and run.
-        let stays = reaction(Effect::Works);
-        let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
-        let character = Character { late: vec![late], stops, ..Character::default() };
-        let (controller, robot) = robot_with(character, stays_in_mode_7()).await;
+        let (controller, robot) = takes_lists_after_a_stop(late).await;
         let handle = robot.run(&there_and_on(6), RunOptions::default()).await.unwrap();
         sleep(Duration::from_millis(200)).await;
         let stopped = robot.stop().await;
@@ -257,10 +260,7 @@ async fn the_first_answer_that_is_lost_alone_opens_no_wrong_confirmation() {
 async fn a4_a_stop_ends_within_its_time_whatever_gets_lost() {
     for deaf_after in [100, 400, 1000, 2500, 4500, 6000, 9000] {
         let late = Late { nth: None, taken_after: Duration::from_millis(3500), answered_after: None };
-        let stays = reaction(Effect::Works);
-        let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
-        let character = Character { late: vec![late], stops, ..Character::default() };
-        let (controller, robot) = robot_with(character, stays_in_mode_7()).await;
+        let (controller, robot) = takes_lists_after_a_stop(late).await;
         let handle = robot.run(&there_and_on(6), RunOptions::default()).await.unwrap();
         sleep(Duration::from_millis(200)).await;
         controller.arm(|arm, now| {
