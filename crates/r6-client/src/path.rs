@@ -3,6 +3,7 @@
 pub(crate) mod pace;
 pub(crate) mod place;
 pub(crate) mod progress;
+pub(crate) mod way;
 
 use std::ops::Range;
 

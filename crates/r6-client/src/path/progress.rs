@@ -13,6 +13,7 @@ use crate::evidence::Sample;
 use crate::motion::EndProof;
 use crate::path::pace::{self, Pace};
 use crate::path::place::{Missed, Place};
+use crate::path::way::{Sums, Way};
 
 /// Two segments that the arm is as near to as this, degrees or mm, are equally near: corners are rounded. The earlier
 /// one counts, so that the list is rather thought too full than too empty.
@@ -20,9 +21,6 @@ const EQUALLY_NEAR: f64 = 0.05;
 
 /// How long arms stand in a corner that is not blended, at most (0.25 to 0.33 s, reported, unit A).
 const CORNER: Duration = Duration::from_millis(350);
-
-/// Below this, degrees or mm, a difference between two reads is no direction.
-const NO_DIRECTION: f64 = 1e-3;
 
 /// An arm that is further than this from the way of a step, degrees or mm, and than this share of its length, is not on it.
 const OFF_THE_WAY: f64 = 0.5;
@@ -490,50 +488,6 @@ fn time_alone(action: &Action) -> f64 {
     match action {
         Action::Wait(Wait { source: WaitSource::Time, unlimited: false, limit, .. }) => *limit,
         _ => 0.0,
-    }
-}
-
-/// How near a point is to a way.
-#[derive(Clone, Copy, Debug)]
-struct Way {
-    length: f64,
-    distance: f64,
-    /// Whether the arm goes along it, and not back; an arm that stands agrees with every way.
-    agrees: bool,
-}
-
-/// Sums over the coordinates.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sums {
-    /// Way times way.
-    ww: f64,
-    /// From the start of the way to the point, squared.
-    pp: f64,
-    /// That times the way.
-    pw: f64,
-    /// The last motion times the way.
-    mw: f64,
-    /// The last motion squared.
-    mm: f64,
-}
-
-impl Sums {
-    fn add(&mut self, way: f64, from_start: f64, motion: f64) {
-        self.ww += way * way;
-        self.pp += from_start * from_start;
-        self.pw += from_start * way;
-        self.mw += motion * way;
-        self.mm += motion * motion;
-    }
-
-    fn way(self) -> Way {
-        let share = if self.ww > 0.0 { (self.pw / self.ww).clamp(0.0, 1.0) } else { 0.0 };
-        let squared = self.pp - 2.0 * share * self.pw + share * share * self.ww;
-        Way {
-            length: self.ww.sqrt(),
-            distance: squared.max(0.0).sqrt(),
-            agrees: self.mm.sqrt() < NO_DIRECTION || self.mw >= 0.0,
-        }
     }
 }
 
