@@ -281,10 +281,24 @@ impl<C: Connect> Driver<C> {
                     () = &mut backoff => break,
                 }
             }
-            match self.target.connect(self.settings.connect_timeout).await {
+            match self.connect().await? {
                 Ok(stream) => return Ok(stream),
                 // One attempt answers everybody who waited for it.
                 Err(error) => self.tell_unconnected(&error),
+            }
+        }
+    }
+
+    /// One attempt to connect, which whoever closes the handle does not wait for. `Err`: it is time to end.
+    async fn connect(&mut self) -> Result<Result<C::Stream, NotSent>, Option<oneshot::Sender<()>>> {
+        let target = Arc::clone(&self.target);
+        let attempt = target.connect(self.settings.connect_timeout);
+        tokio::pin!(attempt);
+        loop {
+            tokio::select! {
+                biased;
+                urgent = self.urgent.recv() => self.hold_urgent(urgent)?,
+                made = &mut attempt => return Ok(made),
             }
         }
     }

@@ -1,9 +1,13 @@
 //! How often a controller that cannot be kept is asked again.
 
+use std::fmt;
+use std::future;
+use std::io;
 use std::time::Duration;
 
-use r6_client::{Reconnect, RobotSettings};
+use r6_client::{Connect, Reconnect, Robot, RobotSettings};
 use r6_proto::address::Address;
+use tokio::io::DuplexStream;
 use tokio::time::{Instant, sleep};
 
 use crate::controller::Wires;
@@ -53,4 +57,42 @@ async fn after_a_connection_that_lived_the_first_wait_comes_again() {
     let begun = Instant::now();
     wires.recv().await.unwrap();
     assert!(begun.elapsed() <= settings.reconnect.first_wait, "{:?}", begun.elapsed());
+}
+
+/// Connects once; every later attempt hangs.
+struct OnceThenNever(Option<DuplexStream>);
+
+impl Connect for OnceThenNever {
+    type Stream = DuplexStream;
+
+    async fn connect(&mut self) -> io::Result<DuplexStream> {
+        match self.0.take() {
+            Some(stream) => Ok(stream),
+            None => future::pending().await,
+        }
+    }
+}
+
+impl fmt::Display for OnceThenNever {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a robot that has left")
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn closing_does_not_wait_for_an_attempt_to_connect() {
+    let (here, there) = tokio::io::duplex(1024);
+    drop(there);
+    let connect_timeout = Duration::from_secs(60);
+    let settings = RobotSettings { connect_timeout, ..defaults() };
+    let robot = Robot::connect_with(OnceThenNever(Some(here)), settings).await.unwrap();
+    let asking = tokio::spawn({
+        let robot = robot.clone();
+        async move { robot.query(&[Address::CurMode]).await }
+    });
+    sleep(Duration::from_secs(5)).await;
+    let begun = Instant::now();
+    robot.close().await;
+    assert!(begun.elapsed() < Duration::from_secs(1), "{:?}", begun.elapsed());
+    asking.await.unwrap().unwrap_err();
 }
