@@ -52,8 +52,8 @@ pub struct Identity {
 /// What was found on a connection that was made anew, before anything else was sent on it, a stop apart.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// Who answered. Where nothing of it could be read, it is empty, and no command leaves until a query reads it, such as
-    /// [`Robot::status`].
+    /// Who answered. Where a part of it could not be read, and the rest is that of the robot from before, no command leaves until a query
+    /// reads all of it, such as [`Robot::status`].
     pub identity: Identity,
     /// Whether that is another controller than before: then no command leaves until [`Robot::accept_identity`].
     pub another: bool,
@@ -66,25 +66,12 @@ pub struct Found {
 }
 
 impl Identity {
-    /// Whether at least one value was read here and is the same there, and none is another.
-    pub(crate) fn agrees_with(&self, other: &Self) -> bool {
-        let firmware = self.firmware.as_ref().map(|mine| other.firmware.as_ref() == Some(mine));
-        let machine_name = self.machine_name.as_ref().map(|mine| other.machine_name.as_ref() == Some(mine));
-        let axis_count = self.axis_count.map(|mine| other.axis_count == Some(mine));
-        let read: Vec<bool> = [firmware, machine_name, axis_count].into_iter().flatten().collect();
-        !read.is_empty() && read.into_iter().all(|same| same)
-    }
-
-    /// Takes what is not known from another.
-    pub(crate) fn fill_in(&mut self, other: &Self) {
-        let text = |mine: &mut Option<String>, other: &Option<String>| {
-            if mine.is_none() {
-                mine.clone_from(other);
-            }
-        };
-        text(&mut self.firmware, &other.firmware);
-        text(&mut self.machine_name, &other.machine_name);
-        self.axis_count = self.axis_count.or(other.axis_count);
+    /// Whether no value that was read here is another there.
+    pub(crate) fn is_part_of(&self, other: &Self) -> bool {
+        let same = |mine: &Option<String>, other: &Option<String>| mine.is_none() || mine == other;
+        same(&self.firmware, &other.firmware)
+            && same(&self.machine_name, &other.machine_name)
+            && (self.axis_count.is_none() || self.axis_count == other.axis_count)
     }
 
     /// From a query that had all three values; `None` if one is missing.

@@ -534,23 +534,21 @@ impl Hub {
 
     /// Takes in the answer to the identity query.
     ///
-    /// `certain`: every part of it could be read. If some parts could not be read and the others are those of
-    /// the expected robot, the missing parts are taken from the expected robot. If no part could be read, the
-    /// controller stays unknown.
+    /// `certain`: every part of it could be read. If some parts could not be read and the others are those of the expected robot, the
+    /// controller stays unknown: another robot of the same model may differ in those parts alone.
     pub fn introduced(&self, mut found: Found, certain: bool, first: bool) {
         {
             let mut known = self.known();
-            match &known.expected {
-                Some(expected) if !certain && found.identity.agrees_with(expected) => {
-                    found.identity.fill_in(expected);
-                }
-                None if certain => known.expected = Some(found.identity.clone()),
-                Some(_) | None => {}
+            let unproved = match &known.expected {
+                Some(expected) => !certain && found.identity.is_part_of(expected),
+                None => false,
+            };
+            if certain {
+                known.expected.get_or_insert_with(|| found.identity.clone());
             }
             let differs = known.expected.as_ref().is_some_and(|expected| *expected != found.identity);
-            let unread = !certain && found.identity == Identity::default();
-            found.another = differs && !unread;
-            known.present = (!differs || !unread).then(|| found.identity.clone());
+            found.another = differs && !unproved;
+            known.present = (!unproved).then(|| found.identity.clone());
         }
         if found.another {
             tracing::warn!(found = %found.identity, "another robot answers at this address");
@@ -591,7 +589,6 @@ impl Hub {
         Some(NotSent::AnotherRobot { expected: Box::new(expected), found: Box::new(found) })
     }
 
-    /// Tells the subscribers; there may be none.
     /// How many stops and pauses were asked for so far.
     pub fn stops_asked(&self) -> u64 {
         self.stops_asked.load(Ordering::SeqCst)
@@ -608,6 +605,7 @@ impl Hub {
         self.pushed.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
+    /// Tells the subscribers; there may be none.
     pub fn push(&self, pushed: Pushed) {
         tracing::debug!(?pushed);
         if let Some(sender) = &*self.pushed.lock().unwrap_or_else(PoisonError::into_inner) {

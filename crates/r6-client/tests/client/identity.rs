@@ -243,7 +243,7 @@ async fn whoever_cannot_be_read_is_not_taken_for_who_was_there() {
 }
 
 #[tokio::test]
-async fn one_value_that_cannot_be_read_is_taken_to_be_as_it_was_where_another_agrees() {
+async fn where_only_the_name_can_be_read_the_same_one_proves_nothing_and_another_one_does() {
     for (name, another) in [("cell 4", false), ("cell 5", true)] {
         let (controller, robot, mut peer) = Controller::with_robot(settings()).await;
         let mut pushed = robot.pushed();
@@ -264,6 +264,12 @@ async fn one_value_that_cannot_be_read_is_taken_to_be_as_it_was_where_another_ag
                 "{refused:?}"
             );
         } else {
+            assert_eq!(robot.identity(), None);
+            let refused = soon(robot.command(Command::ClearAlarm)).await;
+            assert_eq!(refused, Err(NotSent::StateNotRead.into()));
+            let who = [Address::Version, Address::MachineName, Address::AxisNum];
+            let (result, ()) = tokio::join!(robot.query(&who), peer.introduces());
+            result.unwrap();
             assert_eq!(robot.identity(), Some(identity("cell 4")));
             commanded(&robot, &mut peer).await.unwrap();
         }

@@ -219,3 +219,22 @@ async fn where_no_question_fits_into_a_frame_a_query_is_refused_at_once() {
     let refused = tokio::time::timeout(Duration::from_secs(60), robot.query(&[J1])).await;
     assert!(matches!(refused, Ok(Err(RequestError::Invalid(_)))), "{refused:?}");
 }
+
+/// A robot of the same model and firmware, of which only the name would tell that it is another.
+#[tokio::test(start_paused = true)]
+async fn a_robot_whose_name_cannot_be_read_is_not_taken_for_the_one_before() {
+    let mut character = two();
+    if let Some(swap) = &mut character.swap {
+        swap.to.name_in_a_list = true;
+    }
+    let (controller, robot) = robot_at(character).await;
+    robot.status().await.unwrap();
+    controller.arm(|arm, now| arm.swap(now));
+    // The handle notices that the connection has ended.
+    robot.query(&[J1]).await.ok();
+    assert_eq!(robot.identity(), None, "nothing proves that it is cell 4");
+    let refused = robot.clear_list().await.unwrap_err();
+    assert_eq!(refused, NotSent::StateNotRead.into());
+    let report = robot.stop().await;
+    assert!(report.as_ref().is_ok_and(|report| !report.confirmed) || report.is_err(), "{report:?}");
+}

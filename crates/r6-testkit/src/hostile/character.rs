@@ -55,6 +55,8 @@ pub struct Cabinet {
     pub version: String,
     /// `machineName`.
     pub name: String,
+    /// `machineName` comes as a list with the name in it, which is no text.
+    pub name_in_a_list: bool,
     /// `axisNum`, 1 to 8.
     pub axis_count: usize,
     /// Where the axes stand, degrees.
@@ -76,6 +78,7 @@ impl Default for Cabinet {
         Self {
             version: "HC-QC-RX-7.8.07-master-F5.2.1".to_owned(),
             name: "cell 4".to_owned(),
+            name_in_a_list: false,
             axis_count: 6,
             axes: [0.0; AXES],
             mode: 7,

@@ -192,6 +192,7 @@ fn value(body: &Body, character: &Character, address: &str) -> Option<Value> {
     }
     let text = match address {
         "version" => body.cabinet.version.clone(),
+        "machineName" if body.cabinet.name_in_a_list => return Some(json!([body.cabinet.name])),
         "machineName" => body.cabinet.name.clone(),
         "axisNum" => body.cabinet.axis_count.min(AXES).to_string(),
         "curMode" => body.mode.to_string(),
