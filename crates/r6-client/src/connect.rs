@@ -27,6 +27,12 @@ pub trait Connect: fmt::Display + Send + 'static {
 
     /// Makes one connection. It is given up after [`crate::RobotSettings::connect_timeout`] by dropping the future.
     fn connect(&mut self) -> impl Future<Output = io::Result<Self::Stream>> + Send;
+
+    /// Whether whoever comes is taken, as by [`crate::Listen`], and not one address dialled. A stop then opens no second connection
+    /// before the robot has said who it is: the next one that comes may be another.
+    fn takes_whoever_comes(&self) -> bool {
+        false
+    }
 }
 
 /// A connection whose kind does not matter.
@@ -38,6 +44,7 @@ impl<S: AsyncRead + AsyncWrite + Unpin + Send> Carrier for S {}
 pub(crate) struct Dialer<C> {
     target: Mutex<C>,
     name: String,
+    takes_whoever_comes: bool,
 }
 
 impl<C> fmt::Debug for Dialer<C> {
@@ -53,17 +60,25 @@ pub(crate) type Dialling<'d> = Pin<Box<dyn Future<Output = Result<Box<dyn Carrie
 pub(crate) trait Dial: fmt::Debug + Send + Sync {
     /// One attempt to connect, within a time.
     fn dial(&self, within: Duration) -> Dialling<'_>;
+
+    /// As [`Connect::takes_whoever_comes`].
+    fn takes_whoever_comes(&self) -> bool;
 }
 
 impl<C: Connect> Dialer<C> {
     pub fn new(target: C) -> Self {
-        let name = target.to_string();
-        Self { target: Mutex::new(target), name }
+        let (name, takes_whoever_comes) = (target.to_string(), target.takes_whoever_comes());
+        Self { target: Mutex::new(target), name, takes_whoever_comes }
     }
 
     /// What messages call the controller.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// As [`Connect::takes_whoever_comes`].
+    pub fn takes_whoever_comes(&self) -> bool {
+        self.takes_whoever_comes
     }
 
     /// One attempt to connect, within a time.
@@ -83,6 +98,10 @@ impl<C: Connect> Dialer<C> {
 impl<C: Connect> Dial for Dialer<C> {
     fn dial(&self, within: Duration) -> Dialling<'_> {
         Box::pin(async move { Ok(Box::new(self.connect(within).await?) as Box<dyn Carrier>) })
+    }
+
+    fn takes_whoever_comes(&self) -> bool {
+        self.takes_whoever_comes
     }
 }
 

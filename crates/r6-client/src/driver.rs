@@ -112,6 +112,10 @@ impl<C: Connect> Driver<C> {
                 return self.refuse_all(&NotSent::Closed, done);
             }
             self.hub.connection_lost(reason);
+            if self.target.takes_whoever_comes() {
+                // Whoever dials next may be another robot.
+                self.hub.doubt_who_answers();
+            }
             if unidentified {
                 // One attempt answers everybody who waited for it.
                 self.tell_unconnected(&NotSent::Unidentified {

@@ -98,6 +98,10 @@ impl Connect for Listen {
         stream.set_nodelay(true)?;
         Ok(stream)
     }
+
+    fn takes_whoever_comes(&self) -> bool {
+        true
+    }
 }
 
 impl fmt::Display for Listen {

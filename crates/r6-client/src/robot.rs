@@ -32,7 +32,7 @@ use crate::motions::Motions;
 use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
 use crate::query::around_query;
 use crate::settings::{Heartbeat, RobotSettings};
-use crate::stop::{STOP_WITHIN, Stopping};
+use crate::stop::{STOP_WITHIN, SecondConnection, Stopping};
 use crate::stream::MotionError;
 use crate::told::{self, Tell};
 
@@ -118,9 +118,14 @@ impl Robot {
 
     /// A second handle with a connection of its own to the same robot, for a stop when the first connection does not answer. No
     /// command leaves on it before the controller has said that it is the robot that is meant.
-    pub(crate) async fn second_connection(&self) -> Result<Self, NotSent> {
+    pub(crate) async fn second_connection(&self) -> Result<Self, SecondConnection> {
+        let unidentified = self.hub().known().expected.is_none();
+        if unidentified && self.lanes.dial.takes_whoever_comes() {
+            return Err(SecondConnection::Unidentified);
+        }
         let settings = RobotSettings { heartbeat: Heartbeat::Off, ..self.settings().clone() };
-        let stream = self.lanes.dial.dial(settings.connect_timeout).await?;
+        let made = self.lanes.dial.dial(settings.connect_timeout).await;
+        let stream = made.map_err(SecondConnection::NotMade)?;
         tracing::info!(controller = self.address(), "second connection");
         let (expected, of_nobody) = {
             let known = self.hub().known();
@@ -562,6 +567,13 @@ impl Hub {
     pub fn is_unidentified(&self) -> bool {
         let known = self.known();
         known.expected.is_some() && known.present.is_none()
+    }
+
+    /// Where nobody knows who is meant: whoever answers next proves nothing of the robot from before, until a caller has read mode and
+    /// alarm.
+    pub fn doubt_who_answers(&self) {
+        let mut known = self.known();
+        known.read_of_nobody |= known.expected.is_none();
     }
 
     /// Who answers on this connection; `None` if it is not the present one, or nobody has read that.

@@ -214,7 +214,8 @@ impl Robot {
             }
             begun.store(true, Ordering::Relaxed);
             let made = timeout_at(deadline, self.second_connection()).await;
-            match made.unwrap_or(Err(NotSent::Busy { waited: CONFIRM_WITHIN })) {
+            let busy = SecondConnection::NotMade(NotSent::Busy { waited: CONFIRM_WITHIN });
+            match made.unwrap_or(Err(busy)) {
                 Ok(robot) => Some(Ok(Halt::new(robot, deadline).run(None).await)),
                 Err(error) => Some(Err(error)),
             }
@@ -250,7 +251,7 @@ impl Robot {
             (Some(one), None) => (one, opening.then_some(SecondConnection::Opening)),
             (Some(one), Some(Ok(halted))) if halted.heard() => (one, Some(SecondConnection::Answered)),
             (Some(one), Some(Ok(_))) => (one, Some(SecondConnection::Silent)),
-            (Some(one), Some(Err(error))) => (one, Some(SecondConnection::NotMade(error))),
+            (Some(one), Some(Err(why_not))) => (one, Some(why_not)),
             // The loop ends with one of them.
             (None, _) => (Halted::nothing(self.clone()), None),
         }

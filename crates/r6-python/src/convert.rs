@@ -198,6 +198,7 @@ pub fn stop_report<'py>(py: Python<'py>, report: &StopReport) -> PyResult<Bound<
         SecondConnection::Silent => "silent",
         SecondConnection::Opening => "opening",
         SecondConnection::NotMade(_) => "not_made",
+        SecondConnection::Unidentified => "unidentified",
     });
     Record::new(py, "StopReport")?
         .with("confirmed", report.confirmed)?

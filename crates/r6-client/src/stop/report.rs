@@ -108,6 +108,9 @@ pub enum SecondConnection {
     Opening,
     /// It could not be made.
     NotMade(NotSent),
+    /// It was not opened: the handle takes whichever controller dials, and this one has not said who it is yet. The next one might be
+    /// another robot.
+    Unidentified,
 }
 
 /// Frames that can move the arm and had no answer when a stop began: a controller may take them late.
@@ -277,13 +280,21 @@ impl fmt::Display for StopReport {
 
 impl fmt::Display for SecondConnection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the first answer was late, so a second connection was opened: ")?;
+        f.write_str("the first answer was late, so a second connection was ")?;
+        if *self == Self::Unidentified {
+            return f.write_str(
+                "due. It was not opened: this controller has not said who it is yet, and the next one that dials may be \
+                 another robot",
+            );
+        }
+        f.write_str("opened: ")?;
         match self {
             Self::Used => f.write_str("it answered, and all of this was read over it"),
             Self::Answered => f.write_str("it answered, too"),
             Self::Silent => f.write_str("nothing came back over it"),
             Self::Opening => f.write_str("the first one answered before it was there"),
             Self::NotMade(error) => write!(f, "it could not be made ({error})"),
+            Self::Unidentified => Ok(()),
         }
     }
 }

@@ -4,9 +4,12 @@ use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
 use r6_client::{Address, Listen, NotSent, RequestError, Robot};
+use r6_testkit::hostile::Character;
+use r6_testkit::hostile::serve::HostileController;
 use serde_json::json;
 use tokio::io::AsyncReadExt;
 use tokio::net::TcpStream;
+use tokio::time::timeout;
 
 use crate::controller::{Peer, impatient, settings, soon, values};
 
@@ -59,4 +62,34 @@ async fn somebody_else_is_sent_away_and_nobody_is_told() {
     assert!(matches!(error, RequestError::NotSent(NotSent::ConnectTimedOut { .. })), "{error}");
     let read = soon(stranger.read(&mut [0; 8])).await;
     assert!(matches!(read, Ok(0) | Err(_)), "{read:?}");
+}
+
+/// The first robot never says who it is, and the next one that dials is another: it gets no stop that was meant for the first.
+#[tokio::test]
+async fn a_stop_of_one_that_never_said_who_it_is_does_not_reach_the_next_that_dials() {
+    let listen = Listen::on("127.0.0.1:0").await.unwrap();
+    let address = listen.address().unwrap();
+    let (robot, _deaf) = tokio::join!(Robot::connect_with(listen, settings()), dial(address));
+    let robot = robot.unwrap();
+    let mut next = soon(TcpStream::connect(address)).await.unwrap();
+    let stopping = tokio::spawn(async move { robot.stop().await });
+    // A second connection would be taken after 300 ms.
+    let heard = timeout(Duration::from_millis(700), next.read(&mut [0; 256])).await;
+    assert!(heard.is_err(), "{heard:?}");
+    stopping.abort();
+}
+
+#[tokio::test]
+async fn a_stop_that_reaches_the_next_that_dials_is_not_confirmed_where_nobody_said_who_he_is() {
+    let listen = Listen::on("127.0.0.1:0").await.unwrap();
+    let address = listen.address().unwrap();
+    let (robot, first) = tokio::join!(Robot::connect_with(listen, settings()), dial(address));
+    let robot = robot.unwrap();
+    drop(first);
+    let controller = HostileController::new(Character::default());
+    let next = soon(TcpStream::connect(address)).await.unwrap();
+    let served = tokio::spawn(async move { controller.serve(next).await });
+    let report = soon(robot.stop()).await.unwrap();
+    assert!(!report.confirmed, "{report}");
+    served.abort();
 }

@@ -242,7 +242,7 @@ class StopReport:
     list (a taught program may still run)."""
     means: str | None
     """The last means that left before that: ``actionStop``, ``stopButton``, ``actionPause``, or ``AddRCC`` (an empty list)."""
-    second_connection: Literal["used", "answered", "silent", "opening", "not_made"] | None
+    second_connection: Literal["used", "answered", "silent", "opening", "not_made", "unidentified"] | None
     """What became of a second connection; ``None`` if the first answer was not late."""
     in_doubt: bool | None
     """Whether a frame that can move the arm is still unanswered; ``None`` if there was none when the stop began."""

@@ -136,6 +136,7 @@ pub fn seen(report: &StopReport) -> Value {
             SecondConnection::Silent => "silent",
             SecondConnection::Opening => "opening",
             SecondConnection::NotMade(_) => "not made",
+            SecondConnection::Unidentified => "unidentified",
         }),
         "in_doubt": report.doubt.as_ref().map(|doubt| doubt.still_open),
         "attempts": report.attempts,
