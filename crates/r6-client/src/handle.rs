@@ -98,7 +98,7 @@ pub(crate) enum Wish {
 /// Dropping it does not end the motion: it is streamed on to its end, and [`Robot::wait_until_done`] waits for that. With
 /// [`crate::RunOptions::stop_on_drop`] the arm is stopped instead. Both take a runtime that lives on; use [`Self::stop`] or
 /// [`Self::finished`] where it might not.
-#[must_use = "if the handle is dropped, only wait_until_done reports that the motion failed"]
+#[must_use = "if the handle is dropped, only wait_until_done and the next motion report that the motion failed"]
 pub struct MotionHandle {
     pub(crate) robot: Robot,
     pub(crate) number: u64,

@@ -92,6 +92,22 @@ impl Motions {
         cut
     }
 
+    /// Why the last motion did not come to its end, if nobody was told that and nobody asked for it. Then it is told.
+    pub fn untold_failure(&self) -> Option<Box<MotionError>> {
+        let mut failure = None;
+        self.last.send_if_modified(|last| {
+            if let State::Ended { end, told: false } = &last.state
+                && let Err(error) = &**end
+                && !error.cause.was_asked_for()
+            {
+                failure = Some(Box::new(error.clone()));
+                last.state = State::Told;
+            }
+            false
+        });
+        failure
+    }
+
     /// Waits for the end of the motion that is under way. Tells how the last one ended, unless that was told before this was asked:
     /// all who wait at the same time are told.
     pub async fn end_of_last(&self) -> Option<End> {

@@ -139,7 +139,10 @@ impl Robot {
             return Err(Cause::StoppedHere);
         }
         self.stopping().send_modify(Stopping::forget);
-        Ok((turn, stops))
+        match self.motions().untold_failure() {
+            Some(earlier) => Err(Cause::EarlierFailed(earlier)),
+            None => Ok((turn, stops)),
+        }
     }
 
     /// Waits until no stop is under way over this connection; `false` if one still is after the time that it may take.

@@ -118,7 +118,8 @@ impl Robot {
     /// # Errors
     /// [`MotionError`], nothing of the motion was sent: a wrong step, a step beyond the guard's envelope
     /// ([`Robot::with_guard`]), a condition of the machine that is not met, another motion that is being streamed, or
-    /// a state that cannot be read. A stop that is under way is waited for, 15 s at most ([`Cause::StoppedHere`]).
+    /// a state that cannot be read; or the motion before this one failed, and nobody has asked what became of it
+    /// ([`Cause::EarlierFailed`], once). A stop that is under way is waited for, 15 s at most ([`Cause::StoppedHere`]).
     pub async fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
         let failed = |cause| MotionError {
             cause,

@@ -258,6 +258,7 @@ impl Raise for Cause {
             Self::NotReady(_)
             | Self::NotCleared(_)
             | Self::AnotherRuns
+            | Self::EarlierFailed(_)
             | Self::NotSent(_)
             | Self::Invalid(_)
             | Self::Refused(_)
@@ -306,6 +307,7 @@ impl Raise for MotionError {
                 error.with("mode", restart.mode.number()).with("alarm", alarm_of(restart))
             }
             Cause::AnotherList { length } => error.with("list_length", *length),
+            Cause::EarlierFailed(earlier) => error.from(earlier.exception(py)),
             Cause::AnotherRuns
             | Cause::StoppedHere
             | Cause::Dropped
@@ -332,6 +334,7 @@ fn cause_word(cause: &Cause) -> &'static str {
         Cause::NotReady(_) => "not_ready",
         Cause::NotCleared(_) => "not_cleared",
         Cause::AnotherRuns => "another_runs",
+        Cause::EarlierFailed(_) => "earlier_failed",
         Cause::NotSent(_) => "not_sent",
         Cause::Invalid(_) => "invalid",
         Cause::Refused(_) => "refused",

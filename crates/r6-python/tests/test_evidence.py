@@ -66,6 +66,19 @@ def test_a_motion_that_fails_is_told_to_who_waits_next(held: bool, virtual_robot
     assert failed.value.__cause__.cause == "alarm_raised"
 
 
+def test_a_dropped_motion_that_failed_is_told_by_the_next_one(virtual_robot: r6.Robot) -> None:
+    handle = virtual_robot.run(to(5).axis_move(r6.AxisPosition.degrees([0] * 5 + [4000]), r6.Percent(50)))
+    assert handle.ended_within(60)
+    del handle
+    for cause in ("earlier_failed", "not_ready"):
+        with pytest.raises(r6.MotionError) as failed:
+            virtual_robot.run(to(0))
+        assert failed.value.cause == cause and failed.value.nothing_left
+        if cause == "earlier_failed":
+            assert isinstance(failed.value.__cause__, r6.MotionError)
+            assert failed.value.__cause__.cause == "alarm_raised"
+
+
 def test_a_dropped_motion_that_is_to_be_stopped_is_stopped(
     virtual_robot: r6.Robot, virtual_controller: r6.Simulator
 ) -> None:

@@ -38,6 +38,9 @@ pub enum Cause {
     NotCleared(RequestError),
     /// Another motion is being streamed over this connection; nothing was sent.
     AnotherRuns,
+    /// The motion before this one did not come to its end, and nobody has asked what became of it; nothing was sent. It is told once:
+    /// look where the arm is, then run this one again.
+    EarlierFailed(Box<MotionError>),
     /// A list could not be sent. Those before it were.
     NotSent(NotSent),
     /// A list cannot be sent as it is: a value that the wire cannot carry, or a frame that is too long. Those before it were sent.
@@ -62,7 +65,7 @@ pub enum Cause {
     StoppedHere,
     /// The handle of the motion was dropped, and the motion was to be stopped then ([`crate::RunOptions::stop_on_drop`]).
     Dropped,
-    /// The handle of the motion ended the streaming ([`crate::MotionHandle::release`]): the arm finishes what is in its list.
+    /// The handle of the motion ended the streaming ([`crate::MotionHandle::release`]): the arm may go on with what is in its list.
     Released,
     /// The robot's handle was closed ([`crate::Robot::close`]) before all of the motion had left.
     Closed,
@@ -92,6 +95,11 @@ pub enum Cause {
 pub(crate) const MAX_FAILED: u32 = 3;
 
 impl Cause {
+    /// Whether this program itself ended the motion so.
+    pub(crate) fn was_asked_for(&self) -> bool {
+        matches!(self, Self::StoppedHere | Self::Dropped | Self::Released | Self::Closed)
+    }
+
     /// Why a motion ends with the read that failed just now, so many in a row with it, if it does.
     pub(crate) fn of_failed_read(error: RequestError, in_a_row: u32) -> Result<(), Self> {
         if in_a_row >= MAX_FAILED || error == RequestError::NotSent(NotSent::Closed) {
@@ -204,6 +212,11 @@ impl fmt::Display for Cause {
             Self::AnotherRuns => f.write_str(
                 "nothing was sent: another motion is being streamed over this connection; wait for its end, or stop it",
             ),
+            Self::EarlierFailed(earlier) => write!(
+                f,
+                "nothing was sent: the motion before this one did not come to its end, and nobody has asked what became of it \
+                 ({earlier}); look where the arm is, then run this one again"
+            ),
             Self::NotSent(error) => error.fmt(f),
             Self::Invalid(error) => error.fmt(f),
             Self::Refused(error) => error.fmt(f),
@@ -216,10 +229,11 @@ impl fmt::Display for Cause {
             Self::StoppedHere => f.write_str("a stop or a pause was sent over this connection"),
             Self::Dropped => f.write_str("the handle of the motion was dropped"),
             Self::Released => {
-                f.write_str("the streaming was ended here; the arm finishes what is in its list")
+                f.write_str("the streaming was ended here; the arm may go on with what is in its list")
             }
             Self::Closed => f.write_str(
-                "the robot's handle was closed before the motion was at its end; unless it was stopped, the arm finishes what is in its list",
+                "the robot's handle was closed before the motion was at its end; unless it was stopped, the arm may go on with what \
+                 is in its list",
             ),
             Self::NotSeen => f.write_str(
                 "the lists were accepted and are gone from the controller, but nothing proves that all of it was carried out: \

@@ -4,12 +4,12 @@ use std::time::Duration;
 
 use r6_client::units::{Millimetres, Percent, Pose};
 use r6_client::{
-    Cause, Done, EndProof, Motion, MotionError, NotSent, RequestError, RunOptions, StepState, TargetSender,
-    WaitError, WaitOptions,
+    Cause, Command, Done, EndProof, Motion, MotionError, NotSent, RequestError, RunOptions, StepState,
+    TargetSender, WaitError, WaitOptions,
 };
 use r6_client::{FollowOptions, units::AxisPosition};
 use r6_testkit::hostile::{
-    Cabinet, Character, Foreign, Links, ListLength, NeverExecuted, Reboot, Swap, SwapWhen,
+    Cabinet, Character, Foreign, Kind, Links, ListLength, NeverExecuted, Reboot, Swap, SwapWhen,
 };
 use serde_json::json;
 use tokio::time::{Instant, sleep};
@@ -155,6 +155,36 @@ async fn a6_a_motion_whose_handle_was_dropped_is_carried_to_its_end() {
     let done = robot.wait_until_done(WaitOptions::default()).await.unwrap();
     assert_eq!((done.motion, done.axes[0], done.proof), (Some(1), Some(300.0), EndProof::Reached));
     controller.arm(|arm, _| assert_eq!(arm.carried(1).len(), 60));
+}
+
+#[tokio::test(start_paused = true)]
+async fn a6_a_dropped_motion_that_failed_is_told_by_the_next_one_before_it_sends_anything() {
+    let clears = Foreign { at: Duration::from_millis(700), replace: true, instructions: Vec::new() };
+    let (controller, robot) = robot_at(Character { foreign: vec![clears], ..Character::default() }).await;
+    drop(robot.run(&there_and_on(20), RunOptions::default()).await.unwrap());
+    sleep(Duration::from_secs(10)).await;
+    let lists = || controller.arm(|arm, _| arm.log().iter().filter(|it| it.kind == Kind::List).count());
+    let before = lists();
+    let error = robot.run(&to_j1(0.0), RunOptions::default()).await.unwrap_err();
+    let Cause::EarlierFailed(earlier) = &error.cause else { panic!("{error}") };
+    assert_eq!((&earlier.cause, earlier.progress.total), (&Cause::NotSeen, 20));
+    assert!(error.nothing_left());
+    assert_eq!(lists(), before);
+    // It is told once. The failed motion stopped the arm.
+    let again = robot.run(&to_j1(0.0), RunOptions::default()).await;
+    assert!(matches!(again.unwrap_err().cause, Cause::NotReady(_)));
+}
+
+#[tokio::test(start_paused = true)]
+async fn a6_a_motion_that_was_stopped_on_purpose_does_not_hold_up_the_next_one() {
+    let (_controller, robot) = robot_at(Character::default()).await;
+    drop(robot.run(&there_and_on(20), RunOptions::default()).await.unwrap());
+    sleep(Duration::from_millis(500)).await;
+    assert!(robot.stop().await.unwrap().confirmed);
+    robot.command(Command::ClearAlarm).await.unwrap();
+    robot.command(Command::StartButton).await.unwrap();
+    let handle = robot.run(&to_j1(0.0), RunOptions::default()).await.unwrap();
+    assert_eq!(handle.finished().await.unwrap().axes[0], Some(0.0));
 }
 
 #[tokio::test(start_paused = true)]

@@ -155,7 +155,7 @@ fn of_cause(cause: &Cause, progress: &Progress, stopped: bool) -> Failure {
         Cause::Step(_) => Failure::usage(cause),
         Cause::OutsideEnvelope(violation) => guard::beyond(violation),
         Cause::NotReady(_) => Failure::refused(cause).with_code(Code::NotReady),
-        Cause::AnotherRuns => Failure::refused(cause).with_code(Code::Busy),
+        Cause::AnotherRuns | Cause::EarlierFailed(_) => Failure::refused(cause).with_code(Code::Busy),
         Cause::NotCleared(error) => Failure::from(error.clone()),
         // Code 3 would say that nothing of the job was carried out.
         Cause::NotSent(error) if some_left => {
