@@ -1,15 +1,18 @@
 //! Queries: split to what a controller takes, and asked again in smaller parts where values are missing.
 
+mod parts;
+
 use std::fmt;
 use std::time::Duration;
 
 use r6_proto::Reading;
-use r6_proto::address::{Address, Ports};
+use r6_proto::address::Address;
 use r6_proto::dialect::Envelope;
 use r6_proto::error::FieldError;
 use r6_proto::request::Request;
 use tokio::time::Instant;
 
+use self::parts::{Part, Parts, alone, is_everywhere, may_be_missing};
 use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::identity::{Identity, asks_who_is_there};
 use crate::job::{Answer, Answered, Work};
@@ -22,6 +25,10 @@ const MAX_REMEMBERED: usize = 256;
 
 /// Addresses that had a value, registers included: as many as there are.
 const MAX_SUPPORTED: usize = 2048;
+
+/// Replies in a row without the value of an address that the controller should have, until it counts as missing: more than odd replies
+/// explain. From then on lists without it are believed again, and an odd firmware is not asked for each address alone for ever.
+const MOST_EMPTY: u8 = 8;
 
 /// What a value is taken to need in a reply, quotes and comma included: the longest captured position,
 /// `"-2597.112793"`, needs 15.
@@ -42,9 +49,6 @@ const LONGEST_PACK_ID: &str = "18446744073709551615";
 
 /// How often a query is asked for in all, where the connection changes between its parts.
 const ROUNDS: u32 = 2;
-
-/// Addresses of one frame, each with its place in the whole query.
-type Part = Vec<(usize, Address)>;
 
 /// The values of some addresses, each with its address.
 ///
@@ -198,6 +202,10 @@ impl Robot {
     /// is asked for alone is not asked for again on this connection, except for counters, which can be made at any
     /// time, and addresses that both ports have since V6.0.
     ///
+    /// A reply may have too many values, or too few although no address turns out to be missing. Then values may stand
+    /// at the wrong addresses in lists of the right length too. So each address is asked for alone, and so is the next
+    /// query on this connection, until one query passes without such a reply.
+    ///
     /// All values are of one robot: where the connection changes between two parts, all of it is asked for once more.
     ///
     /// # Errors
@@ -240,13 +248,14 @@ impl Robot {
         let all = {
             let known = self.hub().known();
             let missing = |address: &Address| known.unsupported.contains(address);
-            known.unsupported.is_empty() || !addresses.iter().any(missing)
+            !known.doubts_lists && (known.unsupported.is_empty() || !addresses.iter().any(missing))
         };
         let mut answer = None;
         if all && !addresses.is_empty() && self.fits(addresses) {
             // Nearly every query is this one: all in one frame, and all of it answered.
             match self.ask(Work::Query(addresses.to_vec()), lane).await? {
-                Answer::Values { rows, on } => {
+                // Another query may have shown since that lists are wrong.
+                Answer::Values { rows, on } if addresses.len() == 1 || !self.doubts_lists() => {
                     self.remember_supported(on.connection, addresses.iter().copied());
                     let result = QueryResult { rows, took: on.after, connection: on.connection };
                     self.remember(lane, &result)?;
@@ -274,19 +283,23 @@ impl Robot {
         let mut times = vec![Instant::now(); addresses.len()];
         let mut rows: Vec<_> =
             addresses.iter().map(|address| (*address, Err(NoReading::Unsupported))).collect();
-        let (wanted, missing_on): (Part, u64) = {
+        let (wanted, missing_on, doubts_lists): (Part, u64, bool) = {
             let known = self.hub().known();
             // What was answered was asked for, whatever has become known since.
             let wanted = |address: &Address| answer.is_some() || !known.unsupported.contains(address);
             let all = addresses.iter().copied().enumerate();
-            (all.filter(|(_, address)| wanted(address)).collect(), known.connection)
+            (
+                all.filter(|(_, address)| wanted(address)).collect(),
+                known.connection,
+                known.doubts_lists && answer.is_none(),
+            )
         };
+        let several = wanted.len() > 1;
         let mut took = Duration::ZERO;
         // Which addresses are missing is known of one connection too.
         let mut connection = (wanted.len() < addresses.len()).then_some(missing_on);
-        let mut parts: Vec<Part> = self.split(wanted);
-        parts.reverse();
-        while let Some(part) = parts.pop() {
+        let mut parts = Parts::new(if doubts_lists { alone(wanted) } else { self.split(wanted) });
+        while let Some(part) = parts.next(self.doubts_lists()) {
             let answered = match answer.take() {
                 Some(answer) => answer,
                 None => {
@@ -317,21 +330,30 @@ impl Robot {
                         }
                     }
                     self.remember_supported(on.connection, asked.into_iter());
+                    parts.answered(&part);
+                    if let [(_, address)] = part.as_slice() {
+                        self.hub().known().empty.remove(address);
+                    }
                 }
                 Answer::Mismatch { answered, on } => {
-                    match part.as_slice() {
-                        // Only an empty reply to one address alone says which address it is about.
-                        [(_, address)] if answered == 0 => self.remember_unsupported(on.connection, *address),
-                        [(at, address)] => {
-                            if let Some((_, row)) = rows.get_mut(*at) {
-                                *row = Err(NoReading::Unreadable(too_many(*address, answered)));
-                            }
+                    let (doubted, mut lacked) = (parts.contradicted(), false);
+                    // Only a reply to one address alone says which address it is about.
+                    if let [(at, address)] = part.as_slice() {
+                        let none = if answered == 0 {
+                            self.remember_unsupported(on.connection, *address);
+                            lacked = self.may_lack(on.connection, *address);
+                            NoReading::Unsupported
+                        } else {
+                            NoReading::Unreadable(too_many(*address, answered))
+                        };
+                        if let Some((_, row)) = rows.get_mut(*at) {
+                            // It may have had a value in a list that is not believed any more.
+                            *row = Err(none);
                         }
-                        several => {
-                            let (first, second) = divide(several);
-                            parts.push(second);
-                            parts.push(first);
-                        }
+                    }
+                    parts.mismatched(&part, answered, lacked);
+                    if parts.contradicted() && !doubted {
+                        self.remember_doubt(on.connection, true);
                     }
                 }
                 Answer::Accepted { .. } | Answer::Left => {
@@ -345,6 +367,10 @@ impl Robot {
             }
         }
         let result = QueryResult { rows, took, connection: connection.unwrap_or(missing_on) };
+        // One address says little of lists.
+        if parts.contradicted() || (doubts_lists && several) {
+            self.remember_doubt(result.connection, parts.contradicted());
+        }
         self.remember(lane, &result)?;
         Ok(Some((result, AskedAt::Each(times))))
     }
@@ -394,6 +420,35 @@ impl Robot {
             if known.supported.len() < MAX_SUPPORTED {
                 known.supported.insert(address);
             }
+        }
+    }
+
+    /// Whether a reply without a value is to be believed to say that the controller lacks the address. What every controller has,
+    /// or had a value here, is believed to be missing only after many such replies in a row.
+    fn may_lack(&self, connection: u64, address: Address) -> bool {
+        let mut known = self.hub().known();
+        let has = known.supported.contains(&address) || is_everywhere(address);
+        if !has || known.connection != connection {
+            return true;
+        }
+        if known.empty.len() >= MAX_SUPPORTED {
+            return false;
+        }
+        let empty = known.empty.entry(address).or_default();
+        *empty = empty.saturating_add(1);
+        *empty > MOST_EMPTY
+    }
+
+    /// Whether values in lists may stand at the wrong addresses: a reply showed it, and no whole query passed well since.
+    fn doubts_lists(&self) -> bool {
+        self.hub().known().doubts_lists
+    }
+
+    /// Whether the next query asks for each address alone.
+    fn remember_doubt(&self, connection: u64, doubts_lists: bool) {
+        let mut known = self.hub().known();
+        if known.connection == connection {
+            known.doubts_lists = doubts_lists;
         }
     }
 
@@ -471,28 +526,6 @@ const MOST_NEEDED: usize = 17 + "\"\",".len() + BYTES_PER_VALUE;
 /// What an address and its value take of the longest frame, bytes.
 fn needs(address: Address) -> usize {
     address.name_len() + "\"\",".len() + BYTES_PER_VALUE
-}
-
-/// Two parts, neither empty: what every controller has and what some lack, or else two halves.
-fn divide(part: &[(usize, Address)]) -> (Part, Part) {
-    let (first, second): (Vec<_>, Vec<_>) =
-        part.iter().copied().partition(|(_, address)| is_everywhere(*address));
-    if !first.is_empty() && !second.is_empty() {
-        return (first, second);
-    }
-    let (first, second) = part.split_at(part.len() / 2);
-    (first.to_vec(), second.to_vec())
-}
-
-/// Whether a controller may lack the address for good. Counters can be made at any time.
-fn may_be_missing(address: Address) -> bool {
-    !is_everywhere(address) && !matches!(address, Address::Counter(_))
-}
-
-/// Whether the oldest manual has the address, on both ports. Counters have to be made first.
-fn is_everywhere(address: Address) -> bool {
-    let info = address.info();
-    info.since == "V6.0" && info.ports == Ports::Both && !matches!(address, Address::Counter(_))
 }
 
 fn too_many(address: Address, answered: usize) -> FieldError {

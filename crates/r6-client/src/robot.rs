@@ -1,6 +1,6 @@
 //! The handle.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
@@ -496,6 +496,10 @@ pub(crate) struct Known {
     pub unsupported: BTreeSet<Address>,
     /// Addresses that some controllers lack, and that had a value here.
     pub supported: BTreeSet<Address>,
+    /// Whether the last query had a reply with a number of values that nothing explains.
+    pub doubts_lists: bool,
+    /// How often in a row an address had no value when it was asked for alone, of those that it should have.
+    pub empty: BTreeMap<Address, u8>,
     /// Counts the connections, so that no answer of one is kept for the next.
     pub connection: u64,
     /// Who is there, once that was read.

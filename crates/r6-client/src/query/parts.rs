@@ -1,0 +1,216 @@
+//! The parts that a query is asked for in, and whether the numbers of values in their replies agree.
+//!
+//! A controller leaves out the values that it does not have, so a list of values may be too short. It has no reason to send
+//! too many. Nor has it a reason to send too few where no address turns out to be missing, or to leave out what it had before. After such a reply, no list of this
+//! controller is believed, not even one of the right length: its values may stand at the wrong addresses. One value that
+//! answers one address cannot.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use r6_proto::address::{Address, Ports};
+
+/// Addresses of one frame, each with its place in the whole query.
+pub(super) type Part = Vec<(usize, Address)>;
+
+/// What is left to be asked of one query.
+#[derive(Debug)]
+pub(super) struct Parts {
+    open: Vec<Part>,
+    /// Places of what was answered in a list, which is believed only while all lists agree.
+    in_lists: BTreeMap<usize, Address>,
+    /// Places of what has no value when it is asked for alone.
+    missing: BTreeSet<usize>,
+    /// Lists that were too short: the places that were asked for, and how many values they lacked.
+    short: Vec<(Vec<usize>, usize)>,
+    contradicted: bool,
+}
+
+impl Parts {
+    /// These parts, in their order.
+    pub fn new(mut parts: Vec<Part>) -> Self {
+        parts.reverse();
+        Self {
+            open: parts,
+            in_lists: BTreeMap::new(),
+            missing: BTreeSet::new(),
+            short: Vec::new(),
+            contradicted: false,
+        }
+    }
+
+    /// What to ask for next; `None` once all is answered. Where the lists do not agree, or are doubted because of another query, their
+    /// addresses are asked for once more, each alone.
+    pub fn next(&mut self, doubted: bool) -> Option<Part> {
+        if self.open.is_empty() {
+            if !self.short.iter().all(|list| self.is_explained(list)) {
+                self.contradict();
+            } else if doubted {
+                self.ask_alone();
+            }
+        }
+        self.open.pop()
+    }
+
+    /// Whether any reply had a number of values that nothing explains.
+    pub fn contradicted(&self) -> bool {
+        self.contradicted
+    }
+
+    /// A part had as many values as addresses.
+    pub fn answered(&mut self, part: &[(usize, Address)]) {
+        if part.len() > 1 {
+            self.in_lists.extend(part.iter().copied());
+        }
+    }
+
+    /// A part had another number of values than addresses. `lacked`: where it was one address that had no value, whether the
+    /// controller may be believed to lack it.
+    pub fn mismatched(&mut self, part: &[(usize, Address)], values: usize, lacked: bool) {
+        let places = || part.iter().map(|(at, _)| *at);
+        match (part.len().checked_sub(values), part.len()) {
+            (Some(_), 1) if lacked => self.missing.extend(places()),
+            (_, 1) => self.contradict(),
+            (None, _) => {
+                self.open.push(part.to_vec());
+                self.contradict();
+            }
+            (Some(lacks), _) => {
+                self.short.push((places().collect(), lacks));
+                let (first, second) = divide(part);
+                self.open.extend([second, first]);
+            }
+        }
+    }
+
+    fn is_explained(&self, (places, lacks): &(Vec<usize>, usize)) -> bool {
+        places.iter().filter(|at| self.missing.contains(at)).count() == *lacks
+    }
+
+    fn contradict(&mut self) {
+        self.contradicted = true;
+        self.ask_alone();
+    }
+
+    /// Lists are not believed any more: asks for each address alone that was not yet.
+    fn ask_alone(&mut self) {
+        self.short.clear();
+        let mut left = std::mem::take(&mut self.in_lists);
+        left.extend(self.open.drain(..).flatten());
+        self.open = alone(left.into_iter().collect());
+        self.open.reverse();
+    }
+}
+
+/// Each address in a part of its own.
+pub(super) fn alone(part: Part) -> Vec<Part> {
+    part.into_iter().map(|asked| vec![asked]).collect()
+}
+
+/// Two parts, neither empty: what every controller has and what some lack, or else two halves.
+fn divide(part: &[(usize, Address)]) -> (Part, Part) {
+    let (first, second): (Vec<_>, Vec<_>) =
+        part.iter().copied().partition(|(_, address)| is_everywhere(*address));
+    if !first.is_empty() && !second.is_empty() {
+        return (first, second);
+    }
+    let (first, second) = part.split_at(part.len() / 2);
+    (first.to_vec(), second.to_vec())
+}
+
+/// Whether a controller may lack the address for good. Counters can be made at any time.
+pub(super) fn may_be_missing(address: Address) -> bool {
+    !is_everywhere(address) && !matches!(address, Address::Counter(_))
+}
+
+/// Whether the oldest manual has the address, on both ports. Counters have to be made first.
+pub(super) fn is_everywhere(address: Address) -> bool {
+    let info = address.info();
+    info.since == "V6.0" && info.ports == Ports::Both && !matches!(address, Address::Counter(_))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn asked(count: u32) -> Part {
+        (0..count).map(|number| (number as usize, Address::Counter(number))).collect()
+    }
+
+    /// The lengths of all parts, by a controller that answers the part whose turn it is with so many values.
+    fn lengths(parts: &mut Parts, mut values: impl FnMut(usize, &Part) -> usize) -> Vec<usize> {
+        let mut lengths = Vec::new();
+        while let Some(part) = parts.next(false) {
+            let values = values(lengths.len(), &part);
+            lengths.push(part.len());
+            if values == part.len() {
+                parts.answered(&part);
+            } else {
+                parts.mismatched(&part, values, true);
+            }
+        }
+        lengths
+    }
+
+    #[test]
+    fn what_was_answered_alone_is_not_asked_for_again() {
+        let mut parts = Parts::new(vec![asked(6)]);
+        // 6: one too few. 3: one too few. 1: there. 2: one too many.
+        let found = lengths(&mut parts, |turn, part| match turn {
+            0 | 1 => part.len() - 1,
+            3 => 3,
+            _ => part.len(),
+        });
+        assert_eq!(found, [6, 3, 1, 2, 1, 1, 1, 1, 1]);
+        assert!(parts.contradicted());
+    }
+
+    #[test]
+    fn where_an_address_lacks_a_value_that_it_had_or_another_query_was_contradicted_lists_are_asked_again() {
+        for (lacked, doubted, own) in [(false, false, true), (true, true, false)] {
+            let mut parts = Parts::new(vec![asked(3)]);
+            let mut turns = Vec::new();
+            while let Some(part) = parts.next(doubted) {
+                turns.push(part.len());
+                match turns.len() {
+                    1 => parts.mismatched(&part, 2, true),
+                    2 => parts.mismatched(&part, 0, lacked),
+                    _ => parts.answered(&part),
+                }
+            }
+            assert_eq!(
+                (turns, parts.contradicted()),
+                (if own { vec![3, 1, 1, 1] } else { vec![3, 1, 2, 1, 1] }, own)
+            );
+        }
+    }
+
+    proptest! {
+        /// A controller that leaves out what it does not have is believed, and asked as seldom as ever.
+        #[test]
+        fn missing_addresses_contradict_nothing(missing in prop::collection::btree_set(0_usize..20, 0..20)) {
+            let mut parts = Parts::new(vec![asked(20)]);
+            let found = lengths(&mut parts, |_, part| {
+                part.iter().filter(|(at, _)| !missing.contains(at)).count()
+            });
+            prop_assert!(!parts.contradicted());
+            prop_assert_eq!(&parts.missing, &missing);
+            prop_assert!(found.len() <= 1 + missing.len() * 10, "{:?}", found);
+        }
+
+        /// Whatever it answers: it ends, and where anything does not add up, no value of a list is left.
+        #[test]
+        fn where_lists_disagree_each_value_came_alone(told in prop::collection::vec(0_usize..9, 100)) {
+            let mut parts = Parts::new(vec![asked(8)]);
+            let found = lengths(&mut parts, |turn, _| told[turn]);
+            prop_assert!(found.len() <= 8 + 7 + 8, "{:?}", found);
+            if parts.contradicted() {
+                prop_assert!(parts.in_lists.is_empty());
+                prop_assert_eq!(found.iter().filter(|length| **length == 1).count(), 8);
+            } else {
+                prop_assert!(parts.short.iter().all(|list| parts.is_explained(list)));
+            }
+        }
+    }
+}
