@@ -120,7 +120,11 @@ def test_no_moment_of_a_block_leaves_a_motion_running(kind: str, virtual_control
             start(virtual_controller)
             robot.status()
             virtual_controller.log()
-            handle = robot.run(endless()) if kind == "run" else robot.follow()
+            if kind == "run":
+                handle: r6.MotionHandle | r6.Following = robot.run(endless())
+            else:
+                handle = robot.follow(r6.FollowOptions(fresh_within=60))
+                handle.target(r6.AxisPosition.degrees([80]))
             with pytest.raises(BaseException) as raised:
                 with interrupted_at(moment) as was:
                     with handle:

@@ -92,6 +92,9 @@ def test_closing_ends_the_waiting_of_another_thread(virtual_robot: r6.Robot) -> 
     for thread in threads:
         thread.start()
     waits.wait()
+    for thread in threads:
+        thread.join(0.2)
+        assert thread.is_alive(), "the next values are an hour away"
     state.close()
     for thread in threads:
         thread.join(30)

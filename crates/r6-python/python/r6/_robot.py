@@ -88,8 +88,9 @@ class Robot:
         first with ``RunOptions.stop_on_drop``. A ``MotionCutShort`` warning says so, unless ``finished`` or
         ``wait_until_done`` has told it. Wait for the end of the motion before closing.
 
-        It takes half a second at most, and 15 s more where an arm is being stopped. If that fails, the connection ends all
-        the same: call ``stop`` yourself where you have to know. Ctrl-C ends the waiting; the closing goes on.
+        It takes half a second at most. Where an arm is being stopped, that is waited for: 15 s at most, and 15 s more for the stop
+        of a motion that is streamed. If that fails, the connection ends all the same: call ``stop`` yourself where you have to
+        know. Ctrl-C ends the waiting; the closing goes on.
         """
         cut_short(self._core.close().wait())
 
