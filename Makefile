@@ -22,7 +22,7 @@ sim: ## Break clients, controllers, cameras and disks in one process: SEEDS=1000
 	@$(CARGO) build --locked --package r6-world
 	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MARKDOWN),--markdown) $(if $(TRAP),--trap $(TRAP))
 
-breaks: ## Break each promise on purpose, in a copy, and show that a plan of make sim or a test sees it: ARGS="Gapless A1" chooses rows of crates/r6-world/breaks.toml; about half an hour for all (docs/SIMULATION.md)
+breaks: ## Break each promise on purpose, in a copy, and show that a plan of make sim or a test sees it: ARGS="Gapless A1" chooses rows of crates/r6-world/breaks.toml; half an hour for all (docs/SIMULATION.md)
 	@tools/test toolchain
 	@tools/breaks $(ARGS)
 
