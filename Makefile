@@ -4,10 +4,10 @@ CARGO ?= cargo
 BUILT := $(or $(CARGO_TARGET_DIR),target)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test fuzz sim bench microbench fmt docs clean
+.PHONY: help run test fuzz sim breaks bench microbench fmt docs clean
 
 help: ## Show this list
-	@echo "Targets (ARGS=\"...\" is passed on to run and bench):"
+	@echo "Targets (ARGS=\"...\" is passed on to run, breaks and bench):"
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
 
 run: ## Build r6 for release and start virtual controllers: r6 up ARGS
@@ -21,6 +21,10 @@ test: ## Run every check: format, lints, docs, dependencies, tests
 sim: ## Break clients, controllers, cameras and disks in one process: SEEDS=1000 [FROM=1] [JOBS=cores] [MARKDOWN=1] [TRAP=all: only worlds with one trap], or all of one: SEED=7 [TRAP=E1] (dev profile)
 	@$(CARGO) build --locked --package r6-world
 	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MARKDOWN),--markdown) $(if $(TRAP),--trap $(TRAP))
+
+breaks: ## Break each promise on purpose, in a copy, and show that a plan of make sim or a test sees it: ARGS="Gapless A1" chooses rows of crates/r6-world/breaks.toml; half an hour for all (docs/SIMULATION.md)
+	@tools/test toolchain
+	@tools/breaks $(ARGS)
 
 bench: ## Measure r6 beside others, as ratios; ARGS="round-trip codec" chooses rows, without it docs/BENCHMARKS.md is written (wants redis-server and tools/python/run)
 	@$(CARGO) build --profile bench --locked --package r6-bench

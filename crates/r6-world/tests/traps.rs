@@ -46,8 +46,8 @@ const HOLD: [(Class, u64); 47] = {
         // Whole, by an earlier check: the list was cleared when the arm was as good as at its target.
         (E5, 16),
         (E5, 17),
-        // Gapless: another client cleared the list, this one appended to it, and the cleared steps counted as carried out. These break it
-        // when `PathProgress` believes every length of the list.
+        // Gapless: another client cleared the list, this one appended to it, and the cleared steps counted as carried out. 43 breaks
+        // it when `PathProgress` believes every length of the list (`make breaks`), the others broke it with an earlier client.
         (E5, 37),
         (E5, 43),
         (E5, 88),
