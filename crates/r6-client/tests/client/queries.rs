@@ -1,6 +1,6 @@
 //! Queries that a controller answers in part, and queries that do not fit into one frame.
 
-use r6_client::{NoReading, QueryResult};
+use r6_client::{NoReading, QueryResult, Robot};
 use r6_proto::Reading;
 use r6_proto::address::{Address, RegisterIndex};
 use serde_json::Value;
@@ -161,66 +161,64 @@ fn assert_each_has_its_own(result: &QueryResult) {
     }
 }
 
+/// The values that the names ask for.
+fn right(names: &[&str]) -> Vec<Value> {
+    names.iter().map(|name| of(name)).collect()
+}
+
+/// A robot whose values are told by a function of the number of the query, from 1, and the names; and how many names each query had.
+async fn answered_by(
+    data: impl Fn(usize, &[&str]) -> Vec<Value> + Send + 'static,
+) -> (Robot, Arc<Mutex<Vec<usize>>>) {
+    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
+    let lengths = Arc::<Mutex<Vec<usize>>>::default();
+    let seen = Arc::clone(&lengths);
+    tokio::spawn(peer.answer_all(move |request| {
+        let names = asked(request);
+        let mut seen = seen.lock().unwrap();
+        seen.push(names.len());
+        Some(values(request, data(seen.len(), &names).into()))
+    }));
+    (robot, lengths)
+}
+
 /// Found by `make sim SEED=1844`: four addresses had five values, and the first half then two values, of which the second was wrong.
 #[tokio::test]
 async fn after_too_many_values_only_values_that_came_alone_are_believed() {
-    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
-    let (mut count, log) = (0, Log::default());
-    let seen = Arc::clone(&log);
-    tokio::spawn(peer.answer_all(move |request| {
-        let names = asked(request);
-        seen.lock().unwrap().push(names.iter().map(ToString::to_string).collect());
-        count += 1;
-        let mut data = if count == 1 {
-            names.iter().map(|name| of(name)).collect()
-        } else {
-            with_the_last_one_wrong(&names)
-        };
-        if count == 1 {
-            data.extend(data.last().cloned());
-        }
-        Some(values(request, data.into()))
-    }));
+    let (robot, lengths) = answered_by(|query, names| match query {
+        1 => right(names).into_iter().chain([of("Addr-803")]).collect(),
+        _ => with_the_last_one_wrong(names),
+    })
+    .await;
     assert_each_has_its_own(&robot.query(&registers(800..804)).await.unwrap());
-    assert_eq!(log.lock().unwrap().iter().map(Vec::len).collect::<Vec<_>>(), [4, 1, 1, 1, 1]);
+    assert_eq!(*lengths.lock().unwrap(), [4, 1, 1, 1, 1]);
 }
 
 #[tokio::test]
 async fn parts_that_lack_nothing_do_not_explain_a_list_that_is_too_short() {
-    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
-    let (mut count, log) = (0, Log::default());
-    let seen = Arc::clone(&log);
-    tokio::spawn(peer.answer_all(move |request| {
-        let names = asked(request);
-        seen.lock().unwrap().push(names.iter().map(ToString::to_string).collect());
-        count += 1;
-        let mut data = with_the_last_one_wrong(&names);
-        if count == 1 {
+    let (robot, lengths) = answered_by(|query, names| {
+        let mut data = with_the_last_one_wrong(names);
+        if query == 1 {
             data.pop();
         }
-        Some(values(request, data.into()))
-    }));
+        data
+    })
+    .await;
     assert_each_has_its_own(&robot.query(&registers(800..804)).await.unwrap());
-    assert_eq!(log.lock().unwrap().iter().map(Vec::len).collect::<Vec<_>>(), [4, 2, 2, 1, 1, 1, 1]);
+    assert_eq!(*lengths.lock().unwrap(), [4, 2, 2, 1, 1, 1, 1]);
 }
 
 /// Found by `make sim SEED=1844`, too: the one value that a list lacked seemed to be that of an address that had a value before.
 #[tokio::test]
 async fn a_value_that_was_there_before_and_is_not_now_explains_nothing() {
-    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
-    let mut count = 0;
-    tokio::spawn(peer.answer_all(move |request| {
-        let names = asked(request);
-        count += 1;
-        Some(match count {
-            1 => values(request, names.iter().map(|name| of(name)).collect()),
-            // All of it, without the last value; what every firmware has, with a wrong value; the last address alone.
-            2 => values(request, names.iter().take(2).map(|name| of(name)).collect()),
-            3 => values(request, with_the_last_one_wrong(&names).into()),
-            4 => values(request, Value::Array(Vec::new())),
-            _ => values(request, names.iter().map(|name| of(name)).collect()),
-        })
-    }));
+    let (robot, _lengths) = answered_by(|query, names| match query {
+        // All of it, without the last value; what every firmware has, with a wrong value; the last address alone.
+        2 => right(&names[..2]),
+        3 => with_the_last_one_wrong(names),
+        4 => Vec::new(),
+        _ => right(names),
+    })
+    .await;
     let wanted = [Address::AxisNum, Address::CurMode, Address::RemoteCmdLen];
     for _ in 0..2 {
         let result = robot.query(&wanted).await.unwrap();
@@ -231,28 +229,17 @@ async fn a_value_that_was_there_before_and_is_not_now_explains_nothing() {
 
 #[tokio::test]
 async fn after_a_list_that_was_wrong_the_next_query_asks_for_each_address_alone() {
-    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
-    let (mut count, log) = (0, Log::default());
-    let seen = Arc::clone(&log);
-    tokio::spawn(peer.answer_all(move |request| {
-        let names = asked(request);
-        seen.lock().unwrap().push(names.iter().map(ToString::to_string).collect());
-        count += 1;
-        // Lists are wrong until the second query is over.
-        let mut data = if count > 5 {
-            names.iter().map(|name| of(name)).collect()
-        } else {
-            with_the_last_one_wrong(&names)
-        };
-        if count == 1 {
-            data.extend(data.last().cloned());
-        }
-        Some(values(request, data.into()))
-    }));
+    // Lists are wrong until the second query is over.
+    let (robot, lengths) = answered_by(|query, names| match query {
+        1 => with_the_last_one_wrong(names).into_iter().chain([of("Addr-801")]).collect(),
+        2..=5 => with_the_last_one_wrong(names),
+        _ => right(names),
+    })
+    .await;
     for _ in 0..3 {
         assert_each_has_its_own(&robot.query(&registers(800..802)).await.unwrap());
     }
-    assert_eq!(log.lock().unwrap().iter().map(Vec::len).collect::<Vec<_>>(), [2, 1, 1, 1, 1, 2]);
+    assert_eq!(*lengths.lock().unwrap(), [2, 1, 1, 1, 1, 2]);
 }
 
 #[tokio::test]
