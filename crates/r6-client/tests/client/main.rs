@@ -3,6 +3,7 @@
 
 mod controller;
 
+mod attempts;
 mod camera;
 mod connection;
 mod following;
