@@ -6,6 +6,7 @@ mod controller;
 mod attempts;
 mod camera;
 mod connection;
+mod doubted;
 mod following;
 mod identity;
 mod listening;
