@@ -64,7 +64,7 @@ impl Connect for Bent {
 /// Gives registers their number as value, and lists their last value twice.
 fn bend(frame: &mut Value) {
     let asked = frame["queryAddr"].as_array().cloned().unwrap_or_default();
-    let register = |name: &Value| name.as_str()?.strip_prefix("addr-").map(Value::from);
+    let register = |name: &Value| name.as_str()?.strip_prefix("Addr-").map(Value::from);
     let Some(data) = frame["queryData"].as_array_mut() else { return };
     if asked.iter().any(|name| register(name).is_some()) {
         let mut known = std::mem::take(data).into_iter();
