@@ -520,9 +520,10 @@ impl Robot {
     fn remember_identity(&self, connection: u64, result: &QueryResult) -> Option<(u64, Identity)> {
         let identity = Identity::of(result)?;
         let mut known = self.hub().known();
+        // Then who is there may be known in part only.
         let first = known.expected.is_none();
         let meant = known.expected.as_ref() == Some(&identity);
-        if known.connection == connection && (meant || known.present.is_none()) {
+        if known.connection == connection && (meant || first || known.present.is_none()) {
             known.expected.get_or_insert_with(|| identity.clone());
             known.present = Some(identity.clone());
         } else if known.connection != connection {
