@@ -323,7 +323,12 @@ impl<C: Connect> Driver<C> {
             return;
         }
         match job.work.sent().effect {
-            Effect::Stops => self.held.push_front(job),
+            Effect::Stops => {
+                // A stop that its caller gave up still leaves, but only once.
+                let sent = job.work.sent();
+                self.held.retain(|held| !(held.is_given_up() && held.work.sent() == sent));
+                self.held.push_front(job);
+            }
             Effect::Reads => self.held.push_back(job),
             Effect::Changes | Effect::Moves => job.not_sent(NotSent::Disconnected),
         }

@@ -66,7 +66,7 @@ pub struct Found {
 }
 
 impl Identity {
-    /// Whether no value that was read here is another there.
+    /// Whether every value that was read here is the same there.
     pub(crate) fn is_part_of(&self, other: &Self) -> bool {
         let same = |mine: &Option<String>, other: &Option<String>| mine.is_none() || mine == other;
         same(&self.firmware, &other.firmware)

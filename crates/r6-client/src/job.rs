@@ -251,9 +251,14 @@ impl Job {
         }
     }
 
+    /// Whether the caller does not wait for the answer any more.
+    pub fn is_given_up(&self) -> bool {
+        self.reply.is_closed()
+    }
+
     /// Whether nobody waits for the answer any more. A stop is wanted all the same.
     pub fn is_moot(&self) -> bool {
-        self.reply.is_closed() && self.work.sent().effect != Effect::Stops
+        self.is_given_up() && self.work.sent().effect != Effect::Stops
     }
 
     /// Whether it must not leave any more.

@@ -419,7 +419,15 @@ impl Link {
                         self.introducing = None;
                         if let Some(introduction) = &mut self.introduction {
                             let asked = introduction.next().unwrap_or_default().to_vec();
-                            introduction.answered(Work::Query(asked).answer(&message, on));
+                            let most = asked.len();
+                            let answer = Work::Query(asked).answer(&message, on);
+                            if let Ok(Answer::Mismatch { answered, .. }) = &answer
+                                && most > 1
+                                && *answered > most
+                            {
+                                hub.known().doubt_lists(self.connection);
+                            }
+                            introduction.answered(answer);
                         }
                     } else if let Some(job) = self.in_flight.take(ticket) {
                         let answer = job.work.answer(&message, on);

@@ -117,6 +117,11 @@ impl Meter {
         self.took.push_back((now, after));
     }
 
+    /// When the last reply came.
+    pub fn last_reply(&self) -> Option<Instant> {
+        self.last_reply
+    }
+
     pub fn timed_out(&mut self) {
         self.timeouts += 1;
     }

@@ -245,17 +245,18 @@ impl Robot {
         lane: Lane,
         addresses: &[Address],
     ) -> Result<(QueryResult, AskedAt), RequestError> {
-        let all = {
+        let (all, doubts) = {
             let known = self.hub().known();
             let missing = |address: &Address| known.unsupported.contains(address);
-            !known.doubts_lists && (known.unsupported.is_empty() || !addresses.iter().any(missing))
+            let none_is_missing = known.unsupported.is_empty() || !addresses.iter().any(missing);
+            (!known.doubts_lists && none_is_missing, known.doubts)
         };
         let mut answer = None;
         if all && !addresses.is_empty() && self.fits(addresses) {
             // Nearly every query is this one: all in one frame, and all of it answered.
             match self.ask(Work::Query(addresses.to_vec()), lane).await? {
                 // Another query may have shown since that lists are wrong.
-                Answer::Values { rows, on } if addresses.len() == 1 || !self.doubts_lists() => {
+                Answer::Values { rows, on } if addresses.len() == 1 || !self.doubted_since(doubts) => {
                     self.remember_supported(on.connection, addresses.iter().copied());
                     let result = QueryResult { rows, took: on.after, connection: on.connection };
                     self.remember(lane, &result)?;
@@ -265,7 +266,7 @@ impl Robot {
             }
         }
         for _ in 0..ROUNDS {
-            if let Some(read) = self.query_in_parts(lane, addresses, answer.take()).await? {
+            if let Some(read) = self.query_in_parts(lane, addresses, answer.take(), doubts).await? {
                 return Ok(read);
             }
         }
@@ -273,12 +274,14 @@ impl Robot {
     }
 
     /// The same in as many frames as it takes; `answer` is that to all addresses at once, if there was one. `None` if the connection
-    /// changed on the way: what was read before may be of another robot than what comes after.
+    /// changed on the way: what was read before may be of another robot than what comes after. `doubts`: how often lists had been doubted
+    /// when the query began.
     async fn query_in_parts(
         &self,
         lane: Lane,
         addresses: &[Address],
         mut answer: Option<Answer>,
+        doubts: u64,
     ) -> Result<Option<(QueryResult, AskedAt)>, RequestError> {
         let mut times = vec![Instant::now(); addresses.len()];
         let mut rows: Vec<_> =
@@ -299,7 +302,13 @@ impl Robot {
         // Which addresses are missing is known of one connection too.
         let mut connection = (wanted.len() < addresses.len()).then_some(missing_on);
         let mut parts = Parts::new(if doubts_lists { alone(wanted) } else { self.split(wanted) });
-        while let Some(part) = parts.next(self.doubts_lists()) {
+        let mut told_by_a_list = None;
+        while let Some(part) = parts.next(self.doubted_since(doubts)) {
+            if parts.contradicted()
+                && let Some((connection, identity)) = told_by_a_list.take()
+            {
+                self.forget_identity(connection, &identity);
+            }
             let answered = match answer.take() {
                 Some(answer) => answer,
                 None => {
@@ -321,7 +330,8 @@ impl Robot {
                     if asks_who_is_there(&asked) {
                         // Before the next part leaves: nothing else then has to ask who is there.
                         let (rows, connection) = (read.clone(), on.connection);
-                        self.remember_identity(connection, &QueryResult { rows, took, connection });
+                        told_by_a_list =
+                            self.remember_identity(connection, &QueryResult { rows, took, connection });
                     }
                     let asked_at = self.hub().clock.at(Some(on.asked_at));
                     for ((at, _), read) in part.iter().zip(read) {
@@ -353,7 +363,7 @@ impl Robot {
                     }
                     parts.mismatched(&part, answered, lacked);
                     if parts.contradicted() && !doubted {
-                        self.remember_doubt(on.connection, true);
+                        self.doubt_lists(on.connection);
                     }
                 }
                 Answer::Accepted { .. } | Answer::Left => {
@@ -367,9 +377,11 @@ impl Robot {
             }
         }
         let result = QueryResult { rows, took, connection: connection.unwrap_or(missing_on) };
-        // One address says little of lists.
-        if parts.contradicted() || (doubts_lists && several) {
-            self.remember_doubt(result.connection, parts.contradicted());
+        if parts.contradicted() {
+            self.doubt_lists(result.connection);
+        } else if doubts_lists && several {
+            // One address says little of lists.
+            self.believe_lists(result.connection, doubts);
         }
         self.remember(lane, &result)?;
         Ok(Some((result, AskedAt::Each(times))))
@@ -439,16 +451,23 @@ impl Robot {
         *empty > MOST_EMPTY
     }
 
-    /// Whether values in lists may stand at the wrong addresses: a reply showed it, and no whole query passed well since.
-    fn doubts_lists(&self) -> bool {
-        self.hub().known().doubts_lists
+    /// Whether values in lists may stand at the wrong addresses: a reply showed it after `doubts` were counted, or before that and no
+    /// whole query passed well since.
+    fn doubted_since(&self, doubts: u64) -> bool {
+        let known = self.hub().known();
+        known.doubts_lists || known.doubts != doubts
     }
 
-    /// Whether the next query asks for each address alone.
-    fn remember_doubt(&self, connection: u64, doubts_lists: bool) {
+    /// The next query asks for each address alone.
+    fn doubt_lists(&self, connection: u64) {
+        self.hub().known().doubt_lists(connection);
+    }
+
+    /// Ends the doubt, unless it was raised anew after `doubts` were counted.
+    fn believe_lists(&self, connection: u64, doubts: u64) {
         let mut known = self.hub().known();
-        if known.connection == connection {
-            known.doubts_lists = doubts_lists;
+        if known.connection == connection && known.doubts == doubts {
+            known.doubts_lists = false;
         }
     }
 
@@ -496,17 +515,31 @@ impl Robot {
 
     /// On a first connection a query may tell who is there; on others that is known before any query is sent. Who was taken for
     /// another because of an odd reply is himself again once he says so.
-    fn remember_identity(&self, connection: u64, result: &QueryResult) {
-        let Some(identity) = Identity::of(result) else { return };
+    ///
+    /// Returns the connection and the identity where nobody knew before who is meant.
+    fn remember_identity(&self, connection: u64, result: &QueryResult) -> Option<(u64, Identity)> {
+        let identity = Identity::of(result)?;
         let mut known = self.hub().known();
+        // Then who is there may be known in part only.
+        let first = known.expected.is_none();
         let meant = known.expected.as_ref() == Some(&identity);
-        if known.connection == connection && (meant || known.present.is_none()) {
+        if known.connection == connection && (meant || first || known.present.is_none()) {
             known.expected.get_or_insert_with(|| identity.clone());
-            known.present = Some(identity);
+            known.present = Some(identity.clone());
         } else if known.connection != connection {
             // The connection ended right behind this answer: it tells who was there first, and so is meant.
-            known.expected.get_or_insert(identity);
+            known.expected.get_or_insert_with(|| identity.clone());
         }
+        first.then_some((connection, identity))
+    }
+
+    /// The list that told this identity is not believed any more: the robot is unknown, as it was before.
+    fn forget_identity(&self, connection: u64, identity: &Identity) {
+        let mut known = self.hub().known();
+        if known.connection == connection {
+            known.present.take_if(|present| present == identity);
+        }
+        known.expected.take_if(|expected| expected == identity);
     }
 
     fn remember_firmware(&self, connection: u64, result: &QueryResult) {

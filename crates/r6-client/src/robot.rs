@@ -498,6 +498,8 @@ pub(crate) struct Known {
     pub supported: BTreeSet<Address>,
     /// Whether the last query had a reply with a number of values that nothing explains.
     pub doubts_lists: bool,
+    /// How often lists were doubted, over all connections.
+    pub doubts: u64,
     /// How often in a row an address had no value when it was asked for alone, of those that it should have.
     pub empty: BTreeMap<Address, u8>,
     /// Counts the connections, so that no answer of one is kept for the next.
@@ -513,6 +515,16 @@ pub(crate) struct Known {
     pub read_of_nobody: bool,
     /// The other robot that answered on the connection before this one, if another one did.
     pub stranger_before: Option<Identity>,
+}
+
+impl Known {
+    /// A reply on this connection had a number of values that nothing explains.
+    pub fn doubt_lists(&mut self, connection: u64) {
+        if self.connection == connection {
+            self.doubts_lists = true;
+            self.doubts += 1;
+        }
+    }
 }
 
 impl Default for Hub {
@@ -641,7 +653,9 @@ impl Hub {
             let (expected, present) = (known.expected.take(), known.present.take());
             let read_of_nobody = known.read_of_nobody || (known.handed_out && expected.is_none());
             let stranger_before = present.filter(|present| expected.as_ref().is_some_and(|it| it != present));
-            *known = Known { connection, expected, read_of_nobody, stranger_before, ..Known::default() };
+            let doubts = known.doubts;
+            *known =
+                Known { connection, expected, read_of_nobody, stranger_before, doubts, ..Known::default() };
         }
         self.meter().disconnected(self.clock.now());
         self.board.connection_lost();

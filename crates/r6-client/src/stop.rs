@@ -206,12 +206,16 @@ impl Robot {
         let first = Halt::new(self.clone(), deadline).run(Some(&heard));
         let second = async {
             let mut heard = heard.subscribe();
+            // A look at the state takes many replies where each address is asked for alone: each of them counts.
+            let last_reply = || self.hub().meter().last_reply().map(|at| self.hub().clock.at(Some(at)));
             loop {
-                let late_at = *heard.borrow_and_update() + LATE;
-                match timeout_at(late_at, heard.changed()).await {
+                let heard_at = *heard.borrow_and_update();
+                let silent_since = last_reply().map_or(heard_at, |at| at.max(heard_at));
+                match timeout_at(silent_since + LATE, heard.changed()).await {
                     Ok(Ok(())) => {}
                     // The sender lives as long as this.
                     Ok(Err(_)) => return None,
+                    Err(_elapsed) if last_reply().is_some_and(|at| at > silent_since) => {}
                     Err(_elapsed) => break,
                 }
             }

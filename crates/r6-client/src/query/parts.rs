@@ -1,9 +1,9 @@
 //! The parts that a query is asked for in, and whether the numbers of values in their replies agree.
 //!
-//! A controller leaves out the values that it does not have, so a list of values may be too short. It has no reason to send
-//! too many. Nor has it a reason to send too few where no address turns out to be missing, or to leave out what it had before. After such a reply, no list of this
-//! controller is believed, not even one of the right length: its values may stand at the wrong addresses. One value that
-//! answers one address cannot.
+//! A controller leaves out the values that it does not have, so a list of values may be too short. Three replies have no such
+//! reason: one with too many values, one with too few although no address is missing, and one without a value that was there
+//! before. After such a reply the client believes no list of this controller. Even in a list of the right length, values may
+//! stand at the wrong addresses. A single value for a single address cannot.
 
 use std::collections::{BTreeMap, BTreeSet};
 

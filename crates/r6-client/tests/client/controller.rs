@@ -98,6 +98,11 @@ impl Peer {
         Self { stream: Box::new(stream), received: Vec::new(), name: "cell 4", introducing: false }
     }
 
+    /// The controller's end of a connection in memory.
+    pub fn in_memory(stream: DuplexStream) -> Self {
+        Self::over(stream)
+    }
+
     /// The next frame from the client, besides its asking who is there: that is answered.
     pub async fn frame(&mut self) -> Value {
         loop {

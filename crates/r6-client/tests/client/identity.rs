@@ -242,6 +242,34 @@ async fn whoever_cannot_be_read_is_not_taken_for_who_was_there() {
     commanded(&robot, &mut peer).await.unwrap();
 }
 
+/// On the first connection nobody could read who is there; a later query could.
+#[tokio::test]
+async fn whoever_says_who_he_is_after_the_first_question_failed_is_known_again() {
+    let (controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let mut pushed = robot.pushed();
+    let (result, ()) =
+        tokio::join!(robot.query(&[Address::CurMode, Address::CurAlarm]), tells_only(&mut peer, |_| None));
+    result.unwrap();
+    let who = [Address::Version, Address::MachineName, Address::AxisNum];
+    let (result, ()) = tokio::join!(robot.query(&who), peer.introduces());
+    result.unwrap();
+    assert_eq!(robot.identity(), Some(identity("cell 4")));
+    drop(peer);
+    lost(&mut pushed).await;
+    let (result, _peer) = tokio::join!(robot.query(&[Address::CurMode]), async {
+        let mut peer = controller.accept().await;
+        peer.name = "cell 5";
+        peer.introduces().await;
+        let request = peer.frame().await;
+        peer.send(values(&request, serde_json::json!(["7"]))).await;
+        peer
+    });
+    assert!(
+        matches!(result, Err(RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. }))),
+        "{result:?}"
+    );
+}
+
 #[tokio::test]
 async fn where_only_the_name_can_be_read_the_same_one_proves_nothing_and_another_one_does() {
     for (name, another) in [("cell 4", false), ("cell 5", true)] {

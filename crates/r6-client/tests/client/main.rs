@@ -3,8 +3,10 @@
 
 mod controller;
 
+mod attempts;
 mod camera;
 mod connection;
+mod doubted;
 mod following;
 mod identity;
 mod listening;

@@ -5,8 +5,10 @@ mod cable;
 mod ended;
 mod first;
 mod fresh;
+mod odd_lists;
 mod overtaken;
 mod standing;
+mod untold;
 
 use std::sync::Arc;
 use std::time::Duration;
