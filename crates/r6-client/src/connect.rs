@@ -28,8 +28,8 @@ pub trait Connect: fmt::Display + Send + 'static {
     /// Makes one connection. It is given up after [`crate::RobotSettings::connect_timeout`] by dropping the future.
     fn connect(&mut self) -> impl Future<Output = io::Result<Self::Stream>> + Send;
 
-    /// Whether whoever comes is taken, as by [`crate::Listen`], and not one address dialled. A stop then opens no second connection
-    /// before the robot has said who it is: the next one that comes may be another.
+    /// Whether the controllers dial, as with [`crate::Listen`], so that the next connection may come from another robot. Then a stop opens
+    /// no second connection before the robot has said who it is. A `Connect` that wraps another one has to pass this on.
     fn takes_whoever_comes(&self) -> bool {
         false
     }

@@ -52,8 +52,8 @@ pub struct Identity {
 /// What was found on a connection that was made anew, before anything else was sent on it, a stop apart.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// Who answered. Where a part of it could not be read, and the rest is that of the robot from before, no command leaves until a query
-    /// reads all of it, such as [`Robot::status`].
+    /// Who answered. If a part of it could not be read and the rest is the same as before, it is not known whether this is the same
+    /// robot: no command leaves until a query has read all of it, such as [`Robot::status`].
     pub identity: Identity,
     /// Whether that is another controller than before: then no command leaves until [`Robot::accept_identity`].
     pub another: bool,

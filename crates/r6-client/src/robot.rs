@@ -585,8 +585,8 @@ impl Hub {
         known.expected.is_some() && known.present.is_none()
     }
 
-    /// Where nobody knows who is meant: whoever answers next proves nothing of the robot from before, until a caller has read mode and
-    /// alarm.
+    /// The next connection may lead to another robot. If it is not known which one is meant, nothing that is seen there confirms a stop
+    /// until a caller has read mode and alarm.
     pub fn doubt_who_answers(&self) {
         let mut known = self.known();
         known.read_of_nobody |= known.expected.is_none();
