@@ -72,7 +72,7 @@ impl fmt::Display for LostReason {
             Self::Stalled => f.write_str("the controller takes no more bytes"),
             Self::Unresponsive => f.write_str("the controller stopped answering"),
             Self::ClosedHere => f.write_str("this side closed it"),
-            Self::OutOfStep => f.write_str("after a time-out replies could no longer be told apart"),
+            Self::OutOfStep => f.write_str("it could no longer be told which reply answers which request"),
         }
     }
 }

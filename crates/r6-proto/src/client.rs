@@ -2,7 +2,8 @@
 //!
 //! A reply is matched by its `packID` where the firmware echoes it. Where it does not, by kind, by the command it
 //! names and by order; then a request that timed out may still be answered later, and no reply can be trusted to
-//! belong to the next request: the session says so ([`Event::OutOfStep`]) and the connection has to be made anew.
+//! belong to the next request: the session says so ([`Event::OutOfStep`]) and the connection has to be made anew. So it is where
+//! such a reply has more values than were asked for, for it answers an earlier request.
 
 mod matcher;
 mod repeated;
@@ -166,7 +167,7 @@ pub enum StrayReason {
     NothingWaits,
     /// An echo of a request.
     Echo,
-    /// After a time-out without `packID` nobody can tell what it answers.
+    /// Without `packID`, after a time-out or with more values than were asked for: it may answer an earlier request.
     OutOfStep,
     /// It is no reply at all.
     NoReply,
@@ -179,7 +180,7 @@ impl std::fmt::Display for StrayReason {
             Self::Contradiction => "a reply to something else with the same packID",
             Self::NothingWaits => "a reply to something else",
             Self::Echo => "the request itself",
-            Self::OutOfStep => "a reply that cannot be told from a late one",
+            Self::OutOfStep => "a reply that may answer an earlier request",
             Self::NoReply => "a frame that is no reply",
         })
     }
@@ -206,6 +207,8 @@ struct InFlight {
     word: &'static str,
     /// A query's addresses, hashed: an echo must be theirs.
     addresses: u64,
+    /// How many there are.
+    count: usize,
     sent_at: Instant,
     deadline: Instant,
     /// Where its first byte stands in the output, counted from the session's start.
@@ -316,11 +319,13 @@ impl ClientSession {
                 | Request::Heartbreak
                 | Request::PhotoAnswer(_) => request.request_type().word(),
             };
+            let count = if let Request::Query(asked) = request { asked.len() } else { 0 };
             self.in_flight.push_back(InFlight {
                 ticket,
                 request: request.request_type(),
                 word,
                 addresses,
+                count,
                 sent_at: now,
                 deadline: now + self.settings.reply_timeout,
                 starts_at: self.transmitted_before + u64::try_from(before).unwrap_or(u64::MAX),

@@ -312,6 +312,21 @@ fn a_late_reply_is_never_matched_where_nothing_comes_back() {
     assert_eq!(pass_time(&mut session, 4011), [Seen::TimedOut(second)]);
 }
 
+/// Found by `make sim SEED=1235`: a reply that nobody asked for was taken for an answer, and each reply after it for that to the request
+/// after its own. More values than were asked for show it.
+#[test]
+fn where_nothing_comes_back_a_reply_with_too_many_values_shows_that_replies_are_out_of_step() {
+    let mut session = session();
+    let two = sent(&mut session, 0, &query(&[Address::CurMode, Address::CurAlarm]));
+    // Nobody asked for this one.
+    assert_eq!(feed(&mut session, 1, bare_reply("7")), [Seen::Values(two, one("7"), 1)]);
+    let next = sent(&mut session, 2, &query(MODE));
+    let late = r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","queryData":["7","0"]}"#;
+    assert_eq!(feed(&mut session, 3, late), [Seen::Stray(StrayReason::OutOfStep), Seen::OutOfStep]);
+    assert_eq!(feed(&mut session, 4, bare_reply("7")), [Seen::Stray(StrayReason::OutOfStep)]);
+    assert_eq!(pass_time(&mut session, 2002), [Seen::TimedOut(next)]);
+}
+
 #[test]
 fn a_late_reply_is_never_matched_where_nothing_is_known_yet() {
     let mut session = session();

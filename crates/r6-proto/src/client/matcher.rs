@@ -24,6 +24,8 @@ pub(super) enum Assigned {
 enum Answers<'a> {
     Query {
         addresses: Option<Values<'a>>,
+        /// How many values it has.
+        values: usize,
     },
     /// A command, AddPoints or AddRCC; the word where the reply names it.
     Named(Option<std::borrow::Cow<'a, str>>),
@@ -34,7 +36,9 @@ enum Answers<'a> {
 impl Matcher<'_> {
     pub fn assign(&mut self, message: &Message<'_>) -> Assigned {
         let answers = match &message.body {
-            Body::QueryReply(reply) => Answers::Query { addresses: reply.addresses },
+            Body::QueryReply(reply) => {
+                Answers::Query { addresses: reply.addresses, values: reply.values.len() }
+            }
             Body::CommandReply(reply) => Answers::Named(reply.command()),
             Body::Rejected(rejection) => match rejection.request {
                 RequestType::Photo | RequestType::Heartbreak => return Assigned::Stray(StrayReason::NoReply),
@@ -97,6 +101,11 @@ impl Matcher<'_> {
             // It does not say what it answers, and more than one request could be meant.
             return Err(StrayReason::Contradiction);
         }
+        if self.in_flight.get(at).is_some_and(|waiting| waiting.is_exceeded_by(answers)) {
+            // No firmware has a reason to send more values than it was asked for: this one answers an earlier request.
+            *self.out_of_step = OutOfStep::Due;
+            return Err(StrayReason::OutOfStep);
+        }
         Ok(at)
     }
 
@@ -118,9 +127,14 @@ impl Matcher<'_> {
 }
 
 impl InFlight {
+    /// Whether a reply that does not say which addresses it answers has more values than this query has addresses.
+    fn is_exceeded_by(&self, answers: &Answers<'_>) -> bool {
+        matches!(answers, Answers::Query { addresses: None, values } if *values > self.count)
+    }
+
     fn may_be_answered_by(&self, answers: &Answers<'_>) -> bool {
         match answers {
-            Answers::Query { addresses } => {
+            Answers::Query { addresses, .. } => {
                 self.request == RequestType::Query
                     && addresses.is_none_or(|addresses| echoes(addresses, self.addresses))
             }
