@@ -184,7 +184,11 @@ impl Peer {
                 }
                 Event::TimedOut(ticket) => self.ledger.timed_out(ticket, now),
                 Event::Lost { ticket, left } => self.ledger.lost(ticket, left),
-                Event::Photo { message, .. } | Event::Stray { message, .. } => look_at_everything(&message),
+                Event::Photo { message, .. } => look_at_everything(&message),
+                Event::Stray { message, .. } => {
+                    look_at_everything(&message);
+                    self.ledger.stray(&message);
+                }
                 Event::BadFrame(error) => assert!(!error.to_string().is_empty()),
                 Event::NotJson(error) => assert!(!error.to_string().is_empty()),
                 Event::OutOfStep => self.ledger.out_of_step(),

@@ -32,6 +32,16 @@ fn frame(settings: &ClientSettings, ticket: Ticket, request: &Request<'_>) -> Ve
     frame
 }
 
+/// How many values a reply to a query has that says neither by number nor by addresses which query it answers.
+fn values_of_anybody(message: &Message<'_>) -> Option<usize> {
+    match &message.body {
+        Body::QueryReply(reply) if message.header.pack_id.is_none() && reply.addresses.is_none() => {
+            Some(reply.values.len())
+        }
+        _ => None,
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Waits,
@@ -47,6 +57,8 @@ pub struct Ledger {
     requests: BTreeMap<Ticket, Sent>,
     /// A request has timed out: whatever comes without a number may answer it.
     late: bool,
+    /// A reply that does not say what it answers had more values than the first query that waited has addresses.
+    exceeded: bool,
     out_of_step: bool,
     last_reply: Vec<u8>,
     wire: FrameBuffer,
@@ -66,6 +78,7 @@ impl Ledger {
             settings,
             requests: BTreeMap::new(),
             late: false,
+            exceeded: false,
             out_of_step: false,
             last_reply: Vec::new(),
             wire: FrameBuffer::new(Limits::default()),
@@ -218,6 +231,10 @@ impl Ledger {
             None => assert!(!self.late && !self.out_of_step, "a reply that may be late was matched"),
         }
         let sent = self.end(ticket, State::Answered);
+        assert!(
+            values_of_anybody(message).is_none_or(|values| values <= sent.addresses.len()),
+            "a reply with more values than were asked for was matched by its order"
+        );
         if let Some(echo) = echo {
             assert_eq!(echo.concat(), sent.addresses.concat(), "a reply to another query");
         }
@@ -243,8 +260,20 @@ impl Ledger {
         self.end(ticket, State::Withdrawn);
     }
 
+    /// A frame answered nothing.
+    pub fn stray(&mut self, message: &Message<'_>) {
+        let first =
+            self.requests.values().find(|sent| sent.state == State::Waits && sent.kind == RequestType::Query);
+        if let (Some(first), Some(values)) = (first, values_of_anybody(message)) {
+            self.exceeded |= values > first.addresses.len();
+        }
+    }
+
     pub fn out_of_step(&mut self) {
-        assert!(self.late, "out of step although nothing timed out");
+        assert!(
+            self.late || self.exceeded,
+            "out of step although nothing timed out and no reply had too many values"
+        );
         assert!(!std::mem::replace(&mut self.out_of_step, true), "out of step is said once");
     }
 
