@@ -17,7 +17,7 @@ use std::time::Duration;
 
 use r6_proto::OperationMode;
 use tokio::sync::{OwnedSemaphorePermit, watch};
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::{Instant, sleep_until, timeout, timeout_at};
 
 use crate::error::{Invalid, NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::job::{Terms, Work};
@@ -202,29 +202,25 @@ impl Robot {
     /// Halts over this connection, and over a second one beside it once the first answer is late. What proves the standstill first
     /// counts; otherwise what saw the machine at all.
     async fn halt_over_either(&self, deadline: Instant) -> (Halted, Option<SecondConnection>) {
-        let (heard, begun) = (watch::Sender::new(Instant::now()), AtomicBool::new(false));
-        let first = Halt::new(self.clone(), deadline).run(Some(&heard));
+        let begun = AtomicBool::new(false);
+        let first = Halt::new(self.clone(), deadline).run();
         let second = async {
-            let mut heard = heard.subscribe();
-            // A look at the state takes many replies where each address is asked for alone: each of them counts.
+            // Each reply counts: where each address is asked for alone, a look at the state takes many.
             let last_reply = || self.hub().meter().last_reply().map(|at| self.hub().clock.at(Some(at)));
+            let mut silent_since = Instant::now();
             loop {
-                let heard_at = *heard.borrow_and_update();
-                let silent_since = last_reply().map_or(heard_at, |at| at.max(heard_at));
-                match timeout_at(silent_since + LATE, heard.changed()).await {
-                    Ok(Ok(())) => {}
-                    // The sender lives as long as this.
-                    Ok(Err(_)) => return None,
-                    Err(_elapsed) if last_reply().is_some_and(|at| at > silent_since) => {}
-                    Err(_elapsed) => break,
+                sleep_until(silent_since + LATE).await;
+                match last_reply().filter(|at| *at > silent_since) {
+                    Some(at) => silent_since = at,
+                    None => break,
                 }
             }
             begun.store(true, Ordering::Relaxed);
             let made = timeout_at(deadline, self.second_connection()).await;
             let busy = SecondConnection::NotMade(NotSent::Busy { waited: CONFIRM_WITHIN });
             match made.unwrap_or(Err(busy)) {
-                Ok(robot) => Some(Ok(Halt::new(robot, deadline).run(None).await)),
-                Err(error) => Some(Err(error)),
+                Ok(robot) => Ok(Halt::new(robot, deadline).run().await),
+                Err(why_not) => Err(why_not),
             }
         };
         tokio::pin!(first, second);
@@ -240,7 +236,7 @@ impl Robot {
                     }
                 }
                 halted = &mut second, if other.is_none() => {
-                    let over = matches!(&halted, Some(Ok(halted)) if halted.confirmed());
+                    let over = matches!(&halted, Ok(halted) if halted.confirmed());
                     other = Some(halted);
                     if over {
                         break;
@@ -249,7 +245,7 @@ impl Robot {
             }
         }
         let opening = begun.load(Ordering::Relaxed) && other.is_none();
-        match (one, other.flatten()) {
+        match (one, other) {
             (one, Some(Ok(halted)))
                 if halted.confirmed() || (halted.heard() && !one.as_ref().is_some_and(Halted::heard)) =>
             {
@@ -313,14 +309,14 @@ impl Robot {
             // What runs is stopped at once; whether more comes is looked at after that.
             if seen.is_ok_and(|seen| seen.connection == report.connection && report.is_contradicted_by(&seen))
             {
-                report.prove_again(halt().run(None).await);
+                report.prove_again(halt().run().await);
             }
         }
         if !waited {
             return;
         }
         let open = doubts.until(Instant::now()).is_some();
-        report.prove_again(halt().run(None).await);
+        report.prove_again(halt().run().await);
         let cleared = way.clear_over(report.connection, deadline).await;
         report.doubt = Some(DoubtAfterStop { still_open: open, cleared });
     }

@@ -5,7 +5,6 @@ use std::pin::Pin;
 use std::time::Duration;
 
 use r6_proto::message::Command;
-use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep, sleep_until};
 
@@ -115,8 +114,8 @@ impl Halt {
         }
     }
 
-    /// Sends and looks until the end; `heard` is told when anything last came back.
-    pub async fn run(mut self, heard: Option<&watch::Sender<Instant>>) -> Halted {
+    /// Sends and looks until the end.
+    pub async fn run(mut self) -> Halted {
         let mut answers: JoinSet<(StopMeans, Result<Answer, RequestError>)> = JoinSet::new();
         let mut reading: Option<Reading> = None;
         while self.halted.proof.is_none() && !self.halted.is_closed() && Instant::now() < self.deadline {
@@ -132,13 +131,11 @@ impl Halt {
                 Some(answered) = answers.join_next() => {
                     // Only a runtime that is shut down ends a task without its answer.
                     if let Ok((means, answer)) = answered {
-                        tell(heard, came_back(&answer));
                         self.answered(means, answer);
                     }
                 }
                 seen = read => {
                     reading = Some(self::read(self.halted.robot.clone(), READ_EVERY));
-                    tell(heard, seen.is_ok());
                     self.see(seen);
                 }
                 () = sleep_until(self.next_at), if may_send => {}
@@ -245,18 +242,6 @@ impl Halt {
             }
         }
         self.halted.seen = Some(seen);
-    }
-}
-
-/// Whether the controller said anything at all.
-fn came_back(answer: &Result<Answer, RequestError>) -> bool {
-    matches!(answer, Ok(_) | Err(RequestError::Refused(_)))
-}
-
-/// Tells that something came back just now.
-fn tell(heard: Option<&watch::Sender<Instant>>, came_back: bool) {
-    if let Some(heard) = heard.filter(|_| came_back) {
-        heard.send_replace(Instant::now());
     }
 }
 

@@ -280,21 +280,16 @@ impl fmt::Display for StopReport {
 
 impl fmt::Display for SecondConnection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the first answer was late, so a second connection was ")?;
-        if *self == Self::Unidentified {
-            return f.write_str(
-                "due. It was not opened: this controller has not said who it is yet, and the next one that dials may be \
-                 another robot",
-            );
-        }
-        f.write_str("opened: ")?;
+        f.write_str("the first answer was late; a second connection ")?;
         match self {
-            Self::Used => f.write_str("it answered, and all of this was read over it"),
-            Self::Answered => f.write_str("it answered, too"),
-            Self::Silent => f.write_str("nothing came back over it"),
-            Self::Opening => f.write_str("the first one answered before it was there"),
-            Self::NotMade(error) => write!(f, "it could not be made ({error})"),
-            Self::Unidentified => Ok(()),
+            Self::Used => f.write_str("was opened: it answered, and all of this was read over it"),
+            Self::Answered => f.write_str("was opened: it answered, too"),
+            Self::Silent => f.write_str("was opened: nothing came back over it"),
+            Self::Opening => f.write_str("was being opened: the first one answered before it was there"),
+            Self::NotMade(error) => write!(f, "could not be made ({error})"),
+            Self::Unidentified => f.write_str(
+                "was not opened: this controller has not said who it is yet, and the next one that dials may be another robot",
+            ),
         }
     }
 }
