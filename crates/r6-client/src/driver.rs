@@ -113,7 +113,7 @@ impl<C: Connect> Driver<C> {
             }
             self.hub.connection_lost(reason);
             if self.target.takes_whoever_comes() {
-                // Whoever dials next may be another robot.
+                // The next controller that dials may be another robot.
                 self.hub.doubt_who_answers();
             }
             if unidentified {
@@ -293,7 +293,7 @@ impl<C: Connect> Driver<C> {
         }
     }
 
-    /// One attempt to connect, which whoever closes the handle does not wait for. `Err`: it is time to end.
+    /// One attempt to connect. Closing the handle ends it at once, with `Err`.
     async fn connect(&mut self) -> Result<Result<C::Stream, NotSent>, Option<oneshot::Sender<()>>> {
         let target = Arc::clone(&self.target);
         let attempt = target.connect(self.settings.connect_timeout);

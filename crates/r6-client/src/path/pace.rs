@@ -24,8 +24,8 @@ const POSSIBLE: [f64; 3] = [450.0, 4000.0, 20.0];
 /// Clocks differ by this much in one look, seconds.
 const CLOCKS: f64 = 0.2;
 
-/// The pace counts as known after so many looks that saw the arm move, one of which saw the list get shorter without getting empty. Before
-/// that the arm may just have begun to move.
+/// After so many looks that saw the arm move, its pace counts as known. One of them has to have seen the list get shorter without getting
+/// empty. Before that the arm may just have begun to move.
 const LOOKS: u32 = 3;
 
 /// Less than this, degrees or mm, is no motion: encoders tremble.

@@ -138,7 +138,8 @@ mod tests {
         (0..count).map(|number| (number as usize, Address::Counter(number))).collect()
     }
 
-    /// The lengths of all parts, by a controller that answers the part whose turn it is with so many values.
+    /// Plays a controller: `values` says how many values it sends for a part, from the number of the part and its addresses. Returns how
+    /// many addresses each part had.
     fn lengths(parts: &mut Parts, mut values: impl FnMut(usize, &Part) -> usize) -> Vec<usize> {
         let mut lengths = Vec::new();
         while let Some(part) = parts.next(false) {

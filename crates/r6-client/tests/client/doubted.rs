@@ -129,7 +129,7 @@ async fn an_older_query_does_not_end_a_newer_doubt() {
     assert_eq!(asked(&peer.frame().await), ["curAlarm"], "the newer doubt holds for the next query");
 }
 
-/// The first list of a connection is the one that asks who is there.
+/// The first query of a connection asks who is there. Its list is looked at like any other.
 #[tokio::test]
 async fn too_many_values_for_who_is_there_cast_doubt_on_lists_too() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;

@@ -64,7 +64,7 @@ async fn somebody_else_is_sent_away_and_nobody_is_told() {
     assert!(matches!(read, Ok(0) | Err(_)), "{read:?}");
 }
 
-/// The first robot never says who it is, and the next one that dials is another: it gets no stop that was meant for the first.
+/// The first robot never says who it is. The next one that dials may be another, so it gets no stop that was meant for the first.
 #[tokio::test]
 async fn a_stop_of_one_that_never_said_who_it_is_does_not_reach_the_next_that_dials() {
     let listen = Listen::on("127.0.0.1:0").await.unwrap();
