@@ -441,8 +441,12 @@ impl ClientSession {
     /// When [`Self::handle_timeout`] has to be called next.
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Instant> {
-        let reply = self.in_flight.iter().map(|waiting| waiting.deadline).min();
-        [reply, self.partial_deadline()].into_iter().flatten().min()
+        // They wait in the order in which they were sent, each as long as any other.
+        let reply = self.in_flight.front().map(|waiting| waiting.deadline);
+        match (reply, self.partial_deadline()) {
+            (Some(reply), Some(partial)) => Some(reply.min(partial)),
+            (reply, partial) => reply.or(partial),
+        }
     }
 
     fn partial_deadline(&self) -> Option<Instant> {
@@ -476,13 +480,18 @@ impl ClientSession {
         if let Some((ticket, left)) = self.lost.pop_front() {
             return Some(Event::Lost { ticket, left });
         }
-        let frame = match self.frames.next()? {
-            Ok(frame) => frame,
-            Err(error) => return Some(Event::BadFrame(error)),
-        };
-        let message = match self.decoder.decode(frame.bytes) {
-            Ok(message) => message,
-            Err(error) => return Some(Event::NotJson(error)),
+        let message = match self.decoder.length_of_same_reply(self.frames.waiting()) {
+            Some(length) => self.decoder.same_reply(self.frames.take_frame(length)),
+            None => {
+                let frame = match self.frames.next()? {
+                    Ok(frame) => frame,
+                    Err(error) => return Some(Event::BadFrame(error)),
+                };
+                match self.decoder.decode(frame.bytes) {
+                    Ok(message) => message,
+                    Err(error) => return Some(Event::NotJson(error)),
+                }
+            }
         };
         let mut matcher = Matcher {
             in_flight: &mut self.in_flight,

@@ -224,6 +224,22 @@ impl FrameBuffer {
         }
     }
 
+    /// The bytes that wait where a frame may begin; none within a frame or within what is skipped.
+    #[inline]
+    pub(crate) fn waiting(&self) -> &[u8] {
+        if self.mode == Mode::Between { self.unread(usize::MAX) } else { &[] }
+    }
+
+    /// Takes so many bytes of [`Self::waiting`], which are known to be a frame.
+    #[inline]
+    pub(crate) fn take_frame(&mut self, length: usize) -> &[u8] {
+        let from = self.at;
+        self.advance(length);
+        self.enter(Mode::Between);
+        self.looked = Looked::default();
+        self.storage.get(from..self.at).unwrap_or_default()
+    }
+
     /// How many bytes came since the beginning of what is not complete: a frame, garbage, or the rest of either that
     /// is being skipped.
     ///

@@ -27,6 +27,13 @@ impl Span {
     pub fn of(self, bytes: &[u8]) -> &[u8] {
         bytes.get(self.start as usize..self.end as usize).unwrap_or_default()
     }
+
+    /// As far behind `to` as this is behind `from`.
+    #[inline]
+    pub fn moved(self, from: usize, to: usize) -> Self {
+        let moved = |place: u32| (place as usize + to).saturating_sub(from);
+        Self::new(moved(self.start), moved(self.end))
+    }
 }
 
 fn clamp(offset: usize) -> u32 {

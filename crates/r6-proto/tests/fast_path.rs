@@ -40,6 +40,36 @@ fn every_vector_is_read_alike_with_and_without_blanks() {
     }
 }
 
+/// `reqType` stands behind the values in what shipped controllers write, and values change their length all day.
+#[test]
+fn the_same_reply_with_longer_and_shorter_values_is_read_alike() {
+    let frame = |values: &str| {
+        format!(
+            r#"{{"dsID":"www.hc-system.com.RemoteMonitor","packID":"7","queryAddr":["axis-0","axis-1"],"queryData":[{values}],"reqType":"query"}}"#
+        )
+    };
+    let turned = |values: &str| {
+        format!(
+            r#"{{"packID":"7","queryData":[{values}],"queryAddr":["axis-0","axis-1"],"reqType":"query"}}"#
+        )
+    };
+    let values = [
+        r#""1.000","2.000""#,
+        r#""-137.563","2""#,
+        r#""1","2""#,
+        r#""1","""#,
+        r#""1","2","3""#,
+        r#""1.000","2.000""#,
+    ];
+    let mut decoder = Decoder::new();
+    for values in values {
+        two_ways::check(&mut decoder, frame(values).as_bytes());
+    }
+    for values in values {
+        two_ways::check(&mut decoder, turned(values).as_bytes());
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 5_000, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -143,4 +173,74 @@ fn found(stream: &[u8], piece: usize) -> Vec<String> {
         }
     }
     found
+}
+
+/// A reply to a query, with values that are read in one look and others that are not.
+fn reply(pack_id: Option<&str>, values: &[&str]) -> String {
+    let number = pack_id.map(|id| format!("\"packID\":\"{id}\",")).unwrap_or_default();
+    let values: Vec<_> = values.iter().map(|value| format!("\"{value}\"")).collect();
+    format!(
+        "{{\"dsID\":\"www.hc-system.com.RemoteMonitor\",{number}\"queryAddr\":[\"axis-0\",\"curMode\"],\
+         \"queryData\":[{}],\"reqType\":\"query\"}}",
+        values.join(",")
+    )
+}
+
+#[test]
+fn the_same_reply_with_other_numbers_and_values_is_read_alike() {
+    let mut decoder = Decoder::new();
+    let values: [&[&str]; 9] = [
+        &["10.250", "7"],
+        &["-2597.112793", "1"],
+        &["", "7"],
+        &["10.250"],
+        &["10.250", "7", "1"],
+        &["a text that is longer", "7"],
+        &["1\\u0030", "7"],
+        &["机", "7"],
+        &["0.000", "2"],
+    ];
+    for pack_ids in
+        [[Some("17"), Some("18")], [Some("99"), Some("100")], [None, None], [Some("17"), Some("x1")]]
+    {
+        for first in values {
+            for second in values {
+                let (first, second) = (reply(pack_ids[0], first), reply(pack_ids[1], second));
+                drop(decoder.decode(first.as_bytes()));
+                let again = format!("{:?}", decoder.decode(second.as_bytes()));
+                assert_eq!(
+                    again,
+                    format!("{:?}", Decoder::new().decode(second.as_bytes())),
+                    "{first} {second}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn what_follows_the_same_reply_is_another_frame() {
+    let frame = reply(Some("17"), &["10.250", "7"]);
+    let mut decoder = Decoder::new();
+    drop(decoder.decode(frame.as_bytes()));
+    for longer in [format!("{frame} "), format!("{frame}{frame}"), frame[..frame.len() - 1].to_owned()] {
+        let again = format!("{:?}", decoder.decode(longer.as_bytes()));
+        assert_eq!(again, format!("{:?}", Decoder::new().decode(longer.as_bytes())));
+        drop(decoder.decode(frame.as_bytes()));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 5_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever was changed in a reply that came before: it is read as by a decoder that knows nothing of it.
+    #[test]
+    fn a_changed_reply_is_read_as_if_it_were_the_first(mutations in json_text::mutations()) {
+        let frame = reply(Some("17"), &["10.250", "7"]);
+        let mutated = json_text::mutate(frame.as_bytes(), &mutations);
+        let mut decoder = Decoder::new();
+        drop(decoder.decode(frame.as_bytes()));
+        let again = format!("{:?}", decoder.decode(&mutated));
+        prop_assert_eq!(again, format!("{:?}", Decoder::new().decode(&mutated)));
+    }
 }

@@ -76,9 +76,10 @@ fn address(random: &mut Random) -> Address {
 }
 
 fn instruction(random: &mut Random) -> Instruction {
+    // A mask names only axes that have a coordinate.
     let target: Vec<f64> = (0..6).map(|_| random.decimal(1000, 1000)).collect();
     let manner = Manner {
-        mask: Some(AxisMask::from_bits(u8::try_from(random.below(256)).unwrap_or(0))),
+        mask: Some(AxisMask::from_bits(u8::try_from(random.below(64)).unwrap_or(0))),
         speed: Some(f64::from(random.below(1000) + 1) / 10.0),
         delay: Some(f64::from(random.below(100)) / 10.0),
         smooth: BlendLevel::new(u8::try_from(random.below(10)).unwrap_or(0)),

@@ -2,10 +2,12 @@
 //!
 //! This file reads the members at the top and decides what the frame is; `lists` reads what is nested in it.
 
+mod again;
 mod lists;
 
 use crate::error::{FieldError, JsonError};
 use crate::json::Cursor;
+use crate::message::decoder::again::LastReply;
 use crate::message::decoder::lists::Lists;
 use crate::message::extra::{ExtraKind, ExtraNode, Place};
 use crate::message::fast::{self, Habit, Pattern};
@@ -84,7 +86,7 @@ impl Top {
 const TOP_COUNT: usize = super::TOP_KEYS.len();
 
 /// The members found at the top of a frame: key and value by slot.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct TopNodes {
     members: [(Node, Node); TOP_COUNT],
     /// Which slots hold a member.
@@ -117,6 +119,26 @@ impl TopNodes {
     fn has(&self, top: Top) -> bool {
         self.present & top.bit() != 0
     }
+
+    /// The slots of the members that stand behind this place of the frame, as bits.
+    fn slots_behind(&self, place: usize) -> u32 {
+        Top::ALL
+            .into_iter()
+            .filter(|top| self.at(*top).is_some_and(|value| value.span.start as usize > place))
+            .fold(0, |slots, top| slots | top.bit())
+    }
+
+    /// The members in these slots have come to stand as far behind `to` as they stood behind `from`.
+    #[inline]
+    fn move_members(&mut self, mut slots: u32, from: usize, to: usize) {
+        while slots != 0 {
+            if let Some((key, value)) = self.members.get_mut(slots.trailing_zeros() as usize) {
+                key.span = key.span.moved(from, to);
+                value.span = value.span.moved(from, to);
+            }
+            slots &= slots - 1;
+        }
+    }
 }
 
 /// Decodes frames into messages; its buffers grow to the largest frame seen and are reused.
@@ -132,6 +154,7 @@ pub struct Decoder {
     extras: Vec<ExtraNode>,
     error: Option<FieldError>,
     habit: Habit<TOP_COUNT>,
+    last_reply: LastReply,
 }
 
 impl Decoder {
@@ -147,17 +170,40 @@ impl Decoder {
     /// [`JsonError`] if the bytes are no JSON object; a well-formed object with wrong fields is a
     /// [`Body::Rejected`] instead.
     pub fn decode<'a>(&'a mut self, bytes: &'a [u8]) -> Result<Message<'a>, JsonError> {
+        if self.length_of_same_reply(bytes) == Some(bytes.len()) {
+            return Ok(self.same_reply(bytes));
+        }
         self.clear();
         let mut top = TopNodes::NONE;
         self.members(bytes, &mut top)?;
         let (header, request) = self.header(bytes, &top);
         let body = self.classify(bytes, &top, &header, request)?;
         self.report_out_of_place(&top, body);
+        if self.extras.is_empty() {
+            self.last_reply.keep(bytes, &top, body, &self.data);
+        }
         let body = self.view(bytes, &top, &header, body);
         Ok(Message { header, body, bytes, extras: &self.extras })
     }
 
+    /// How long the frame is at the beginning of `bytes`, if it is the reply that was decoded last with another number and other
+    /// values. Then [`Self::same_reply`] is its message.
+    #[inline]
+    pub(crate) fn length_of_same_reply(&mut self, bytes: &[u8]) -> Option<usize> {
+        self.last_reply.length_of(bytes, &mut self.data)
+    }
+
+    /// The message of a frame that [`Self::length_of_same_reply`] has found.
+    #[inline]
+    pub(crate) fn same_reply<'a>(&'a self, bytes: &'a [u8]) -> Message<'a> {
+        let top = &self.last_reply.top;
+        let (header, _) = self.header(bytes, top);
+        let body = self.view(bytes, top, &header, Shape::QueryReply);
+        Message { header, body, bytes, extras: &[] }
+    }
+
     fn clear(&mut self) {
+        self.last_reply.forget();
         self.addresses.clear();
         self.data.clear();
         self.words.clear();
