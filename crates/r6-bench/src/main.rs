@@ -60,7 +60,8 @@ fn main() -> ExitCode {
 
 /// Writes the page, and what is quoted of it.
 fn write(table: &[report::Row]) -> Result<(), (&'static str, std::io::Error)> {
-    std::fs::write(PAGE, report::page(table)).map_err(|error| (PAGE, error))?;
+    let before = std::fs::read_to_string(PAGE).unwrap_or_default();
+    std::fs::write(PAGE, report::page(table, &before)).map_err(|error| (PAGE, error))?;
     let readme = std::fs::read_to_string(README).map_err(|error| (README, error))?;
     std::fs::write(README, report::quoted(&readme, table)).map_err(|error| (README, error))
 }

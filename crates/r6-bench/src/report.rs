@@ -99,22 +99,44 @@ fn inverse([low, median, high]: [f64; 3]) -> [f64; 3] {
     [1.0 / high, 1.0 / median, 1.0 / low]
 }
 
-/// The page about all rows.
-pub fn page(rows: &[Row]) -> String {
-    let [model, kernel, rust] = machine();
+/// What the heading of a kind of processor begins with.
+const ON: &str = "## On ";
+
+/// The page about all rows. Of the page as it was, the last run on each other kind of processor is kept.
+pub fn page(rows: &[Row], before: &str) -> String {
+    let [model, cores, kernel, rust] = machine();
+    let heading = format!("{ON}{model}\n");
+    let others_before: String = sections(before)
+        .filter(|section| section.starts_with(ON) && !section.starts_with(&heading))
+        .collect();
     format!(
         "# How fast it is beside others\n\nWritten by `make bench`, all rows in one run on one core. A ratio is of two that took turns, {ROUNDS} rounds of a fifth of \
          a second each, of a second for the thousand robots; the median of the rounds and, in brackets, their middle half. A goal is missed only \
          if the whole middle half is beyond it. Rounds in which the yardstick was more than 15 % off its own median do not count, and of {ROUNDS} at \
          least {LEAST_ROUNDS} have to. Beside a fixed amount (a million, real time) the yardstick is a copy of memory. What is counted or weighed \
-         (allocations, memory, processor time at rest) is so once.\n\n\
-         Ratios travel between machines, times do not: {model}; {kernel}; {rust}. The code: {}. The others: {}.\n\n{}\n{}\n\n{}{HOW_TO_READ}",
+         (allocations, memory, processor time at rest) is so once.\n\n{WHAT_TRAVELS}\n\
+         {heading}\n{cores}; {kernel}; {rust}. The code: {}. The others: {}.\n\n{}\n{}\n\n{others_before}{}{HOW_TO_READ}",
         commit(),
         others(),
         table(rows),
         sum(rows),
         reasons(rows)
     )
+}
+
+/// The parts of a page, each from its heading on.
+fn sections(page: &str) -> impl Iterator<Item = String> {
+    let mut parts = vec![String::new()];
+    for line in page.lines() {
+        if line.starts_with("## ") {
+            parts.push(String::new());
+        }
+        if let Some(part) = parts.last_mut() {
+            *part += line;
+            part.push('\n');
+        }
+    }
+    parts.into_iter()
 }
 
 /// How many goals are held, and how many missed.
@@ -145,8 +167,11 @@ fn commit() -> String {
 /// What stands below the table whatever is in it.
 const HOW_TO_READ: &str = include_str!("how_to_read.md");
 
-/// Processor, system and compiler.
-fn machine() -> [String; 3] {
+/// What holds on other machines, and what does not.
+const WHAT_TRAVELS: &str = include_str!("what_travels.md");
+
+/// Processor, how many cores of it, system and compiler.
+fn machine() -> [String; 4] {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let processor = read("/proc/cpuinfo");
     let model = processor.lines().find_map(|line| line.strip_prefix("model name")?.split(": ").nth(1));
@@ -155,7 +180,8 @@ fn machine() -> [String; 3] {
     let rust = std::process::Command::new("rustc").arg("--version").output();
     let rust = rust.map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned());
     [
-        format!("{cores} cores of {}", model.unwrap_or("an unknown processor")),
+        model.unwrap_or("an unknown processor").to_owned(),
+        format!("{cores} cores"),
         format!("Linux {}", release.splitn(3, '.').take(2).collect::<Vec<_>>().join(".")),
         rust.unwrap_or_else(|_| "an unknown rustc".to_owned()),
     ]
@@ -250,5 +276,23 @@ fn shown(ratio: f64) -> String {
         100.0.. => format!("{ratio:.0}"),
         10.0.. => format!("{ratio:.1}"),
         _ => format!("{ratio:.2}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_run_on_each_other_kind_of_processor_is_kept() {
+        let [here, ..] = machine();
+        let before = format!(
+            "# Title\n\ntext\n\n{ON}{here}\n\nthe run of before\n\n{ON}Abacus\n\nkept\n\n## How to read it\n\nas it was\n"
+        );
+        let page = page(&[], &before);
+        assert!(page.contains("## On Abacus\n\nkept\n") && !page.contains("the run of before"), "{page}");
+        assert_eq!(page.matches(&format!("{ON}{here}\n")).count(), 1, "{page}");
+        assert_eq!(page.matches("## How to read it").count(), 1, "{page}");
+        assert_eq!(super::page(&[], &page), page, "written twice it is the same");
     }
 }

@@ -16,14 +16,19 @@
 //! There is one implementation: these methods run those of [`crate::Robot`], whose documentation says what they do. A handle
 //! may be used from many threads at once, and a stop overtakes what the others wait for.
 //!
-//! None of this may be called where a tokio runtime runs: use [`crate::Robot`] there.
+//! It needs no runtime: the thread that calls writes and reads by itself, and a thread of the connection does what is due between the
+//! calls. All of it blocks the thread, so use [`crate::Robot`] in async code. Robots on an [`Engine`] run on a tokio runtime inside, and
+//! panic where another one runs.
 
 mod cell;
 mod engine;
 mod motion;
+mod runner;
 mod watch;
 
 use std::fmt;
+use std::future::{Future, poll_fn};
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -31,13 +36,14 @@ use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
 use r6_proto::message::{Command, Instruction, PhotoAnswer};
 use tokio::runtime::Handle;
-use tokio::time::timeout;
 
 pub use self::engine::Engine;
 pub use self::motion::{MotionHandle, StepHandle};
+use self::runner::Runner;
 pub use self::watch::{PushedReceiver, Subscription};
-use crate::connect::Connect;
-use crate::error::{NotSent, RequestError};
+use crate::error::RequestError;
+use crate::hands::blocking::StdHand;
+use crate::hands::connect::Connect;
 use crate::{
     Accepted, CameraSet, Cause, Closed, Done, Envelope, Identity, LinkQuality, Motion, MotionError,
     NotSubscribed, QueryResult, RobotSettings, RunOptions, Status, StopReport, StopsUnderWay, WaitError,
@@ -54,7 +60,7 @@ use crate::{
 ///   connection is closed then.
 /// - While a stop is under way besides, it waits for that, too, for 15 s at most.
 ///
-/// On a thread that runs a tokio runtime the drop does not block: the engine's thread closes the connection.
+/// On a thread that runs a tokio runtime the drop does not block: the connection is closed in the background.
 #[derive(Clone)]
 pub struct Robot {
     robot: crate::Robot,
@@ -67,28 +73,22 @@ const LAST_STOP: Duration = StopsUnderWay::WITHIN.saturating_add(Duration::from_
 /// What all handles of a connection share.
 struct Connection {
     robot: crate::Robot,
-    engine: Engine,
+    runner: Runner,
 }
 
 impl Drop for Connection {
     fn drop(&mut self) {
-        // Inside a runtime nothing can be waited for; then the engine's thread does the same.
-        if Handle::try_current().is_err() {
-            let robot = self.robot.clone();
-            // A motion whose handle asked for a stop when it is dropped is being stopped now.
-            let over =
-                self.engine.block_on(async { timeout(LAST_STOP, robot.nothing_streams()).await.is_ok() });
-            if over {
-                self.engine.block_on(robot.close());
-                return;
-            }
-            // A motion whose handle was dropped goes on to its end; the engine's thread drives it while this program lives.
-            let engine = self.engine.clone();
-            self.engine.handle().spawn(async move {
-                robot.nothing_streams().await;
-                robot.close().await;
-                drop(engine);
-            });
+        // Inside a runtime nothing is waited for; then the same is done in the background.
+        if Handle::try_current().is_ok() {
+            return;
+        }
+        // A motion whose handle asked for a stop when it is dropped is being stopped now.
+        let over = self.robot.within(LAST_STOP, self.robot.nothing_streams());
+        if self.runner.block_on(over).is_ok() {
+            self.runner.block_on(self.robot.clone().close());
+        } else {
+            // A motion whose handle was dropped goes on to its end, while this program lives.
+            self.runner.close_later(&self.robot);
         }
     }
 }
@@ -100,13 +100,13 @@ impl fmt::Debug for Robot {
 }
 
 impl Robot {
-    /// As [`crate::Robot::connect`], with an [`Engine`] of its own.
+    /// As [`crate::Robot::connect`], over a socket of the calling threads', without a runtime.
     ///
     /// # Errors
-    /// As there, and [`NotSent::NoEngine`] if the system has no thread for it.
+    /// As there, and [`NotSent::NoEngine`](crate::NotSent::NoEngine) if the system has no thread for it.
     pub fn connect(address: &str, settings: RobotSettings) -> Result<Self, RequestError> {
-        let engine = Engine::start().map_err(|error| NotSent::NoEngine { detail: error.to_string() })?;
-        Self::connect_on(&engine, address, settings)
+        let (robot, hand) = StdHand::connect(address, settings)?;
+        Ok(Self::of(Runner::Own(hand), robot))
     }
 
     /// As [`crate::Robot::connect`], on an engine that other robots may share.
@@ -115,7 +115,7 @@ impl Robot {
     /// As there.
     pub fn connect_on(engine: &Engine, address: &str, settings: RobotSettings) -> Result<Self, RequestError> {
         let robot = engine.block_on(crate::Robot::connect(address, settings))?;
-        Ok(Self::of(engine, robot))
+        Ok(Self::of(Runner::Engine(engine.clone()), robot))
     }
 
     /// As [`crate::Robot::connect_with`].
@@ -128,21 +128,38 @@ impl Robot {
         settings: RobotSettings,
     ) -> Result<Self, RequestError> {
         let robot = engine.block_on(crate::Robot::connect_with(target, settings))?;
-        Ok(Self::of(engine, robot))
+        Ok(Self::of(Runner::Engine(engine.clone()), robot))
     }
 
-    fn of(engine: &Engine, robot: crate::Robot) -> Self {
-        let connection = Connection { robot: robot.clone(), engine: engine.clone() };
+    fn of(runner: Runner, robot: crate::Robot) -> Self {
+        let connection = Connection { robot: robot.clone(), runner };
         Self { robot, connection: Arc::new(connection) }
     }
 
-    /// The engine that this robot's calls run on.
-    #[must_use]
-    pub fn engine(&self) -> &Engine {
-        &self.connection.engine
+    fn runner(&self) -> &Runner {
+        &self.connection.runner
     }
 
-    /// The async handle on the same connection, for tasks that are spawned on [`Self::engine`].
+    /// Runs a future to its end on this thread, and drives this robot's connection meanwhile: for what only [`Self::as_async`] has.
+    ///
+    /// # Panics
+    /// On an engine, where a tokio runtime runs on this thread.
+    pub fn block_on<F: Future>(&self, future: F) -> F::Output {
+        let mut future = pin!(future);
+        self.runner().block_on(poll_fn(|cx| {
+            // What the future does before it calls the robot may take its time.
+            self.robot.now();
+            future.as_mut().poll(cx)
+        }))
+    }
+
+    /// The engine that this robot's calls run on; `None` if they need none ([`Self::connect`]).
+    #[must_use]
+    pub fn engine(&self) -> Option<&Engine> {
+        self.runner().engine()
+    }
+
+    /// The async handle on the same connection, for any executor; with [`Self::block_on`], for this thread.
     #[must_use]
     pub fn as_async(&self) -> &crate::Robot {
         &self.robot
@@ -151,7 +168,7 @@ impl Robot {
     /// As [`crate::Robot::close`], whatever other clones are doing. It waits for a stop that is under way,
     /// and until a motion that is being streamed has ended, for 15 s at most each.
     pub fn close(self) -> Closed {
-        self.engine().block_on(self.robot.clone().close())
+        self.runner().block_on(self.robot.clone().close())
     }
 
     /// As [`crate::Robot::address`].
@@ -165,7 +182,7 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn query(&self, addresses: &[Address]) -> Result<QueryResult, RequestError> {
-        self.engine().block_on(self.robot.query(addresses))
+        self.runner().block_on(self.robot.query(addresses))
     }
 
     /// As [`crate::Robot::status`].
@@ -173,7 +190,7 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn status(&self) -> Result<Status, RequestError> {
-        self.engine().block_on(self.robot.status())
+        self.runner().block_on(self.robot.status())
     }
 
     /// As [`crate::Robot::firmware`].
@@ -181,7 +198,7 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn firmware(&self) -> Result<Option<String>, RequestError> {
-        self.engine().block_on(self.robot.firmware())
+        self.runner().block_on(self.robot.firmware())
     }
 
     /// As [`crate::Robot::command`].
@@ -189,7 +206,7 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn command(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
-        self.engine().block_on(self.robot.command(command))
+        self.runner().block_on(self.robot.command(command))
     }
 
     /// As [`crate::Robot::stop`].
@@ -197,7 +214,7 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn stop(&self) -> Result<StopReport, RequestError> {
-        self.engine().block_on(self.robot.stop())
+        self.runner().block_on(self.robot.stop())
     }
 
     /// As [`crate::Robot::add_rcc`].
@@ -205,7 +222,7 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn add_rcc(&self, replace: bool, instructions: Vec<Instruction>) -> Result<Accepted, RequestError> {
-        self.engine().block_on(self.robot.add_rcc(replace, instructions))
+        self.runner().block_on(self.robot.add_rcc(replace, instructions))
     }
 
     /// As [`crate::Robot::add_motion`].
@@ -213,7 +230,7 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn add_motion(&self, replace: bool, motion: &Motion) -> Result<Accepted, RequestError> {
-        self.engine().block_on(self.robot.add_motion(replace, motion))
+        self.runner().block_on(self.robot.add_motion(replace, motion))
     }
 
     /// As [`crate::Robot::clear_list`].
@@ -221,7 +238,7 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn clear_list(&self) -> Result<Accepted, RequestError> {
-        self.engine().block_on(self.robot.clear_list())
+        self.runner().block_on(self.robot.clear_list())
     }
 
     /// As [`crate::Robot::wait_until_done`].
@@ -229,7 +246,7 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn wait_until_done(&self, options: WaitOptions) -> Result<Done, WaitError> {
-        self.engine().block_on(self.robot.wait_until_done(options))
+        self.runner().block_on(self.robot.wait_until_done(options))
     }
 
     /// As [`crate::Robot::run`]: it returns once everything is checked, and the motion is streamed while the program goes on.
@@ -238,7 +255,7 @@ impl Robot {
     /// As there.
     #[expect(clippy::result_large_err, reason = "made once a motion")]
     pub fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
-        let handle = self.engine().block_on(self.robot.run(motion, options))?;
+        let handle = self.runner().block_on(self.robot.run(motion, options))?;
         Ok(MotionHandle::new(handle, Arc::clone(&self.connection)))
     }
 
@@ -255,7 +272,7 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn add_points(&self, cameras: Vec<CameraSet>) -> Result<Accepted, RequestError> {
-        self.engine().block_on(self.robot.add_points(cameras))
+        self.runner().block_on(self.robot.add_points(cameras))
     }
 
     /// As [`crate::Robot::answer_photo`].
@@ -263,13 +280,15 @@ impl Robot {
     /// # Errors
     /// As there.
     pub fn answer_photo(&self, answer: PhotoAnswer) -> Result<(), RequestError> {
-        self.engine().block_on(self.robot.answer_photo(answer))
+        self.runner().block_on(self.robot.answer_photo(answer))
     }
 
     /// As [`crate::Robot::pushed`].
     #[must_use]
     pub fn pushed(&self) -> PushedReceiver {
-        PushedReceiver::new(self.robot.pushed(), Arc::clone(&self.connection))
+        let pushed = self.robot.pushed();
+        self.runner().look_after();
+        PushedReceiver::new(pushed, Arc::clone(&self.connection))
     }
 
     /// As [`crate::Robot::subscribe`]: the values are read between the calls, too.
@@ -278,6 +297,7 @@ impl Robot {
     /// As there.
     pub fn subscribe(&self, addresses: &[Address], every: Duration) -> Result<Subscription, NotSubscribed> {
         let subscription = self.robot.subscribe(addresses, every)?;
+        self.runner().look_after();
         Ok(Subscription::new(subscription, Arc::clone(&self.connection)))
     }
 
@@ -290,8 +310,7 @@ impl Robot {
     /// As [`crate::Robot::link_quality`].
     #[must_use]
     pub fn link_quality(&self) -> LinkQuality {
-        // The ages in it are those of the runtime's clock.
-        self.engine().enter(|| self.robot.link_quality())
+        self.robot.link_quality()
     }
 
     /// As [`crate::Robot::identity`].

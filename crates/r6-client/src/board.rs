@@ -1,20 +1,20 @@
 //! What the subscriptions of one connection share: who wants which address how often, and the last value of each.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use futures_util::future::AbortHandle;
 use r6_proto::Reading;
 use r6_proto::address::Address;
+use r6_proto::time::Instant;
 use tokio::sync::{Notify, watch};
-use tokio::task::AbortHandle;
-use tokio::time::Instant;
 
-use crate::clock::Clock;
 use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::poll_plan::{Next, PollPlan, next_due, slack};
-use crate::query::{AskedAt, NoReading, QueryResult};
-use crate::subscription::{MAX_ADDRESSES, MAX_POLLED, MAX_SUBSCRIPTIONS, NotSubscribed};
+use crate::query::result::{AskedAt, NoReading, QueryResult};
+use crate::subscription::limits::{MAX_ADDRESSES, MAX_POLLED, MAX_SUBSCRIPTIONS, NotSubscribed};
+use crate::time::Time;
 
 /// The last value of an address.
 #[derive(Clone, Debug)]
@@ -29,7 +29,7 @@ pub(crate) struct Last {
 /// Subscriptions, plan and values.
 #[derive(Debug)]
 pub(crate) struct Board {
-    clock: Clock,
+    time: Arc<Time>,
     shared: Mutex<Shared>,
     /// The poller has something to think about.
     changed: Notify,
@@ -63,7 +63,7 @@ struct Wish {
     addresses: BTreeSet<Address>,
     every: Duration,
     /// When it is to be told again.
-    due: r6_proto::time::Instant,
+    due: Instant,
     news: watch::Sender<()>,
 }
 
@@ -77,7 +77,7 @@ pub(crate) struct Seen {
 
 impl Shared {
     /// The shortest period of each address that anybody wants; values that nobody wants any more are forgotten.
-    fn plan_anew(&mut self, now: r6_proto::time::Instant) {
+    fn plan_anew(&mut self, now: Instant) {
         let mut wanted = BTreeMap::new();
         for wish in self.wishes.values() {
             for address in &wish.addresses {
@@ -90,7 +90,7 @@ impl Shared {
     }
 
     /// Tells the subscriptions that it concerns, each at its own pace unless something went wrong.
-    fn tell(&mut self, asked: &[Address], now: r6_proto::time::Instant) {
+    fn tell(&mut self, asked: &[Address], now: Instant) {
         for wish in self.wishes.values_mut() {
             let concerned = asked.iter().any(|address| wish.addresses.contains(address));
             if concerned && now + slack(wish.every) >= wish.due {
@@ -103,7 +103,7 @@ impl Shared {
     /// Tells everybody, and again as soon as there is something new.
     fn tell_all(&mut self) {
         self.wishes.values_mut().for_each(|wish| {
-            wish.due = r6_proto::time::Instant::ORIGIN;
+            wish.due = Instant::ORIGIN;
             wish.news.send_replace(());
         });
     }
@@ -111,8 +111,8 @@ impl Shared {
 
 impl Board {
     /// Nobody wants anything yet.
-    pub fn new(clock: Clock) -> Self {
-        Self { clock, shared: Mutex::default(), changed: Notify::new() }
+    pub fn new(time: Arc<Time>) -> Self {
+        Self { time, shared: Mutex::default(), changed: Notify::new() }
     }
 
     fn shared(&self) -> MutexGuard<'_, Shared> {
@@ -145,9 +145,9 @@ impl Board {
         let id = shared.next_id;
         shared.next_id += 1;
         let (news, seen) = watch::channel(());
-        let wish = Wish { addresses, every, due: r6_proto::time::Instant::ORIGIN, news };
+        let wish = Wish { addresses, every, due: Instant::ORIGIN, news };
         shared.wishes.insert(id, wish);
-        shared.plan_anew(self.clock.now());
+        shared.plan_anew(self.time.now());
         if shared.poller.is_none() {
             shared.poller = Some(poll());
         }
@@ -160,7 +160,7 @@ impl Board {
     pub fn remove(&self, id: u64) {
         let mut shared = self.shared();
         shared.wishes.remove(&id);
-        shared.plan_anew(self.clock.now());
+        shared.plan_anew(self.time.now());
         if shared.wishes.is_empty() {
             shared.failure = None;
             if let Some(poller) = shared.poller.take() {
@@ -188,7 +188,7 @@ impl Board {
     pub fn connection_lost(&self) {
         let mut shared = self.shared();
         shared.losses += 1;
-        shared.plan.all_due(self.clock.now());
+        shared.plan.all_due(self.time.now());
         shared.tell_all();
         drop(shared);
         self.changed.notify_one();
@@ -199,7 +199,7 @@ impl Board {
         let mut shared = self.shared();
         shared.closed = true;
         shared.wishes.clear();
-        shared.plan.replace(BTreeMap::new(), self.clock.now());
+        shared.plan.replace(BTreeMap::new(), self.time.now());
         drop(shared);
         self.changed.notify_one();
     }
@@ -209,15 +209,15 @@ impl Board {
         loop {
             let (next, losses) = {
                 let shared = self.shared();
-                (shared.plan.next(self.clock.now()), shared.losses)
+                (shared.plan.next(self.time.now()), shared.losses)
             };
             match next {
-                Next::Ask(addresses) => return Some(Poll { addresses, begun: Instant::now(), losses }),
+                Next::Ask(addresses) => return Some(Poll { addresses, begun: self.time.now(), losses }),
                 Next::Idle => return None,
                 Next::Wait(until) => {
                     tokio::select! {
                         biased;
-                        () = tokio::time::sleep_until(self.clock.at(Some(until))) => {}
+                        () = self.time.sleep_until(until) => {}
                         () = self.changed.notified() => {}
                     }
                 }
@@ -227,7 +227,7 @@ impl Board {
 
     /// A poll was answered; each value comes with the time at which it was asked for.
     pub fn answered(&self, poll: &Poll, result: &QueryResult, asked_at: &AskedAt) {
-        let now = self.clock.now();
+        let now = self.time.now();
         let mut shared = self.shared();
         for (position, (address, value)) in result.rows().iter().enumerate() {
             if let Some(at) = asked_at.of(position)
@@ -240,14 +240,14 @@ impl Board {
         shared.failure = None;
         // What was answered before the connection was lost has to be read again on the next one.
         if shared.losses == poll.losses {
-            shared.plan.answered(&poll.addresses, self.clock.of(poll.begun), now);
+            shared.plan.answered(&poll.addresses, poll.begun, now);
         }
         shared.tell(&poll.addresses, now);
     }
 
     /// A poll failed; the values stay, and grow old.
     pub fn failed(&self, poll: &Poll, error: RequestError) {
-        let now = self.clock.now();
+        let now = self.time.now();
         let mut shared = self.shared();
         if took_its_time(&error) {
             shared.plan.lost(&poll.addresses, now);
@@ -262,104 +262,121 @@ impl Board {
 /// Whether a failure comes only after a time-out or an attempt to connect, which has a wait of its own: then nothing is gained by
 /// another pause before the next poll.
 fn took_its_time(error: &RequestError) -> bool {
-    match error {
-        RequestError::NotSent(error) => match error {
-            NotSent::Unreachable { .. } | NotSent::ConnectTimedOut { .. } | NotSent::Unidentified { .. } => {
-                true
-            }
-            NotSent::Disconnected
-            | NotSent::StateNotRead
-            | NotSent::AnotherRobot { .. }
-            | NotSent::Overtaken
-            | NotSent::Busy { .. }
-            | NotSent::NoRoom(_)
-            | NotSent::Closed
-            | NotSent::NoEngine { .. }
-            | NotSent::NotStopped(_) => false,
-        },
-        RequestError::OutcomeUnknown(unknown) => match unknown {
-            OutcomeUnknown::TimedOut { .. } | OutcomeUnknown::ConnectionLost { .. } => true,
-            OutcomeUnknown::Unreadable { .. }
-            | OutcomeUnknown::Unclear { .. }
-            | OutcomeUnknown::AnotherRobot { .. } => false,
-        },
-        RequestError::Invalid(_) | RequestError::Refused(_) => false,
-    }
+    matches!(
+        error,
+        RequestError::NotSent(
+            NotSent::Unreachable { .. } | NotSent::ConnectTimedOut { .. } | NotSent::Unidentified { .. }
+        ) | RequestError::OutcomeUnknown(
+            OutcomeUnknown::TimedOut { .. } | OutcomeUnknown::ConnectionLost { .. }
+        )
+    )
 }
 
 #[cfg(test)]
 mod tests {
+    use std::pin::pin;
+    use std::task::{Context, Poll, Waker};
     use std::time::Duration;
 
+    use super::Poll as Poll_;
     use super::*;
 
     const SLOW: Duration = Duration::from_secs(1000);
 
-    fn board() -> (Board, u64, watch::Receiver<()>) {
-        let board = Board::new(Clock::start());
-        let poller = || tokio::spawn(std::future::pending::<()>()).abort_handle();
+    struct Watched {
+        board: Board,
+        id: u64,
+        news: watch::Receiver<()>,
+    }
+
+    fn watched() -> Watched {
+        let board = Board::new(Arc::default());
+        let poller = || AbortHandle::new_pair().0;
         let (id, news) = board.add(&[Address::CurMode], SLOW, poller).unwrap();
-        (board, id, news)
+        Watched { board, id, news }
     }
 
     fn mode(number: i64) -> QueryResult {
         QueryResult::for_tests(vec![(Address::CurMode, Ok(Reading::Integer(number)))])
     }
 
-    #[tokio::test(start_paused = true)]
-    async fn a_poll_waits_for_its_time_and_for_a_lost_connection() {
-        let (board, _id, mut news) = board();
-        let poll = board.due().await.unwrap();
-        board.answered(&poll, &mode(7), &AskedAt::Once(Instant::now()));
-        assert!(news.has_changed().unwrap());
-        news.mark_unchanged();
-        let begun = Instant::now();
-        let next = board.due().await.unwrap();
-        assert!(begun.elapsed() > SLOW / 2, "{:?}", begun.elapsed());
-        board.answered(&next, &mode(7), &AskedAt::Once(Instant::now()));
-        news.mark_unchanged();
-        let begun = Instant::now();
-        let (poll, ()) = tokio::join!(board.due(), async { board.connection_lost() });
-        assert_eq!((poll.unwrap().addresses, begun.elapsed()), (vec![Address::CurMode], Duration::ZERO));
-        assert!(news.has_changed().unwrap());
+    impl Watched {
+        /// What is due now, or how long until something is.
+        fn due(&self) -> Result<Option<Poll_>, Duration> {
+            let mut due = pin!(self.board.due());
+            match due.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+                Poll::Ready(due) => Ok(due),
+                Poll::Pending => Err(self.board.time.deadline().unwrap() - self.board.time.now()),
+            }
+        }
+
+        fn answer(&self, poll: &Poll_) {
+            self.board.answered(poll, &mode(7), &AskedAt::Once(self.board.time.now()));
+        }
     }
 
-    #[tokio::test(start_paused = true)]
-    async fn an_answer_from_before_the_loss_does_not_save_reading_again() {
-        let (board, _id, _news) = board();
-        let poll = board.due().await.unwrap();
-        board.connection_lost();
-        board.answered(&poll, &mode(7), &AskedAt::Once(Instant::now()));
-        let begun = Instant::now();
-        board.due().await.unwrap();
-        assert_eq!(begun.elapsed(), Duration::ZERO);
+    #[test]
+    fn a_poll_waits_for_its_time_and_for_a_lost_connection() {
+        let mut watched = watched();
+        let poll = watched.due().unwrap().unwrap();
+        watched.answer(&poll);
+        assert!(watched.news.has_changed().unwrap());
+        watched.news.mark_unchanged();
+        let wait = watched.due().unwrap_err();
+        assert!(wait > SLOW / 2, "{wait:?}");
+        watched.board.time.pass(watched.board.time.now() + wait);
+        let next = watched.due().unwrap().unwrap();
+        watched.answer(&next);
+        watched.news.mark_unchanged();
+        let mut due = pin!(watched.board.due());
+        let mut cx = Context::from_waker(Waker::noop());
+        assert!(due.as_mut().poll(&mut cx).is_pending());
+        watched.board.connection_lost();
+        let Poll::Ready(Some(poll)) = due.as_mut().poll(&mut cx) else { panic!("it is due at once") };
+        assert_eq!(poll.addresses, [Address::CurMode]);
+        assert!(watched.news.has_changed().unwrap());
     }
 
-    #[tokio::test(start_paused = true)]
-    async fn nobody_is_told_more_often_than_he_asked_for() {
-        let (board, _id, mut slow) = board();
-        let poller = || unreachable!("there is one");
+    #[test]
+    fn an_answer_from_before_the_loss_does_not_save_reading_again() {
+        let watched = watched();
+        let poll = watched.due().unwrap().unwrap();
+        watched.board.connection_lost();
+        watched.answer(&poll);
+        assert!(watched.due().is_ok());
+    }
+
+    #[test]
+    fn nobody_is_told_more_often_than_he_asked_for() {
+        let mut watched = watched();
         let fast = Duration::from_millis(20);
-        let (_fast, mut quick) = board.add(&[Address::CurMode], fast, poller).unwrap();
+        let poller = || unreachable!("there is one");
+        let (_fast, mut quick) = watched.board.add(&[Address::CurMode], fast, poller).unwrap();
         let (mut told_slow, mut told_quick) = (0, 0);
         for _ in 0..100 {
-            let poll = board.due().await.unwrap();
-            board.answered(&poll, &mode(7), &AskedAt::Once(Instant::now()));
-            told_slow += u32::from(slow.has_changed().unwrap());
+            let poll = match watched.due() {
+                Ok(poll) => poll.unwrap(),
+                Err(wait) => {
+                    watched.board.time.pass(watched.board.time.now() + wait);
+                    watched.due().unwrap().unwrap()
+                }
+            };
+            watched.answer(&poll);
+            told_slow += u32::from(watched.news.has_changed().unwrap());
             told_quick += u32::from(quick.has_changed().unwrap());
-            slow.mark_unchanged();
+            watched.news.mark_unchanged();
             quick.mark_unchanged();
         }
         assert_eq!((told_slow, told_quick), (1, 100));
     }
 
-    #[tokio::test(start_paused = true)]
-    async fn what_nobody_wants_any_more_is_neither_asked_for_nor_kept() {
-        let (board, id, _news) = board();
-        let poll = board.due().await.unwrap();
-        board.remove(id);
-        board.answered(&poll, &mode(7), &AskedAt::Once(Instant::now()));
-        assert!(board.due().await.is_none());
-        assert!(board.shared().values.is_empty());
+    #[test]
+    fn what_nobody_wants_any_more_is_neither_asked_for_nor_kept() {
+        let watched = watched();
+        let poll = watched.due().unwrap().unwrap();
+        watched.board.remove(watched.id);
+        watched.answer(&poll);
+        assert!(watched.due().unwrap().is_none());
+        assert!(watched.board.shared().values.is_empty());
     }
 }

@@ -7,10 +7,11 @@ use r6_proto::request::{CameraPoints, Request};
 use tokio::sync::broadcast::error::RecvError;
 
 use crate::error::{Invalid, RequestError};
-use crate::job::CameraSet;
-use crate::path;
+use crate::job::{CameraSet, Work};
+use crate::link::Lane;
 use crate::pushed::{LostReason, Pushed};
 use crate::robot::Robot;
+use crate::settings::LONGEST_PACK_ID;
 
 /// What came of a request for a photo.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,7 +67,15 @@ impl Robot {
     ///
     /// Points can set the arm in motion, and no guard checks them: none leave after a stop or a pause of this connection that came while
     /// their picture was under way ([`PhotosEnded::Stopped`]). Requests that come before this is called are not seen.
-    pub async fn serve_photos<F, Fut>(&self, mut look: F) -> PhotosEnded
+    pub async fn serve_photos<F, Fut>(&self, look: F) -> PhotosEnded
+    where
+        F: FnMut(i64) -> Fut,
+        Fut: Future<Output = Shot>,
+    {
+        self.drive(self.serve(look)).await
+    }
+
+    pub(crate) async fn serve<F, Fut>(&self, mut look: F) -> PhotosEnded
     where
         F: FnMut(i64) -> Fut,
         Fut: Future<Output = Shot>,
@@ -136,10 +145,10 @@ impl Robot {
         let set = CameraSet { cam_id, points };
         self.check_points(&set)?;
         if may() {
-            self.answer_photo(PhotoAnswer { cam_id, ret }).await?;
+            self.ask(Work::PhotoAnswer(PhotoAnswer { cam_id, ret }), Lane::Ordinary).await?;
         }
         if !set.points.is_empty() && may() {
-            self.add_points(vec![set]).await?;
+            self.accepted(Work::AddPoints(vec![set]), Lane::Ordinary).await?;
         }
         Ok(())
     }
@@ -149,7 +158,7 @@ impl Robot {
         let settings = self.settings();
         let points = [CameraPoints { cam_id: set.cam_id, points: &set.points }];
         let mut frame = Vec::new();
-        let envelope = path::envelope(settings, path::LONGEST_PACK_ID);
+        let envelope = settings.envelope(LONGEST_PACK_ID);
         Request::AddPoints(&points).encode(&envelope, &mut frame).map_err(Invalid::Value)?;
         let (bytes, limit) = (frame.len(), settings.max_frame_bytes);
         if bytes > limit { Err(Invalid::TooLong { bytes, limit }) } else { Ok(()) }

@@ -1,25 +1,61 @@
-//! Stops that are under way, for a program that must not end before they have.
+//! Closing a handle, and the stops that are under way: a program must not end before they have.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use r6_proto::message::Command;
 use tokio::sync::watch;
-use tokio::time::timeout;
 
+use crate::drive::{Hand, drive};
 use crate::error::{OutcomeUnknown, RequestError};
 use crate::job::Work;
-use crate::robot::Robot;
-use crate::stop::{STOP_WITHIN, StopReport, Stopping};
+use crate::robot::{Closed, Robot};
+use crate::stop::report::StopReport;
+use crate::stop::stopping::{STOP_WITHIN, Stopping};
+use crate::time::Time;
 
 /// The stops over one connection ([`Robot::stops_under_way`]). It does not keep the connection open.
 #[derive(Clone, Debug)]
-pub struct StopsUnderWay(watch::Receiver<Stopping>);
+pub struct StopsUnderWay {
+    stopping: watch::Receiver<Stopping>,
+    time: Arc<Time>,
+    hand: Arc<dyn Hand>,
+}
 
 impl Robot {
+    /// Ends the connection for all clones and waits until it is closed.
+    ///
+    /// It waits for a stop that is under way, for 15 s at most. A motion that is being streamed ends here:
+    /// the arm finishes what is in its list ([`crate::RunOptions::stop_on_drop`]: it is stopped), and
+    /// [`Closed::cut_short`] tells what was not sent. That end is waited for, too, for 15 s at most. The
+    /// orderly end of the connection itself takes half a second at most.
+    ///
+    /// Dropping the last clone does the same in the background; use this where the runtime ends right after.
+    /// Other clones' later requests are not sent ([`crate::NotSent::Closed`]).
+    pub async fn close(self) -> Closed {
+        self.drive(self.close_now()).await
+    }
+
+    pub(crate) async fn close_now(&self) -> Closed {
+        self.announce_closing();
+        self.no_stop_under_way().await;
+        let cut_short = match self.hub().time.timeout(STOP_WITHIN, self.nothing_streams()).await {
+            Ok(()) => self.motions().cut_by_close(),
+            Err(_elapsed) => None,
+        };
+        self.end_connection();
+        self.closed().await;
+        Closed { cut_short }
+    }
+
     /// The stops over this connection, whoever asked for them: other clones, guards, motions that failed.
     #[must_use]
     pub fn stops_under_way(&self) -> StopsUnderWay {
-        StopsUnderWay(self.stopping().subscribe())
+        StopsUnderWay {
+            stopping: self.stopping().subscribe(),
+            time: Arc::clone(&self.hub().time),
+            hand: Arc::clone(self.hand()),
+        }
     }
 }
 
@@ -30,13 +66,13 @@ impl StopsUnderWay {
     /// Whether a stop is under way now.
     #[must_use]
     pub fn any(&self) -> bool {
-        self.0.borrow().under_way > 0
+        self.stopping.borrow().under_way > 0
     }
 
     /// Whether the connection is gone: no stop will ever be under way over it again.
     #[must_use]
     pub fn are_gone(&self) -> bool {
-        self.0.has_changed().is_err()
+        self.stopping.has_changed().is_err()
     }
 
     /// Waits until no stop is under way, for [`Self::WITHIN`] at most, and tells what became of the last one; `None` if there was
@@ -45,8 +81,8 @@ impl StopsUnderWay {
     /// # Errors
     /// In the report: as [`Robot::stop`], and [`Self::not_confirmed`] if one is still under way.
     pub async fn over(&mut self) -> Option<Result<StopReport, RequestError>> {
-        let over = self.0.wait_for(|stopping| stopping.under_way == 0);
-        match timeout(Self::WITHIN, over).await {
+        let over = self.stopping.wait_for(|stopping| stopping.under_way == 0);
+        match drive(&*self.hand, self.time.timeout(Self::WITHIN, over)).await {
             Ok(Ok(stopping)) => stopping.last.clone(),
             // The last handle is gone, and with it every stop.
             Ok(Err(_gone)) => None,

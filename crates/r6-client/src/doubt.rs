@@ -8,20 +8,25 @@
 //!
 //! A controller that is busy takes a list a second late and runs it.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+use r6_proto::time::Instant;
 use tokio::sync::watch;
-use tokio::time::{Instant, timeout_at};
 
 use crate::error::RequestError;
+use crate::time::Time;
 
 /// How long after the time-out a controller may still take a frame. One was seen to take a list 1 s after it;
 /// this is twice that.
 const TAKEN_LATE: Duration = Duration::from_secs(2);
 
 /// The frames of one handle whose outcome is open.
-#[derive(Debug, Default)]
-pub(crate) struct Doubts(watch::Sender<Open>);
+#[derive(Debug)]
+pub(crate) struct Doubts {
+    open: watch::Sender<Open>,
+    time: Arc<Time>,
+}
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Open {
@@ -35,20 +40,25 @@ struct Open {
 #[derive(Debug)]
 pub(crate) struct Doubt {
     open: watch::Sender<Open>,
+    time: Arc<Time>,
     settled: bool,
 }
 
 impl Doubts {
+    pub fn new(time: Arc<Time>) -> Self {
+        Self { open: watch::Sender::default(), time }
+    }
+
     /// A frame that can move the arm is handed to the connection.
     pub fn begin(&self) -> Doubt {
-        self.0.send_modify(|open| open.unanswered += 1);
-        Doubt { open: self.0.clone(), settled: false }
+        self.open.send_modify(|open| open.unanswered += 1);
+        Doubt { open: self.open.clone(), time: Arc::clone(&self.time), settled: false }
     }
 
     /// Until when a frame may still be carried out, as far as is known now; `None` without one. A frame that is unanswered has no
     /// time yet.
     pub fn until(&self, now: Instant) -> Option<Option<Instant>> {
-        let open = *self.0.borrow();
+        let open = *self.open.borrow();
         if open.unanswered > 0 {
             return Some(None);
         }
@@ -57,22 +67,16 @@ impl Doubts {
 
     /// Waits for a change, or until this time.
     pub async fn change_until(&self, at: Instant) {
-        let mut open = self.0.subscribe();
-        timeout_at(at, open.changed()).await.ok();
+        let mut open = self.open.subscribe();
+        self.time.timeout_at(at, open.changed()).await.ok();
     }
 }
 
 impl Doubt {
     /// The request got its answer, or none.
     pub fn settle<T>(mut self, answer: &Result<T, RequestError>) {
-        let lost = match answer {
-            // Controllers have run lists that they refused, but at once.
-            Ok(_) | Err(RequestError::Refused(_) | RequestError::NotSent(_) | RequestError::Invalid(_)) => {
-                false
-            }
-            Err(RequestError::OutcomeUnknown(_)) => true,
-        };
-        self.end(lost);
+        // Controllers have run lists that they refused, but at once.
+        self.end(matches!(answer, Err(RequestError::OutcomeUnknown(_))));
     }
 
     fn end(&mut self, lost: bool) {
@@ -80,7 +84,7 @@ impl Doubt {
         self.open.send_modify(|open| {
             open.unanswered = open.unanswered.saturating_sub(1);
             if lost {
-                open.lost_at = Some(Instant::now());
+                open.lost_at = Some(self.time.now());
             }
         });
     }
@@ -105,10 +109,10 @@ mod tests {
         Err(OutcomeUnknown::TimedOut { request, after: Duration::from_secs(2), heard: None }.into())
     }
 
-    #[tokio::test(start_paused = true)]
-    async fn a_frame_is_in_doubt_until_it_is_answered_or_too_old() {
-        let doubts = Doubts::default();
-        let now = Instant::now();
+    #[test]
+    fn a_frame_is_in_doubt_until_it_is_answered_or_too_old() {
+        let doubts = Doubts::new(Arc::default());
+        let now = Instant::ORIGIN;
         assert_eq!(doubts.until(now), None);
         let (first, second) = (doubts.begin(), doubts.begin());
         assert_eq!(doubts.until(now), Some(None));
@@ -119,10 +123,10 @@ mod tests {
         assert_eq!(doubts.until(now + TAKEN_LATE), None);
     }
 
-    #[tokio::test(start_paused = true)]
-    async fn what_never_left_is_in_no_doubt_and_what_nobody_settles_is() {
-        let doubts = Doubts::default();
-        let now = Instant::now();
+    #[test]
+    fn what_never_left_is_in_no_doubt_and_what_nobody_settles_is() {
+        let doubts = Doubts::new(Arc::default());
+        let now = Instant::ORIGIN;
         doubts.begin().settle::<()>(&Err(NotSent::Disconnected.into()));
         assert_eq!(doubts.until(now), None);
         drop(doubts.begin());

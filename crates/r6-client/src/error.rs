@@ -7,6 +7,7 @@ use std::io;
 use std::time::Duration;
 
 use r6_proto::CommandName;
+use r6_proto::address::Address;
 use r6_proto::client::SendError;
 use r6_proto::error::FieldError;
 use r6_proto::printable;
@@ -44,6 +45,17 @@ impl RequestError {
                 Effect::Changes | Effect::Moves => false,
             },
         }
+    }
+
+    /// Whether nothing of the request has left.
+    pub(crate) fn nothing_left(&self) -> bool {
+        matches!(self, Self::NotSent(_) | Self::Invalid(_))
+    }
+
+    /// A query was answered without a value that has to be known.
+    pub(crate) fn no_value(address: Address) -> Self {
+        let answer = format!("no value for {address}");
+        OutcomeUnknown::Unclear { request: Sent::QUERY, answer }.into()
     }
 }
 
@@ -192,6 +204,10 @@ pub struct Sent {
     pub word: &'static str,
     /// What it can do.
     pub effect: Effect,
+}
+
+impl Sent {
+    pub(crate) const QUERY: Self = Self { word: "query", effect: Effect::Reads };
 }
 
 /// What a request can do to the machine.

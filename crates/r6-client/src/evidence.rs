@@ -18,10 +18,9 @@ pub(crate) mod standstill;
 
 use r6_proto::OperationMode;
 use r6_proto::axis::AXES;
-use tokio::time::Instant;
+use r6_proto::time::Instant;
 
 use crate::identity::Identity;
-use crate::motion::WaitError;
 
 /// Two positions closer than this (degrees or mm) are the same: encoders tremble in the last digit at rest.
 const STILL_WITHIN: f64 = 0.01;
@@ -70,14 +69,21 @@ pub(crate) struct Sample {
     pub pose: [Option<f64>; AXES],
 }
 
+/// What ends a motion: an alarm, or a mode in which nothing runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Interrupted {
+    ByAlarm { code: i64 },
+    ByMode { mode: OperationMode },
+}
+
 impl Sample {
-    /// Refuses what ends a motion: an alarm, and a mode in which nothing runs.
-    pub fn check(&self, idle_mode: OperationMode) -> Result<(), WaitError> {
+    /// Refuses what ends a motion.
+    pub fn check(&self, idle_mode: OperationMode) -> Result<(), Interrupted> {
         if let Some(code) = self.alarm.filter(|code| *code != 0) {
-            return Err(WaitError::AlarmRaised { code });
+            return Err(Interrupted::ByAlarm { code });
         }
         match self.mode.filter(|mode| !mode.may_run() && *mode != idle_mode) {
-            Some(mode) => Err(WaitError::Stopped { mode }),
+            Some(mode) => Err(Interrupted::ByMode { mode }),
             None => Ok(()),
         }
     }

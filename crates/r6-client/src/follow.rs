@@ -8,21 +8,22 @@ use std::time::Duration;
 use r6_proto::OperationMode;
 use r6_proto::address::Address;
 use r6_proto::axis::AXES;
-use tokio::time::{Instant, MissedTickBehavior, interval};
+use r6_proto::time::Instant;
 
-use crate::error::{NotSent, OutcomeUnknown, RequestError};
+use crate::error::{NotSent, RequestError};
 use crate::evidence::{About, Sample};
 use crate::follow::step::Step;
 pub use crate::follow::target::{TargetSender, Targets};
 use crate::guard::{Start, Violation};
-use crate::handle::Progress;
 use crate::job::{Terms, Work};
 use crate::link::Lane;
-use crate::moves::StepError;
+use crate::moves::step_error::StepError;
 use crate::path::place::Place;
+use crate::progress::Progress;
 use crate::robot::Robot;
 use crate::status::Status;
-use crate::stream::{Cause, MotionError, RunOptions};
+use crate::stream::error::{Cause, MotionError};
+use crate::stream::options::RunOptions;
 use crate::units::{AxisPosition, Degrees, Percent};
 
 /// Steps in the controller's list at most, where the arm is fed while it moves: the one it makes and the one behind it. More
@@ -163,6 +164,10 @@ impl Robot {
     /// [`MotionError`]: as for [`Robot::run`]; its steps are those that were sent. [`Cause::Step`] names a field of the options that
     /// cannot be followed with, before anything is asked.
     pub async fn follow(&self, targets: Targets, options: FollowOptions) -> Result<Followed, MotionError> {
+        self.drive(self.follow_now(targets, options)).await
+    }
+
+    async fn follow_now(&self, targets: Targets, options: FollowOptions) -> Result<Followed, MotionError> {
         let failed = |cause| MotionError {
             cause,
             progress: Progress { ended: true, ..Progress::default() },
@@ -184,15 +189,10 @@ impl Robot {
                 Err(cause) => (cause, options.stop_on_failure),
             },
         };
-        let progress = following.progress();
+        let left = following.progress.left;
+        let progress = Progress { total: left, ended: true, ..following.progress };
         tracing::info!(%cause, ?progress, "following ended");
-        let stop = match cause {
-            _ if stop && progress.left > 0 => Some(self.stop().await),
-            // Somebody else stops the arm: until that is done, its list may not be cleared.
-            Cause::StoppedHere => self.stop_under_way().await,
-            _ => None,
-        };
-        let stop = stop.map(Box::new);
+        let stop = self.stop_after(&cause, stop, progress).await;
         drop(turn);
         Err(MotionError { cause, progress, stop })
     }
@@ -216,9 +216,8 @@ struct Following<'r> {
     under_way: Option<(Place, Instant)>,
     /// When an axis last moved, and where it was.
     went_on: (Instant, [Option<f64>; AXES]),
-    sent: usize,
-    accepted: usize,
-    done: usize,
+    /// Of a target that is followed, what has left is all.
+    progress: Progress,
     failed: u32,
 }
 
@@ -229,7 +228,7 @@ impl<'r> Following<'r> {
         options: FollowOptions,
         status: Status,
     ) -> Self {
-        let now = Instant::now();
+        let now = robot.hub().time.now();
         let axes = status.axes;
         Self {
             robot,
@@ -242,18 +241,18 @@ impl<'r> Following<'r> {
             commanded: axes,
             under_way: None,
             went_on: (now, axes),
-            sent: 0,
-            accepted: 0,
-            done: 0,
+            progress: Progress::default(),
             failed: 0,
         }
     }
 
     async fn run(&mut self) -> Result<Followed, Cause> {
-        let mut tick = interval(self.options.interval);
-        tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let time = &self.robot.hub().time;
+        let mut next = time.now();
         loop {
-            tick.tick().await;
+            time.sleep_until(next).await;
+            // A look that came late puts off those behind it.
+            next = time.now() + self.options.interval;
             // From the look to the answer nobody else's list leaves.
             let _lists = self.robot.lists().await;
             let seen = match self.robot.observe(Lane::Ordinary).await {
@@ -265,28 +264,19 @@ impl<'r> Following<'r> {
             };
             let sample = seen.values;
             if let Some(address) = unreadable(&sample) {
-                let request = Work::Query(Vec::new()).sent();
-                let answer = format!("no value for {address}");
-                self.missed_a_read(OutcomeUnknown::Unclear { request, answer }.into())?;
+                self.missed_a_read(RequestError::no_value(address))?;
                 continue;
             }
             self.failed = 0;
-            if !seen.is_about(&self.about) {
-                if let Some(restart) =
-                    self.robot.restart_since(&self.about, &seen, self.options.idle_mode).await
-                {
-                    return Err(Cause::Restarted(restart));
-                }
-                // What another connection shows says nothing of a step that left on this one, and no other gets a step.
-                sample.check(self.options.idle_mode)?;
-                return Err(Cause::Unreadable(NotSent::Disconnected.into()));
-            }
-            self.judge(&sample, Instant::now())?;
+            // What another connection shows says nothing of a step that left on this one, and no other gets a step.
+            let lost = Cause::Unreadable(NotSent::Disconnected.into());
+            self.robot.same_connection(&self.about, &seen, self.options.idle_mode, lost).await?;
+            self.judge(&sample, self.now())?;
             let ended = self.look_at_target();
             if ended && self.under_way.is_none() {
                 let told = self.told_at.and_then(|_| step::farthest(&sample.axes, &self.target));
                 let behind = told.map(Degrees);
-                return Ok(Followed { steps: self.done, axes: sample.axes, behind });
+                return Ok(Followed { steps: self.progress.done, axes: sample.axes, behind });
             }
             if !ended && self.target_is_fresh() && self.has_room(&sample) {
                 self.step(&sample).await?;
@@ -296,13 +286,17 @@ impl<'r> Following<'r> {
 
     /// Takes in the newest target; `true` once there is nobody to send another.
     fn look_at_target(&mut self) -> bool {
-        let (told, ended) = self.targets.newest();
+        let (told, ended) = self.targets.newest(self.now());
         (self.target, self.told_at) = (told.target, told.at);
         ended
     }
 
     fn target_is_fresh(&self) -> bool {
-        self.told_at.is_some_and(|at| at.elapsed() <= self.options.fresh_within)
+        self.told_at.is_some_and(|at| self.now() - at <= self.options.fresh_within)
+    }
+
+    fn now(&self) -> Instant {
+        self.robot.hub().time.now()
     }
 
     fn missed_a_read(&mut self, error: RequestError) -> Result<(), Cause> {
@@ -345,7 +339,7 @@ impl<'r> Following<'r> {
             (None, _) => 0,
             (Some(_), length) => usize::try_from(length.unwrap_or(1)).unwrap_or(1).max(1),
         };
-        self.done = self.done.max(self.accepted.saturating_sub(left));
+        self.progress.done = self.progress.done.max(self.progress.accepted.saturating_sub(left));
         if self.under_way.is_none() {
             self.commanded = sample.axes;
         }
@@ -374,40 +368,35 @@ impl<'r> Following<'r> {
         if let Some(guard) = self.robot.guard() {
             let from = Start { axes: self.commanded, pose: sample.pose };
             // Steps are counted from the first that was sent, as in the progress.
-            let counted = |violation: Violation| Violation { step: self.sent + violation.step, ..violation };
+            let counted =
+                |violation: Violation| Violation { step: self.progress.left + violation.step, ..violation };
             guard
                 .check(&[instruction], &[to.units()], Some(from), self.robot.reckoning())
                 .map_err(counted)
                 .map_err(Cause::OutsideEnvelope)?;
         }
         let place = Place::of(&instruction.action);
-        self.sent += 1;
+        self.progress.left += 1;
         // A step that waits behind other requests must not leave for a target that is old by then.
-        let leave_by = self.told_at.and_then(|at| at.checked_add(self.options.fresh_within));
+        let leave_by = self.told_at.map(|at| at + self.options.fresh_within);
         let terms = Terms { leave_by, only_on: Some(self.about.connection), ..Terms::default() };
         let step = Work::AddRcc { replace: false, instructions: vec![instruction] };
         match self.robot.accepted_on(terms, step, Lane::Ordinary).await {
             Ok(_) => {
-                self.accepted = self.sent;
+                self.progress.accepted = self.progress.left;
                 self.commanded = end;
-                self.under_way = Some((place, Instant::now()));
+                self.under_way = Some((place, self.now()));
                 Ok(())
             }
-            Err(RequestError::NotSent(NotSent::Busy { .. })) => {
-                // Nothing left; by the next look the target is elsewhere.
-                self.sent -= 1;
-                Ok(())
+            Err(error) => {
+                self.progress.left -= usize::from(error.nothing_left());
+                match error {
+                    // By the next look the target is elsewhere.
+                    RequestError::NotSent(NotSent::Busy { .. }) => Ok(()),
+                    error => Err(error.into()),
+                }
             }
-            Err(error @ (RequestError::NotSent(_) | RequestError::Invalid(_))) => {
-                self.sent -= 1;
-                Err(error.into())
-            }
-            Err(error @ (RequestError::Refused(_) | RequestError::OutcomeUnknown(_))) => Err(error.into()),
         }
-    }
-
-    fn progress(&self) -> Progress {
-        Progress { total: self.sent, left: self.sent, accepted: self.accepted, done: self.done, ended: true }
     }
 }
 

@@ -3,14 +3,15 @@
 //! It compares numbers with numbers and is no measure of protection (docs/SAFETY.md).
 
 mod arc;
-mod violation;
+pub(crate) mod violation;
 mod walk;
 
-use r6_proto::axis::{AXES, AxisIndex, AxisMask};
+use r6_proto::axis::{AXES, AxisIndex};
 use r6_proto::message::Instruction;
 
 pub use crate::guard::violation::{Checked, Violation};
 use crate::guard::walk::Walk;
+use crate::units::position::AxisUnits;
 use crate::units::{AxisCoordinate, Degrees, Millimetres, MillimetresPerSecond, Percent};
 
 /// What a list may ask for. What is not set is not checked; limits that are the wrong way round, the lowest above the
@@ -64,15 +65,6 @@ pub(crate) struct Reckoning {
     pub frame_is_unknown: bool,
     /// An input may stop any move.
     pub may_be_cut: bool,
-}
-
-/// In which unit the axes of a step were given. Those in neither mask were given as bare numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct AxisUnits {
-    /// Degrees.
-    pub turning: AxisMask,
-    /// Millimetres.
-    pub sliding: AxisMask,
 }
 
 impl Envelope {

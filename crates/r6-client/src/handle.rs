@@ -1,97 +1,19 @@
 //! The handle of a motion that runs: what has become of each of its steps.
 
 use std::fmt;
+use std::sync::Arc;
 
 use r6_proto::message::Instruction;
 use tokio::sync::{oneshot, watch};
-use tokio::task::JoinHandle;
 
+use crate::done::Done;
+use crate::drive::{Hand, drive};
 use crate::error::RequestError;
-use crate::motion::Done;
+pub use crate::progress::{Progress, StepState};
 use crate::robot::Robot;
-use crate::stop::StopReport;
-use crate::stream::{Cause, Ended, MotionError};
-
-/// What has become of one step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StepState {
-    /// It has not left; where the motion has ended, it never will.
-    Queued,
-    /// It is in the controller's list.
-    Sent,
-    /// Its turn has come.
-    Running,
-    /// It is over.
-    Done,
-    /// Nobody knows: it left, and was not seen to be over when the streaming ended.
-    Lost,
-}
-
-/// How far a motion is, as the controller's state tells: its steps are done in their order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Progress {
-    /// Steps of the motion.
-    pub total: usize,
-    /// Steps that left: those that were accepted, and those of a frame whose answer is not there.
-    pub left: usize,
-    /// Steps that were accepted.
-    pub accepted: usize,
-    /// Steps that are over.
-    pub done: usize,
-    /// Whether nothing more is sent and nobody looks any more.
-    pub ended: bool,
-}
-
-impl Progress {
-    /// The state of a step, counted from 1; `None` if there is no such step.
-    #[must_use]
-    pub fn step(&self, step: usize) -> Option<StepState> {
-        if step == 0 || step > self.total {
-            return None;
-        }
-        Some(if step <= self.done {
-            StepState::Done
-        } else if step > self.left {
-            StepState::Queued
-        } else if self.ended {
-            StepState::Lost
-        } else if step == self.done + 1 && step <= self.accepted {
-            StepState::Running
-        } else {
-            StepState::Sent
-        })
-    }
-
-    /// The step whose turn it is, counted from 1; the last one where all are over.
-    #[must_use]
-    pub fn current(&self) -> usize {
-        (self.done + 1).min(self.total)
-    }
-
-    /// Steps that left and were not seen to be over.
-    #[must_use]
-    pub fn under_way(&self) -> usize {
-        self.left.saturating_sub(self.done)
-    }
-}
-
-/// `3 of 12 steps done, 8 sent and not seen to be done, 1 not sent`.
-impl fmt::Display for Progress {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { total, left, done, .. } = *self;
-        let (sent, queued) = (self.under_way(), total.saturating_sub(left));
-        write!(f, "{done} of {total} steps done, {sent} sent and not seen to be done, {queued} not sent")
-    }
-}
-
-/// What the owner of a motion wishes before it has come to its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wish {
-    /// The arm stops.
-    Stop,
-    /// Nothing more is sent.
-    Release,
-}
+use crate::stop::report::StopReport;
+use crate::stream::error::{Cause, MotionError};
+use crate::stream::task::{Ended, Wish};
 
 /// A motion that runs ([`Robot::run`]).
 ///
@@ -105,7 +27,7 @@ pub struct MotionHandle {
     pub(crate) progress: watch::Receiver<Progress>,
     /// Tells what the owner wishes; dropped with the handle.
     pub(crate) end: Option<oneshot::Sender<Wish>>,
-    pub(crate) task: JoinHandle<Ended>,
+    pub(crate) task: oneshot::Receiver<Ended>,
     /// How it ended, once that was seen.
     pub(crate) outcome: Option<Ended>,
     pub(crate) steps: Vec<Instruction>,
@@ -147,7 +69,7 @@ impl MotionHandle {
     #[must_use]
     pub fn step(&self, step: usize) -> Option<StepHandle> {
         self.progress().step(step)?;
-        Some(StepHandle { step, progress: self.progress.clone() })
+        Some(StepHandle { step, progress: self.progress.clone(), hand: Arc::clone(self.robot.hand()) })
     }
 
     /// Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state, not by "ok".
@@ -167,7 +89,8 @@ impl MotionHandle {
     /// # Errors
     /// As [`Self::finished`].
     pub async fn wait(&mut self) -> Result<Done, MotionError> {
-        self.ended().await.result
+        let robot = self.robot.clone();
+        robot.drive(self.ended()).await.result
     }
 
     async fn ended(&mut self) -> Ended {
@@ -194,7 +117,7 @@ impl MotionHandle {
         if let Some(end) = self.end.take() {
             end.send(Wish::Release).ok();
         }
-        self.ended().await;
+        self.robot.clone().drive(self.ended()).await;
         self.progress()
     }
 
@@ -207,12 +130,13 @@ impl MotionHandle {
         if let Some(end) = self.end.take() {
             end.send(Wish::Stop).ok();
         }
-        match self.ended().await {
+        let robot = self.robot.clone();
+        match robot.drive(self.ended()).await {
             Ended { result: Err(MotionError { stop: Some(stopped), .. }), stopped_as_asked: true } => {
                 *stopped
             }
             // Whatever stopped it before, the arm may have been started again since.
-            Ended { .. } => self.robot.stop().await,
+            Ended { .. } => robot.stop().await,
         }
     }
 }
@@ -222,6 +146,7 @@ impl MotionHandle {
 pub struct StepHandle {
     step: usize,
     progress: watch::Receiver<Progress>,
+    hand: Arc<dyn Hand>,
 }
 
 impl StepHandle {
@@ -250,26 +175,8 @@ impl StepHandle {
     async fn wait_for(&mut self, wanted: impl Fn(StepState) -> bool) -> bool {
         let step = self.step;
         let is_there = |progress: &Progress| progress.step(step).is_some_and(&wanted);
-        let seen = self.progress.wait_for(|progress| progress.ended || is_there(progress)).await;
+        let seen = self.progress.wait_for(|progress| progress.ended || is_there(progress));
+        let seen = drive(&*self.hand, seen).await;
         seen.is_ok_and(|progress| is_there(&progress))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn steps_go_from_queued_to_done_or_are_lost() {
-        let mut progress = Progress { total: 5, left: 4, accepted: 3, done: 1, ended: false };
-        let states =
-            |progress: &Progress| (1..=5).map(|step| progress.step(step).unwrap()).collect::<Vec<_>>();
-        use StepState::{Done, Lost, Queued, Running, Sent};
-        assert_eq!(states(&progress), [Done, Running, Sent, Sent, Queued]);
-        assert_eq!((progress.current(), progress.under_way()), (2, 3));
-        assert_eq!(progress.to_string(), "1 of 5 steps done, 3 sent and not seen to be done, 1 not sent");
-        progress.ended = true;
-        assert_eq!(states(&progress), [Done, Lost, Lost, Lost, Queued]);
-        assert_eq!((progress.step(0), progress.step(6)), (None, None));
     }
 }

@@ -1,31 +1,14 @@
-//! Who is at the other end: asked before the first request, and again on every connection that was made anew.
+//! Who a controller says that it is, and what was found on a connection that was made anew.
 
-use std::collections::VecDeque;
 use std::fmt;
 
 use r6_proto::address::Address;
-use r6_proto::message::Reading;
 use r6_proto::{OperationMode, printable};
 
-use crate::error::RequestError;
-use crate::job::Answer;
-use crate::query::QueryResult;
-use crate::robot::Robot;
+use crate::query::result::QueryResult;
 
 /// What tells one controller from another. There is no serial number on the wire.
-const IDENTITY: [Address; 3] = [Address::Version, Address::MachineName, Address::AxisNum];
-
-/// What is read on a connection that was made anew. All of it is in the oldest manual, so one query has it.
-const AGAIN: [Address; 5] =
-    [Address::Version, Address::MachineName, Address::AxisNum, Address::CurMode, Address::CurAlarm];
-
-/// Time-outs after which a controller that does not say who it is counts as dead: a lost reply passes, and whoever
-/// waits behind it waits twice the reply time-out at most.
-const MAX_TIMEOUTS: u32 = 2;
-
-/// How often one address is asked for alone until it is believed that the controller has no such value, or none that can be read: one
-/// odd reply must not make another robot of it.
-const MAX_ODD: u32 = 3;
+pub(crate) const IDENTITY: [Address; 3] = [Address::Version, Address::MachineName, Address::AxisNum];
 
 /// So many characters of a text are told in an error; names on pendants are shorter.
 const TOLD_CHARS: usize = 64;
@@ -53,9 +36,9 @@ pub struct Identity {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
     /// Who answered. If a part of it could not be read and the rest is the same as before, it is not known whether this is the same
-    /// robot: no command leaves until a query has read all of it, such as [`Robot::status`].
+    /// robot: no command leaves until a query has read all of it, such as [`crate::Robot::status`].
     pub identity: Identity,
-    /// Whether that is another controller than before: then no command leaves until [`Robot::accept_identity`].
+    /// Whether that is another controller than before: then no command leaves until [`crate::Robot::accept_identity`].
     pub another: bool,
     /// `curMode`.
     pub mode: Option<OperationMode>,
@@ -99,247 +82,5 @@ impl fmt::Display for Identity {
             Some(axes) => write!(f, "{axes} axes"),
             None => f.write_str("no axisNum"),
         }
-    }
-}
-
-/// Asks a controller who it is: one query where the firmware has everything, single ones where it leaves values out.
-#[derive(Debug)]
-pub(crate) struct Introduction {
-    /// What is still to be asked; the first is under way.
-    parts: VecDeque<Vec<Address>>,
-    read: Vec<(Address, Reading)>,
-    /// What had a value that cannot be one, each time.
-    unreadable: Vec<Address>,
-    timeouts: u32,
-    /// How often the one that is under way gave no value.
-    odd: u32,
-}
-
-impl Introduction {
-    /// On a handle's first connection: who is there, so that it can be known again.
-    pub fn first() -> Self {
-        Self::asking([IDENTITY.to_vec()])
-    }
-
-    /// On a connection that was made anew: who is there, in what state, and what is left in its list. Older firmware
-    /// lacks the list's length, which is therefore asked for alone.
-    pub fn again() -> Self {
-        Self::asking([AGAIN.to_vec(), vec![Address::RemoteCmdLen]])
-    }
-
-    fn asking<const N: usize>(parts: [Vec<Address>; N]) -> Self {
-        Self { parts: parts.into(), read: Vec::new(), unreadable: Vec::new(), timeouts: 0, odd: 0 }
-    }
-
-    /// What is to be asked next; `None` when all is known.
-    pub fn next(&self) -> Option<&[Address]> {
-        self.parts.front().map(Vec::as_slice)
-    }
-
-    /// The answer to [`Self::next`]. Whatever gives no value when it is asked for alone, again and again, is none.
-    pub fn answered(&mut self, answer: Result<Answer, RequestError>) {
-        let Some(asked) = self.parts.pop_front() else { return };
-        let mut missing = Vec::new();
-        let lacking = matches!(answer, Ok(Answer::Mismatch { answered: 0, .. }));
-        match answer {
-            Ok(Answer::Values { rows, .. }) => {
-                for (address, (_, value)) in asked.into_iter().zip(rows) {
-                    match value {
-                        Ok(reading) => self.read.push((address, reading)),
-                        Err(_unreadable) => missing.push(address),
-                    }
-                }
-            }
-            Ok(Answer::Mismatch { .. } | Answer::Accepted { .. } | Answer::Left) | Err(_) => missing = asked,
-        }
-        match missing.as_slice() {
-            [] => self.odd = 0,
-            [address] => {
-                self.odd += 1;
-                // Older firmware lacks the length of its list, and nobody is told apart by it.
-                if self.odd < MAX_ODD && IDENTITY.contains(address) {
-                    self.parts.push_front(missing);
-                } else {
-                    self.odd = 0;
-                    if !lacking {
-                        self.unreadable.push(*address);
-                    }
-                }
-            }
-            _several => {
-                self.odd = 0;
-                missing.into_iter().rev().for_each(|address| self.parts.push_front(vec![address]));
-            }
-        }
-    }
-
-    /// No answer came in time: it is asked again. `true` if that has been tried often enough.
-    pub fn timed_out(&mut self) -> bool {
-        self.timeouts += 1;
-        self.timeouts >= MAX_TIMEOUTS
-    }
-
-    /// Whether all that tells who is there was read, or is known to be missing.
-    pub fn is_certain(&self) -> bool {
-        !self.unreadable.iter().any(|address| IDENTITY.contains(address))
-    }
-
-    /// What was read.
-    pub fn found(self) -> Found {
-        let mut found = Found {
-            identity: Identity::default(),
-            another: false,
-            mode: None,
-            alarm: None,
-            list_length: None,
-        };
-        for (address, reading) in self.read {
-            match (address, reading) {
-                (Address::Version, Reading::Text(text)) => found.identity.firmware = Some(text),
-                (Address::MachineName, Reading::Text(text)) => found.identity.machine_name = Some(text),
-                (Address::AxisNum, Reading::Integer(axes)) => found.identity.axis_count = Some(axes),
-                (Address::CurMode, Reading::Integer(mode)) => {
-                    found.mode = Some(OperationMode::of_number(mode));
-                }
-                (Address::CurAlarm, Reading::Integer(alarm)) => found.alarm = Some(alarm),
-                (Address::RemoteCmdLen, Reading::Integer(length)) => found.list_length = Some(length),
-                _ => {}
-            }
-        }
-        found
-    }
-}
-
-impl Robot {
-    /// Who is at the other end of the present connection; `None` while that has not been read.
-    ///
-    /// It is asked before the first query or command, unless that is [`Robot::status`], which asks for it too, and first of all on a
-    /// connection that was made anew. A first query waits half a second at most for the answer; a controller that gives none
-    /// within two time-outs is not asked again on its connection before the first command.
-    #[must_use]
-    pub fn identity(&self) -> Option<Identity> {
-        self.hub().known().present.clone()
-    }
-
-    /// Takes this controller for the one that is meant from now on, after
-    /// [`NotSent::AnotherRobot`](crate::NotSent::AnotherRobot) has refused a command: a cabinet was exchanged, its
-    /// firmware updated, or its machine renamed.
-    ///
-    /// Commands then reach whoever says the same of itself, and no other. Mode and alarm have to be read before the first
-    /// one, as after every reconnect. Nothing is sent.
-    ///
-    /// ```no_run
-    /// # async fn run(robot: r6_client::Robot) -> Result<(), r6_client::RequestError> {
-    /// use r6_client::{NotSent, RequestError};
-    ///
-    /// if let Err(RequestError::NotSent(NotSent::AnotherRobot { found, .. })) = robot.clear_list().await
-    ///     && found.machine_name.as_deref() == Some("spare of cell 4")
-    /// {
-    ///     robot.accept_identity(*found);
-    ///     robot.status().await?;
-    ///     robot.clear_list().await?;
-    /// }
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn accept_identity(&self, found: Identity) {
-        let mut known = self.hub().known();
-        known.expected = Some(found);
-        known.read_of_nobody = false;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::time::Duration;
-
-    use r6_proto::time::Instant;
-
-    use super::*;
-    use crate::job::Answered;
-
-    const ON: Answered = Answered { connection: 0, asked_at: Instant::ORIGIN, after: Duration::ZERO };
-
-    fn text(text: &str) -> Reading {
-        Reading::Text(text.to_owned())
-    }
-
-    fn answer(values: Vec<Reading>) -> Result<Answer, RequestError> {
-        // Which address each is the value of, the introduction knows.
-        let rows = values.into_iter().map(|value| (Address::Version, Ok(value))).collect();
-        Ok(Answer::Values { rows, on: ON })
-    }
-
-    fn short(answered: usize) -> Result<Answer, RequestError> {
-        Ok(Answer::Mismatch { answered, on: ON })
-    }
-
-    #[test]
-    fn all_is_read_in_two_queries() {
-        let mut introduction = Introduction::again();
-        assert_eq!(introduction.next(), Some(AGAIN.as_slice()));
-        let integer = Reading::Integer;
-        introduction.answered(answer(vec![text("F5"), text("cell 4"), integer(6), integer(7), integer(135)]));
-        assert_eq!(introduction.next(), Some([Address::RemoteCmdLen].as_slice()));
-        introduction.answered(answer(vec![integer(3)]));
-        assert_eq!(introduction.next(), None);
-        let found = introduction.found();
-        assert_eq!(found.identity.machine_name.as_deref(), Some("cell 4"));
-        assert_eq!(found.identity.firmware.as_deref(), Some("F5"));
-        assert_eq!(found.identity.axis_count, Some(6));
-        assert_eq!(
-            (found.mode, found.alarm, found.list_length),
-            (Some(OperationMode::Running), Some(135), Some(3))
-        );
-    }
-
-    #[test]
-    fn what_a_firmware_lacks_is_found_out_one_by_one() {
-        let mut introduction = Introduction::first();
-        introduction.answered(short(2));
-        let mut asked = Vec::new();
-        while let Some([address]) = introduction.next() {
-            if asked.last() != Some(address) {
-                asked.push(*address);
-            }
-            let reply = match address {
-                Address::Version => answer(vec![text("F5")]),
-                Address::AxisNum => answer(vec![Reading::Integer(4)]),
-                _ => short(0),
-            };
-            introduction.answered(reply);
-        }
-        assert_eq!(asked, IDENTITY);
-        let identity = introduction.found().identity;
-        let axis_count = Some(4);
-        assert_eq!(identity, Identity { firmware: Some("F5".to_owned()), machine_name: None, axis_count });
-        assert_eq!(identity.to_string(), "no machineName, version `F5`, 4 axes");
-    }
-
-    #[test]
-    fn one_odd_reply_makes_no_other_robot() {
-        let odd = || Err(crate::error::NotSent::Disconnected.into());
-        let mut introduction = Introduction::first();
-        introduction.answered(odd());
-        introduction.answered(answer(vec![text("F5")]));
-        introduction.answered(answer(vec![text("cell 4")]));
-        introduction.answered(odd());
-        introduction.answered(short(0));
-        assert_eq!(introduction.next(), Some([Address::AxisNum].as_slice()), "asked a third time");
-        introduction.answered(answer(vec![Reading::Integer(6)]));
-        assert!(introduction.is_certain());
-        assert_eq!(introduction.found().identity.axis_count, Some(6));
-        let mut introduction = Introduction::first();
-        (0..10).for_each(|_| introduction.answered(odd()));
-        assert_eq!(introduction.next(), None, "it comes to an end");
-        assert!(!introduction.is_certain());
-    }
-
-    #[test]
-    fn a_controller_that_does_not_say_who_it_is_is_given_up() {
-        let mut introduction = Introduction::again();
-        assert!(!introduction.timed_out());
-        assert_eq!(introduction.next(), Some(AGAIN.as_slice()), "asked again");
-        assert!(introduction.timed_out());
     }
 }

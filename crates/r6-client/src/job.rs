@@ -1,4 +1,4 @@
-//! What handles give to the driver: a request and the place where its answer goes.
+//! What handles give to the connection: a request and the place where its answer goes.
 
 use std::time::Duration;
 
@@ -15,8 +15,16 @@ use tokio::sync::oneshot;
 use crate::doubt::Doubt;
 use crate::error::{Effect, OutcomeUnknown, Refused, RequestError, Sent};
 use crate::pushed::LostReason;
-use crate::query::NoReading;
-use crate::robot::Accepted;
+use crate::query::result::NoReading;
+
+/// The controller accepted the request. This does not mean that the arm moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Accepted {
+    /// How long the reply took.
+    pub after: Duration,
+    /// How many points were taken; only AddPoints tells.
+    pub points: Option<u64>,
+}
 
 /// The points that one camera found.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,10 +70,10 @@ pub(crate) struct Answered {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Terms {
     /// As [`Job::leave_by`].
-    pub leave_by: Option<tokio::time::Instant>,
+    pub leave_by: Option<Instant>,
     /// As [`Job::only_on`].
     pub only_on: Option<u64>,
-    /// As [`Job::stops_before`], where the caller asked before this was given to the driver.
+    /// As [`Job::stops_before`], where the caller asked before this was given to the connection.
     pub stops_before: Option<u64>,
 }
 
@@ -73,9 +81,9 @@ pub(crate) struct Terms {
 #[derive(Debug)]
 pub(crate) struct Job {
     pub work: Work,
-    pub asked_at: tokio::time::Instant,
+    pub asked_at: Instant,
     /// When it must have left; later it would be a surprise.
-    pub leave_by: Option<tokio::time::Instant>,
+    pub leave_by: Option<Instant>,
     /// The number of the connection that it may leave on: what goes on with a motion does not on another.
     pub only_on: Option<u64>,
     /// How many stops had been asked for when the caller asked for this: what can move the arm does not leave after a later one.
@@ -235,10 +243,10 @@ fn effect_of(command: CommandName) -> Effect {
 }
 
 impl Job {
-    pub fn new(work: Work, reply: oneshot::Sender<Result<Answer, RequestError>>) -> Self {
+    pub fn new(work: Work, asked_at: Instant, reply: oneshot::Sender<Result<Answer, RequestError>>) -> Self {
         Self {
             work,
-            asked_at: tokio::time::Instant::now(),
+            asked_at,
             leave_by: None,
             only_on: None,
             stops_before: 0,
@@ -262,8 +270,8 @@ impl Job {
     }
 
     /// Whether it must not leave any more.
-    pub fn is_overdue(&self) -> bool {
-        self.leave_by.is_some_and(|by| tokio::time::Instant::now() > by)
+    pub fn is_overdue(&self, now: Instant) -> bool {
+        self.leave_by.is_some_and(|by| now > by)
     }
 
     /// Whether it can move the arm, and a stop was asked for after it.

@@ -1,7 +1,8 @@
 //! A robot behind one TCP connection: typed queries, commands and instructions for Huacheng R6 / HC1 controllers.
 //!
-//! [`Robot`] is the handle; its clones share one connection, which one task serves (`driver.rs`). That task carries
-//! bytes and time between the socket and [`r6_proto::client::ClientSession`], which knows the protocol.
+//! [`Robot`] is the handle; its clones share one connection. Whoever waits for an answer drives that connection for all (`drive.rs`); what
+//! leaves when is decided by a state machine without a socket (`connection.rs`), and only `hands/` and `blocking/` know sockets, clocks and tasks.
+//! [`r6_proto::client::ClientSession`] knows the protocol.
 //!
 //! Errors are sorted by what the caller must do ([`RequestError`]): nothing left, the controller said no, or nobody
 //! knows. Only queries are ever repeated by this crate. "ok" means accepted, not done: whether the arm moved is read
@@ -22,53 +23,60 @@ mod backoff;
 pub mod blocking;
 mod board;
 mod camera;
-mod clock;
 mod closing;
-mod connect;
-mod discover;
+mod connection;
+mod done;
 mod doubt;
-mod driver;
+mod drive;
+mod errands;
 mod error;
 mod evidence;
 mod follow;
 mod guard;
 mod handle;
+mod hands;
+mod hub;
 mod identity;
+mod introduction;
 mod job;
 mod link;
 mod link_quality;
-mod listen;
 mod motion;
 mod motions;
 mod moves;
+mod observe;
 mod path;
 mod poll_plan;
+mod progress;
 mod pushed;
 mod query;
 mod registers;
 mod robot;
+mod seats;
 mod settings;
 mod status;
 mod stop;
 mod stream;
 mod subscription;
+mod time;
 mod told;
 pub mod units;
 
 pub use camera::{PhotosEnded, Shot};
 pub use closing::StopsUnderWay;
-pub use connect::{Connect, DEFAULT_PORT, check_address};
-pub use discover::{Discovered, discover};
 pub use error::{Effect, Invalid, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 pub use evidence::restart::Restart;
 pub use evidence::standstill::StandProof;
 pub use follow::{FollowOptions, Followed, TargetSender, Targets};
 pub use guard::{Checked, Envelope, Violation};
 pub use handle::{MotionHandle, Progress, StepHandle, StepState};
+pub use hands::callback;
+pub use hands::connect::{Connect, DEFAULT_PORT, check_address};
+pub use hands::discover::{Discovered, discover};
+pub use hands::listen::Listen;
 pub use identity::{Found, Identity};
 pub use job::CameraSet;
 pub use link_quality::{Latency, LinkQuality, LinkState};
-pub use listen::Listen;
 pub use motion::{Done, EndProof, WaitError, WaitOptions};
 pub use moves::{MAX_STEPS, Motion, StepError};
 pub use path::place::Missed;

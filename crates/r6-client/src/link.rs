@@ -1,5 +1,7 @@
 //! One connection, without the socket: which jobs are under way on it, and what its session says about them.
 
+mod identification;
+
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,10 +12,10 @@ use r6_proto::request::Request;
 use r6_proto::time::Instant;
 
 use crate::error::{Effect, NotSent, OutcomeUnknown, RequestError};
-use crate::identity::Introduction;
+use crate::hub::Hub;
 use crate::job::{Answer, Answered, Job, Work};
+use crate::link::identification::Identification;
 use crate::pushed::{LostReason, Pushed};
-use crate::robot::Hub;
 use crate::settings::{Heartbeat, RobotSettings};
 
 /// Ordinary requests that may wait for their replies at once: enough to keep a connection busy, few enough that
@@ -29,13 +31,6 @@ const RESERVED_FOR_INTRODUCTION: usize = 1;
 /// Time-outs in a row, without a reply in between, after which the connection counts as dead. One list that is
 /// too long for a controller gets no reply either, so one is not enough.
 const SILENT_TIMEOUTS: u32 = 3;
-
-/// How long a stop waits on a connection that was made anew for the controller to say who it is, so that no other robot is stopped
-/// unasked. Real controllers answer within 26 ms. One that does not answer in this time is most likely the one that is meant, behind
-/// a bad link: the stop leaves, and is not confirmed before it has said who it is.
-///
-/// A query waits as long on a handle's first connection. Then it leaves too: some controller may not answer such a question.
-const WHO_WITHIN: Duration = Duration::from_millis(500);
 
 /// What has to be read on a connection that was made anew before a command may leave: behind our back the machine may
 /// have been stopped, put into another mode, or have raised an alarm.
@@ -67,30 +62,8 @@ pub(crate) struct Link {
     connection: u64,
     /// What has to be read before commands may leave; nothing on a handle's first connection.
     unread: Vec<Address>,
-    /// Whether this is the handle's first connection.
-    first: bool,
-    /// Asks who is there, while that is not known.
-    introduction: Option<Introduction>,
-    /// What a controller that does not answer the introduction loses.
-    without: Without,
-    /// Whether the introduction was begun for a query: once for a connection.
-    begun_for_query: bool,
-    /// Until when queries wait for an introduction that was begun for them.
-    queries_wait_until: Option<Instant>,
-    /// The introduction's query that is under way.
-    introducing: Option<Ticket>,
-    /// Until when stops wait for the controller to say who it is; `None` where they do not.
-    stops_wait_until: Option<Instant>,
+    who: Identification,
     hub: Arc<Hub>,
-}
-
-/// What becomes of a connection on which the controller does not say who it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Without {
-    /// It goes on as it is: only queries were asked for.
-    GoesOn,
-    /// Nothing ordinary leaves on it, and it ends.
-    Ends,
 }
 
 /// The jobs that wait for their replies, the longest waiting first: few, and the first is nearly always the next to be answered.
@@ -172,13 +145,7 @@ impl Link {
             handed_out: false,
             connection,
             unread: if first { Vec::new() } else { STATE.to_vec() },
-            first,
-            introduction: (!first).then(Introduction::again),
-            without: if first { Without::GoesOn } else { Without::Ends },
-            begun_for_query: false,
-            queries_wait_until: None,
-            introducing: None,
-            stops_wait_until: meant.then_some(now + WHO_WITHIN),
+            who: Identification::new(first, meant, now),
             hub: Arc::clone(hub),
         }
     }
@@ -191,9 +158,9 @@ impl Link {
         match lane {
             Lane::Urgent => self.in_flight.len() < MAX_IN_FLIGHT + RESERVED_FOR_STOPS,
             Lane::Ordinary | Lane::Background => {
-                self.in_flight.len() + usize::from(self.introducing.is_some()) < self.most_in_flight()
+                self.in_flight.len() + usize::from(self.who.is_under_way()) < self.most_in_flight()
                     && self.output().is_empty()
-                    && !self.holds_queries()
+                    && !self.who.holds_queries()
             }
         }
     }
@@ -209,59 +176,51 @@ impl Link {
 
     /// Whether a stop has to wait: the controller is about to say whether it is the one that the stop is meant for.
     pub fn holds_stops(&self) -> bool {
-        self.is_introducing() && self.stops_wait_until.is_some()
+        self.who.holds_stops()
     }
 
     /// Whether this is the handle's first connection.
     pub fn is_first(&self) -> bool {
-        self.first
+        self.who.is_first()
+    }
+
+    /// Whether the controller owes an answer.
+    pub fn awaits_reply(&self) -> bool {
+        !self.in_flight.is_empty() || self.who.is_under_way()
     }
 
     /// Whether the controller has yet to say who it is.
     pub fn is_introducing(&self) -> bool {
-        self.introduction.is_some()
-    }
-
-    /// Whether ordinary requests have to wait until the controller has said who it is.
-    fn holds_queries(&self) -> bool {
-        self.is_introducing() && (self.without == Without::Ends || self.queries_wait_until.is_some())
+        self.who.is_open()
     }
 
     /// Has the controller asked who it is, on a first connection; nothing ordinary leaves before it has said so.
     pub fn begin_introduction(&mut self) {
-        self.without = Without::Ends;
-        self.introduction.get_or_insert_with(Introduction::first);
+        self.who.begin();
     }
 
     /// The same for a request that leaves without it where the controller does not say who it is. Whether it has to wait.
     pub fn begin_introduction_for_query(&mut self, now: Instant) -> bool {
-        if !self.begun_for_query && !self.is_introducing() {
-            self.introduction = Some(Introduction::first());
-            self.queries_wait_until = Some(now + WHO_WITHIN);
-        }
-        self.begun_for_query = true;
-        self.holds_queries()
+        self.who.begin_for_query(now)
     }
 
     /// Sends the introduction's next query, if it is its turn.
     pub fn introduce(&mut self, now: Instant) {
-        while self.introducing.is_none()
-            && self.output().is_empty()
-            && let Some(introduction) = &mut self.introduction
-            && let Some(asked) = introduction.next()
+        while self.output().is_empty()
+            && let Some(asked) = self.who.question()
         {
             match self.session.send(now, &Request::Query(asked)) {
                 Ok(ticket) => {
-                    self.introducing = Some(ticket);
+                    self.who.asked(ticket);
                     self.output_since.get_or_insert(now);
                     // A controller that answers all else is no worse link.
-                    if self.without == Without::Ends {
+                    if self.who.has_to_answer() {
                         self.hub.meter().asked(now);
                     }
                 }
                 // Too long for the frames of these settings: then in smaller parts, or not at all.
                 Err(error) => {
-                    introduction.answered(Err(error.into()));
+                    self.who.answered(Err(error.into()));
                     self.end_introduction();
                 }
             }
@@ -270,9 +229,9 @@ impl Link {
 
     /// Tells who is there, once that is known.
     fn end_introduction(&mut self) {
-        if let Some(introduction) = self.introduction.take_if(|asking| asking.next().is_none()) {
+        if let Some(introduction) = self.who.ended() {
             let certain = introduction.is_certain();
-            self.hub.introduced(introduction.found(), certain, self.first);
+            self.hub.introduced(introduction.found(), certain, self.is_first());
         }
     }
 
@@ -281,7 +240,7 @@ impl Link {
         if job.is_moot() {
             return;
         }
-        let unidentified = || !self.first && (self.is_introducing() || self.hub.is_unidentified());
+        let unidentified = || !self.is_first() && (self.is_introducing() || self.hub.is_unidentified());
         if job.work.needs_known_state() && (!self.unread.is_empty() || unidentified()) {
             return job.not_sent(NotSent::StateNotRead);
         }
@@ -309,32 +268,25 @@ impl Link {
     }
 
     /// Takes back what no longer has a caller, or should have left before now, and of which nothing has left; a stop is never taken back.
-    pub fn withdraw_moot(&mut self) {
-        let unwanted = |job: &Job| job.is_moot() || job.is_overdue();
-        let moot: Vec<Ticket> =
-            self.in_flight.jobs().filter(|(_, job)| unwanted(job)).map(|(ticket, _)| *ticket).collect();
-        for ticket in moot {
-            if self.session.withdraw(ticket)
-                && let Some(job) = self.in_flight.take(ticket)
-            {
-                let waited = job.asked_at.elapsed();
-                job.not_sent(NotSent::Busy { waited });
-            }
-        }
-        if self.output().is_empty() {
-            self.output_since = None;
-        }
+    pub fn withdraw_moot(&mut self, now: Instant) {
+        let why = |job: &Job| NotSent::Busy { waited: now.since(job.asked_at) };
+        self.withdraw(|job| job.is_moot() || job.is_overdue(now), why);
     }
 
     /// Takes back what can move the arm, was asked for before the last stop, and of which nothing has left.
     pub fn withdraw_overtaken(&mut self) {
         let stops = self.hub.stops_asked();
-        let overtaken = self.in_flight.jobs().filter(|(_, job)| job.is_overtaken(stops));
-        for ticket in overtaken.map(|(ticket, _)| *ticket).collect::<Vec<_>>() {
+        self.withdraw(|job| job.is_overtaken(stops), |_| NotSent::Overtaken);
+    }
+
+    fn withdraw(&mut self, unwanted: impl Fn(&Job) -> bool, why: impl Fn(&Job) -> NotSent) {
+        let tickets = self.in_flight.jobs().filter(|(_, job)| unwanted(job)).map(|(ticket, _)| *ticket);
+        for ticket in tickets.collect::<Vec<_>>() {
             if self.session.withdraw(ticket)
                 && let Some(job) = self.in_flight.take(ticket)
             {
-                job.not_sent(NotSent::Overtaken);
+                let why = why(&job);
+                job.not_sent(why);
             }
         }
         if self.output().is_empty() {
@@ -377,15 +329,13 @@ impl Link {
         let stalled = self.output_since.map(|since| since + self.reply_timeout);
         // Behind bytes that do not leave, another heartbeat is of no use.
         let beat = self.heartbeat.filter(|_| self.output().is_empty()).map(|(_, due)| due);
-        let held = [self.stops_wait_until, self.queries_wait_until];
-        let held = held.into_iter().flatten().min().filter(|_| self.is_introducing());
-        [self.session.poll_timeout(), stalled, beat, held].into_iter().flatten().min()
+        let due = earlier(self.session.poll_timeout(), stalled);
+        earlier(earlier(due, beat), self.who.deadline())
     }
 
     /// Time passed: heartbeats, overdue replies, bytes that do not leave.
     pub fn tick(&mut self, now: Instant) -> Result<(), LostReason> {
-        self.stops_wait_until = self.stops_wait_until.filter(|until| *until > now);
-        self.queries_wait_until = self.queries_wait_until.filter(|until| *until > now);
+        self.who.tick(now);
         if self.output_since.is_some_and(|since| since + self.reply_timeout <= now) {
             return Err(LostReason::Stalled);
         }
@@ -411,14 +361,12 @@ impl Link {
             match event {
                 Event::Reply { ticket, message, after } => {
                     let on = Answered { connection: self.connection, asked_at: now - after, after };
-                    let introduced = self.introducing == Some(ticket);
+                    let introduced = self.who.take(ticket);
                     replied = true;
                     self.silent = 0;
                     self.heard = None;
                     if introduced {
-                        self.introducing = None;
-                        if let Some(introduction) = &mut self.introduction {
-                            let asked = introduction.next().unwrap_or_default().to_vec();
+                        if let Some(asked) = self.who.question().map(<[Address]>::to_vec) {
                             let most = asked.len();
                             let answer = Work::Query(asked).answer(&message, on);
                             if let Ok(Answer::Mismatch { answered, .. }) = &answer
@@ -427,7 +375,7 @@ impl Link {
                             {
                                 hub.known().doubt_lists(self.connection);
                             }
-                            introduction.answered(answer);
+                            self.who.answered(answer);
                         }
                     } else if let Some(job) = self.in_flight.take(ticket) {
                         let answer = job.work.answer(&message, on);
@@ -440,26 +388,21 @@ impl Link {
                         }
                         job.finish(answer);
                     }
-                    let measured = self.without == Without::Ends;
+                    let measured = self.who.has_to_answer();
                     if measured || !introduced {
-                        let waiting = !self.in_flight.is_empty() || (measured && self.introducing.is_some());
+                        let waiting = !self.in_flight.is_empty() || (measured && self.who.is_under_way());
                         hub.meter().replied(now, after, waiting);
                     }
                 }
                 Event::TimedOut(ticket) => {
-                    let introducing = self.introducing == Some(ticket);
-                    let goes_on = introducing && self.without == Without::GoesOn;
-                    if !goes_on {
+                    let introducing = self.who.take(ticket);
+                    if !introducing || self.who.has_to_answer() {
                         self.silent += 1;
-                        hub.meter().timed_out();
+                        hub.meter().counts.timeouts += 1;
                     }
                     if introducing {
-                        self.introducing = None;
-                        if self.introduction.as_mut().is_some_and(Introduction::timed_out) {
-                            match self.without {
-                                Without::GoesOn => self.introduction = None,
-                                Without::Ends => lost = Some(LostReason::Unresponsive),
-                            }
+                        if self.who.timed_out() {
+                            lost = Some(LostReason::Unresponsive);
                         }
                     } else if let Some(job) = self.in_flight.take(ticket) {
                         let (request, after) = (job.work.sent(), self.reply_timeout);
@@ -473,17 +416,17 @@ impl Link {
                     hub.push(Pushed::Photo { cam_id });
                 }
                 Event::Stray { reason, message } => {
-                    hub.meter().stray();
+                    hub.meter().counts.strays += 1;
                     self.unusable = Some((now, reason.to_string()));
                     hub.push(Pushed::stray(reason, message.frame()));
                 }
                 Event::BadFrame(error) => {
-                    hub.meter().garbled();
+                    hub.meter().counts.garbled += 1;
                     self.unusable = Some((now, error.to_string()));
                     hub.push(Pushed::BadFrame(error));
                 }
                 Event::NotJson(error) => {
-                    hub.meter().garbled();
+                    hub.meter().counts.garbled += 1;
                     self.unusable = Some((now, error.to_string()));
                     hub.push(Pushed::NotJson(error));
                 }
@@ -519,7 +462,7 @@ impl Link {
             let Some(mut job) = self.in_flight.take(ticket) else { continue };
             if left {
                 job.lost = Some(reason);
-                self.hub.meter().request_lost();
+                self.hub.meter().counts.lost += 1;
             }
             match &job.work {
                 Work::Query(_) if !job.retried => {
@@ -540,6 +483,14 @@ impl Link {
             job.not_sent(NotSent::Disconnected);
         }
         (again, self.session.next_pack_id())
+    }
+}
+
+/// The earlier of two deadlines.
+fn earlier(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
+    match (one, other) {
+        (Some(one), Some(other)) => Some(one.min(other)),
+        (one, other) => one.or(other),
     }
 }
 
@@ -583,7 +534,7 @@ mod tests {
 
     fn hand_over(link: &mut Link, work: Work) -> Reply {
         let (reply, answer) = oneshot::channel();
-        link.hand_over(Job::new(work, reply), at(0));
+        link.hand_over(Job::new(work, at(0), reply), at(0));
         answer
     }
 
@@ -595,15 +546,15 @@ mod tests {
     fn a_motion_whose_caller_gave_up_is_taken_back_while_nothing_of_it_has_left() {
         let mut link = link(Heartbeat::Off);
         drop(hand_over(&mut link, Work::Command(Command::StartButton)));
-        link.withdraw_moot();
+        link.withdraw_moot(at(0));
         assert!(link.output().is_empty() && link.in_flight.is_empty());
         drop(hand_over(&mut link, Work::Command(Command::StartButton)));
         link.written(1);
-        link.withdraw_moot();
+        link.withdraw_moot(at(0));
         assert!(!link.output().is_empty(), "a frame that has begun is sent to its end");
         let mut stopping = self::link(Heartbeat::Off);
         drop(hand_over(&mut stopping, Work::Command(Command::ActionStop)));
-        stopping.withdraw_moot();
+        stopping.withdraw_moot(at(0));
         assert!(!stopping.output().is_empty(), "a stop is never taken back");
     }
 

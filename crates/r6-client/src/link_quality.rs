@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use r6_proto::time::Instant;
 
-use crate::robot::Robot;
 use crate::settings::Liveness;
 
 /// Replies that latencies are told of: a minute of polling at 15 Hz. They are kept one by one, so that the quantiles are
@@ -16,9 +15,9 @@ const KEPT_REPLIES: usize = 1024;
 /// No older reply counts.
 const WINDOW: Duration = Duration::from_secs(60);
 
-/// How good the connection is: [`Robot::link_quality`].
+/// How good the connection is: [`crate::Robot::link_quality`].
 ///
-/// All counts are those of the handle and its clones since [`Robot::connect`], over all connections.
+/// All counts are those of the handle and its clones since [`crate::Robot::connect`], over all connections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LinkQuality {
     /// Whether the controller lives, as far as its replies tell.
@@ -86,29 +85,35 @@ impl Latency {
 #[derive(Debug, Default)]
 pub(crate) struct Meter {
     took: VecDeque<(Instant, Duration)>,
-    requests: u64,
-    replies: u64,
-    timeouts: u64,
-    lost: u64,
-    strays: u64,
-    garbled: u64,
-    reconnects: u64,
+    pub counts: Counts,
     last_reply: Option<Instant>,
     /// Since when something has been asked without any reply, or since when there has been no connection.
     silent_since: Option<Instant>,
     disconnected: bool,
 }
 
+/// As the fields of [`LinkQuality`].
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Counts {
+    requests: u64,
+    replies: u64,
+    pub timeouts: u64,
+    pub lost: u64,
+    pub strays: u64,
+    pub garbled: u64,
+    reconnects: u64,
+}
+
 impl Meter {
     /// A request was handed to the connection.
     pub fn asked(&mut self, now: Instant) {
-        self.requests += 1;
+        self.counts.requests += 1;
         self.silent_since.get_or_insert(now);
     }
 
     /// A reply came; `waiting` tells whether other requests still wait for theirs.
     pub fn replied(&mut self, now: Instant, after: Duration, waiting: bool) {
-        self.replies += 1;
+        self.counts.replies += 1;
         self.last_reply = Some(now);
         self.silent_since = waiting.then_some(now);
         if self.took.len() == KEPT_REPLIES {
@@ -122,31 +127,15 @@ impl Meter {
         self.last_reply
     }
 
-    pub fn timed_out(&mut self) {
-        self.timeouts += 1;
-    }
-
-    pub fn stray(&mut self) {
-        self.strays += 1;
-    }
-
-    pub fn garbled(&mut self) {
-        self.garbled += 1;
-    }
-
     /// The connection ended while so many requests of which something had left waited.
     pub fn disconnected(&mut self, now: Instant) {
         self.disconnected = true;
         self.silent_since.get_or_insert(now);
     }
 
-    pub fn request_lost(&mut self) {
-        self.lost += 1;
-    }
-
     pub fn reconnected(&mut self) {
         self.disconnected = false;
-        self.reconnects += 1;
+        self.counts.reconnects += 1;
     }
 
     pub fn state(&self, now: Instant, liveness: Liveness) -> LinkState {
@@ -161,39 +150,24 @@ impl Meter {
         }
     }
 
-    fn quality(&self, now: Instant, liveness: Liveness) -> LinkQuality {
+    /// What all of it says at this time.
+    pub fn quality(&self, now: Instant, liveness: Liveness) -> LinkQuality {
         let since = |at: Instant| now.since(at);
         let recent = self.took.iter().filter(|(at, _)| since(*at) <= WINDOW).map(|(_, took)| *took);
+        let Counts { requests, replies, timeouts, lost, strays, garbled, reconnects } = self.counts;
         LinkQuality {
             state: self.state(now, liveness),
             latency: Latency::of(recent.collect()),
-            requests: self.requests,
-            replies: self.replies,
-            timeouts: self.timeouts,
-            lost: self.lost,
-            strays: self.strays,
-            garbled: self.garbled,
-            reconnects: self.reconnects,
+            requests,
+            replies,
+            timeouts,
+            lost,
+            strays,
+            garbled,
+            reconnects,
             last_reply: self.last_reply.map(since),
             silent_for: self.silent_since.map(since),
         }
-    }
-}
-
-impl Robot {
-    /// How good the connection is: latencies of the last minute, losses, and whether the controller lives. Sends nothing.
-    ///
-    /// ```no_run
-    /// # fn show(robot: &r6_client::Robot) {
-    /// let link = robot.link_quality();
-    /// if link.state > r6_client::LinkState::Alive {
-    ///     eprintln!("{link}");
-    /// }
-    /// # }
-    /// ```
-    #[must_use]
-    pub fn link_quality(&self) -> LinkQuality {
-        self.hub().meter().quality(self.hub().clock.now(), self.settings().liveness)
     }
 }
 
@@ -261,7 +235,7 @@ mod tests {
         for _ in 0..KEPT_REPLIES {
             meter.replied(begun, MS, false);
         }
-        assert_eq!((meter.took.len(), meter.replies), (KEPT_REPLIES, KEPT_REPLIES as u64 + 2));
+        assert_eq!((meter.took.len(), meter.counts.replies), (KEPT_REPLIES, KEPT_REPLIES as u64 + 2));
     }
 
     #[test]
@@ -284,7 +258,7 @@ mod tests {
         assert_eq!(state(&meter, 60_000), LinkState::Unknown, "nothing was asked");
         // A time-out is no sign of life.
         meter.asked(begun + MS * 60_000);
-        meter.timed_out();
+        meter.counts.timeouts += 1;
         assert_eq!(state(&meter, 62_000), LinkState::Suspect);
     }
 

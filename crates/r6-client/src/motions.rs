@@ -1,12 +1,16 @@
 //! What a handle remembers of its motions: the last one, how it ended, and where the last list was accepted.
+//!
+//! ```text
+//!  Told ──begin──▶ Streamed ──end──▶ Ended ──its owner was told, or a later list was accepted──▶ Told
+//! ```
 
 use std::sync::{Mutex, PoisonError};
 
 use tokio::sync::watch;
 
+use crate::done::Done;
 use crate::evidence::About;
-use crate::motion::Done;
-use crate::stream::{Cause, MotionError};
+use crate::stream::error::{Cause, MotionError};
 
 /// How a motion ended.
 pub(crate) type End = Result<Done, MotionError>;
@@ -68,44 +72,41 @@ impl Motions {
 
     /// Its owner was told how it ended.
     pub fn told(&self, number: u64) {
-        self.last.send_if_modified(|last| {
+        self.quietly(|last| {
             if last.number == number && matches!(last.state, State::Ended { .. }) {
                 last.state = State::Told;
             }
-            false
         });
     }
 
     /// The end of a motion that ended because its handle was closed, if that was not told before.
     pub fn cut_by_close(&self) -> Option<Box<MotionError>> {
-        let mut cut = None;
-        self.last.send_if_modified(|last| {
-            if let State::Ended { end, .. } = &last.state
-                && let Err(error) = &**end
-                && error.cause == Cause::Closed
-            {
-                cut = Some(Box::new(error.clone()));
-                last.state = State::Told;
-            }
-            false
-        });
-        cut
+        self.tell(|error, _told| error.cause == Cause::Closed)
     }
 
     /// Why the last motion did not come to its end, if nobody was told that and nobody asked for it. Then it is told.
     pub fn untold_failure(&self) -> Option<Box<MotionError>> {
-        let mut failure = None;
+        self.tell(|error, told| !told && !error.cause.was_asked_for())
+    }
+
+    /// Why the last motion did not come to its end, if that is to be told.
+    fn tell(&self, is_told: impl FnOnce(&MotionError, bool) -> bool) -> Option<Box<MotionError>> {
+        self.quietly(|last| {
+            let State::Ended { end, told } = &last.state else { return None };
+            let error = end.as_ref().as_ref().err().filter(|error| is_told(error, *told)).cloned()?;
+            last.state = State::Told;
+            Some(Box::new(error))
+        })
+    }
+
+    /// Changes what is known of the last motion, and wakes nobody.
+    fn quietly<R: Default>(&self, change: impl FnOnce(&mut Last) -> R) -> R {
+        let mut result = R::default();
         self.last.send_if_modified(|last| {
-            if let State::Ended { end, told: false } = &last.state
-                && let Err(error) = &**end
-                && !error.cause.was_asked_for()
-            {
-                failure = Some(Box::new(error.clone()));
-                last.state = State::Told;
-            }
+            result = change(last);
             false
         });
-        failure
+        result
     }
 
     /// Waits for the end of the motion that is under way. Tells how the last one ended, unless that was told before this was asked:
@@ -117,15 +118,12 @@ impl Motions {
         }
         // The sender lives as long as the handle that asks.
         last.wait_for(|last| !matches!(last.state, State::Streamed)).await.ok()?;
-        let mut end = None;
-        self.last.send_if_modified(|last| {
-            if let State::Ended { end: ended, told } = &mut last.state {
-                end = Some((**ended).clone());
-                *told = true;
-            }
-            false
-        });
-        end
+        self.quietly(|last| {
+            let State::Ended { end, told } = &mut last.state else { return None };
+            let end = (**end).clone();
+            *told = true;
+            Some(end)
+        })
     }
 
     /// Something that can move the arm was accepted. A list drops the result of the motion before it: waiting is for the list from now on.
@@ -134,11 +132,10 @@ impl Motions {
         if !is_list {
             return;
         }
-        self.last.send_if_modified(|last| {
+        self.quietly(|last| {
             if matches!(last.state, State::Ended { .. }) {
                 last.state = State::Told;
             }
-            false
         });
     }
 

@@ -1,17 +1,18 @@
 //! Motions: moves, outputs and waits in their order, checked while they are put together.
 
-use std::fmt;
+pub(crate) mod step_error;
+
 use std::time::Duration;
 
 use r6_proto::axis::AxisMask;
-use r6_proto::error::EncodeError;
-use r6_proto::grid::Nearest;
 use r6_proto::message::instruction::{
     Action, BlendLevel, BoardOutput, CurveMove, Instruction, Manner, Move, Output, OutputKind, PathSpeed,
     StopOnSignal, Wait, WaitCondition, WaitSource, Workbench,
 };
 
-use crate::guard::AxisUnits;
+pub use crate::moves::step_error::StepError;
+use crate::path::encoded_bytes;
+use crate::units::position::AxisUnits;
 use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose};
 
 /// Steps of one motion at most: hours of moves, and some tens of megabytes.
@@ -53,61 +54,6 @@ pub struct Motion {
     /// Whether a path speed is set for the steps to come.
     path_speed: bool,
     wrong: Option<StepError>,
-}
-
-/// What is wrong with a step of a motion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StepError {
-    /// The step, counted from 1; 0 where the whole motion is meant.
-    pub step: usize,
-    /// The field, by its name on the wire; of options, by their own.
-    pub field: &'static str,
-    /// What it has to be.
-    pub wanted: &'static str,
-    /// The values that can be sent, where it lies between two of them.
-    pub nearest: Option<Nearest>,
-}
-
-impl fmt::Display for StepError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.step {
-            0 => f.write_str("the motion: ")?,
-            step => write!(f, "step {step}: ")?,
-        }
-        match in_words(self.field) {
-            Some(words) => write!(f, "{words} has to be {}", self.wanted)?,
-            None => write!(f, "`{}` has to be {}", self.field, self.wanted)?,
-        }
-        match self.nearest {
-            Some(nearest) => write!(f, "; nearest: {nearest}"),
-            None => Ok(()),
-        }
-    }
-}
-
-/// What a field of the wire is to people; `None` where it goes by its own name.
-fn in_words(field: &str) -> Option<&'static str> {
-    Some(match field {
-        "m0" => "J1 (X of a pose)",
-        "m1" => "J2 (Y of a pose)",
-        "m2" => "J3 (Z of a pose)",
-        "m3" => "J4 (U of a pose)",
-        "m4" => "J5 (V of a pose)",
-        "m5" => "J6 (W of a pose)",
-        "m6" => "J7",
-        "m7" => "J8",
-        "ckStatus" => "the axes that move",
-        "smooth" => "the blend",
-        _ => return None,
-    })
-}
-
-impl std::error::Error for StepError {}
-
-impl StepError {
-    pub(crate) fn of(step: usize, error: &EncodeError) -> Self {
-        Self { step, field: error.field, wanted: error.wanted, nearest: error.nearest }
-    }
 }
 
 impl Motion {
@@ -253,21 +199,14 @@ impl Motion {
     /// Any other step. It has to be one-shot: what stays in the list has no end.
     #[must_use]
     pub fn instruction(self, instruction: Instruction) -> Self {
-        self.push(instruction, AxisUnits::default()).check(
-            instruction.oneshot,
-            "oneshot",
-            "1: a step that stays in the list never ends",
-        )
+        self.push_oneshot(instruction, AxisUnits::default())
     }
 
     /// The steps of another motion behind these.
     #[must_use]
     pub fn extend(self, other: &Self) -> Self {
-        let motion = other.steps.iter().zip(&other.units).fold(self, |motion, (step, units)| {
-            let oneshot = step.oneshot;
-            let wanted = "1: a step that stays in the list never ends";
-            motion.push(*step, *units).check(oneshot, "oneshot", wanted)
-        });
+        let steps = other.steps.iter().zip(&other.units);
+        let motion = steps.fold(self, |motion, (step, units)| motion.push_oneshot(*step, *units));
         match other.wrong {
             Some(error) => motion.check(false, error.field, error.wanted),
             None => motion,
@@ -306,6 +245,11 @@ impl Motion {
         self.push(Instruction { oneshot: true, action }, AxisUnits::default())
     }
 
+    fn push_oneshot(self, instruction: Instruction, units: AxisUnits) -> Self {
+        let wanted = "1: a step that stays in the list never ends";
+        self.push(instruction, units).check(instruction.oneshot, "oneshot", wanted)
+    }
+
     fn push(mut self, instruction: Instruction, units: AxisUnits) -> Self {
         if self.steps.len() >= MAX_STEPS {
             return self.check(false, "instructions", "100000 at most");
@@ -315,11 +259,7 @@ impl Motion {
         if let Action::PathSpeed(speed) = instruction.action {
             self.path_speed = speed.in_use;
         }
-        let encoded = crate::path::encoded_bytes(&instruction);
-        if let Err(error) = encoded {
-            return self.refuse(&error);
-        }
-        self
+        self.encoded()
     }
 
     /// Keeps what is wrong with the last step; what was wrong before stays.
@@ -331,9 +271,11 @@ impl Motion {
         self
     }
 
-    /// The last step cannot be sent; what was wrong before stays.
-    fn refuse(mut self, error: &EncodeError) -> Self {
-        self.wrong.get_or_insert(StepError::of(self.steps.len(), error));
+    /// Keeps why the last step cannot be sent, if it cannot; what was wrong before stays.
+    fn encoded(mut self) -> Self {
+        if let Some(Err(error)) = self.steps.last().map(encoded_bytes) {
+            self.wrong.get_or_insert(StepError::of(self.steps.len(), &error));
+        }
         self
     }
 
@@ -356,11 +298,7 @@ impl Motion {
         match manner {
             Some(manner) => {
                 change(manner);
-                let encoded = self.steps.last().map(crate::path::encoded_bytes);
-                match encoded {
-                    Some(Err(error)) => self.refuse(&error),
-                    Some(Ok(_)) | None => self,
-                }
+                self.encoded()
             }
             None => self.check(false, field, wanted),
         }

@@ -3,6 +3,7 @@
 pub(crate) mod pace;
 pub(crate) mod place;
 pub(crate) mod progress;
+pub(crate) mod track;
 pub(crate) mod way;
 
 use std::ops::Range;
@@ -12,11 +13,8 @@ use r6_proto::error::EncodeError;
 use r6_proto::message::Instruction;
 use r6_proto::request::Request;
 
-use crate::moves::StepError;
-use crate::settings::RobotSettings;
-
-/// The longest `packID` that is counted on, in digits.
-pub(crate) const LONGEST_PACK_ID: &str = "18446744073709551615";
+use crate::moves::step_error::StepError;
+use crate::settings::{LONGEST_PACK_ID, RobotSettings};
 
 /// The bytes of an instruction within a list.
 pub(crate) fn encoded_bytes(instruction: &Instruction) -> Result<usize, EncodeError> {
@@ -36,11 +34,6 @@ pub(crate) fn frame(
     Ok(frame)
 }
 
-/// Frames as this robot gets them.
-pub(crate) fn envelope<'a>(settings: &RobotSettings, pack_id: &'a str) -> Envelope<'a> {
-    Envelope { ds_id: settings.ds_id, type_key: settings.type_key, pack_id: Some(pack_id) }
-}
-
 /// Cuts a path into frames: as many instructions each as fit into the longest frame, `most` at most, none left out, in
 /// their order.
 ///
@@ -51,29 +44,25 @@ pub(crate) fn cut(
     settings: &RobotSettings,
     most: usize,
 ) -> Result<Vec<Range<usize>>, StepError> {
-    let around = frame(&envelope(settings, LONGEST_PACK_ID), true, &[])
+    let around = frame(&settings.envelope(LONGEST_PACK_ID), true, &[])
         .map_err(|error| StepError::of(0, &error))?
         .len();
     let mut frames: Vec<Range<usize>> = Vec::new();
-    let mut bytes = usize::MAX;
+    let mut bytes = 0;
     for (at, step) in steps.iter().enumerate() {
         let own = encoded_bytes(step).map_err(|error| StepError::of(at + 1, &error))?;
-        let with_comma = own + 1;
+        if around + own > settings.max_frame_bytes {
+            let wanted =
+                "short enough for a frame of its own: the longest frame of the settings is too short";
+            return Err(StepError { step: at + 1, field: "instructions", wanted, nearest: None });
+        }
+        // With a comma before it.
+        bytes += own + 1;
         match frames.last_mut() {
-            Some(frame)
-                if frame.len() < most && bytes.saturating_add(with_comma) <= settings.max_frame_bytes =>
-            {
-                frame.end = at + 1;
-                bytes += with_comma;
-            }
-            Some(_) | None if around + own <= settings.max_frame_bytes => {
+            Some(frame) if frame.len() < most && bytes <= settings.max_frame_bytes => frame.end = at + 1,
+            Some(_) | None => {
                 frames.push(at..at + 1);
                 bytes = around + own;
-            }
-            Some(_) | None => {
-                let wanted =
-                    "short enough for a frame of its own: the longest frame of the settings is too short";
-                return Err(StepError { step: at + 1, field: "instructions", wanted, nearest: None });
             }
         }
     }
@@ -125,13 +114,13 @@ mod tests {
             for range in &frames {
                 prop_assert!((1..=most).contains(&range.len()));
                 let bytes =
-                    frame(&envelope(&settings, LONGEST_PACK_ID), true, &steps[range.clone()]).unwrap().len();
+                    frame(&settings.envelope(LONGEST_PACK_ID), true, &steps[range.clone()]).unwrap().len();
                 prop_assert!(bytes <= max_frame_bytes, "{} bytes", bytes);
             }
             // No frame has room for the first step of the next one.
             for pair in frames.windows(2) {
                 let together = &steps[pair[0].start..=pair[1].start];
-                let bytes = frame(&envelope(&settings, LONGEST_PACK_ID), true, together).unwrap().len();
+                let bytes = frame(&settings.envelope(LONGEST_PACK_ID), true, together).unwrap().len();
                 prop_assert!(together.len() > most || bytes > max_frame_bytes);
             }
         }

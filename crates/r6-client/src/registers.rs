@@ -6,6 +6,7 @@ use r6_proto::address::{Address, RegisterIndex};
 use r6_proto::message::Command;
 
 use crate::error::RequestError;
+use crate::link::Lane;
 use crate::robot::Robot;
 use crate::units::OutOfRange;
 
@@ -62,9 +63,13 @@ impl Robot {
         first: RegisterIndex,
         count: usize,
     ) -> Result<Vec<i64>, RegisterError> {
+        self.drive(self.read_in_a_row(first, count)).await
+    }
+
+    async fn read_in_a_row(&self, first: RegisterIndex, count: usize) -> Result<Vec<i64>, RegisterError> {
         let registers = in_a_row(first, count)?;
         let asked: Vec<Address> = registers.iter().copied().map(Address::Addr).collect();
-        let read = self.query(&asked).await?;
+        let read = self.query_in(Lane::Ordinary, &asked).await?;
         let value = |register: RegisterIndex| {
             read.integer(Address::Addr(register)).ok_or(RegisterError::NotReadable { register })
         };
@@ -110,8 +115,11 @@ impl Robot {
                 Command::RewriteDataList { first, savable, values }
             }
         };
-        self.command(command).await?;
-        let found = self.read_registers(first, values.len()).await?;
+        let write_and_read = async {
+            self.command_now(command).await?;
+            self.read_in_a_row(first, values.len()).await
+        };
+        let found = self.drive(write_and_read).await?;
         for ((register, wrote), found) in registers.into_iter().zip(values).zip(found) {
             if i64::from(*wrote) != found {
                 return Err(RegisterError::Differs { register, wrote: *wrote, found });

@@ -2,8 +2,11 @@
 
 use std::time::Duration;
 
-use r6_proto::dialect::DsIdForm;
+use r6_proto::dialect::{DsIdForm, Envelope};
 use r6_proto::message::TypeKey;
+
+/// The longest `packID` that is counted on, in digits.
+pub(crate) const LONGEST_PACK_ID: &str = "18446744073709551615";
 
 /// How a robot is talked to; the default suits every firmware that is known.
 #[derive(Clone, Debug)]
@@ -44,6 +47,13 @@ impl Default for RobotSettings {
             ds_id: DsIdForm::Long,
             stays_in_mode_7: false,
         }
+    }
+}
+
+impl RobotSettings {
+    /// What stands around a request to this robot.
+    pub(crate) fn envelope<'a>(&self, pack_id: &'a str) -> Envelope<'a> {
+        Envelope { ds_id: self.ds_id, type_key: self.type_key, pack_id: Some(pack_id) }
     }
 }
 

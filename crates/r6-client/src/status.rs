@@ -2,36 +2,18 @@
 
 use std::fmt;
 
+use r6_proto::OperationMode;
 use r6_proto::address::Address;
 use r6_proto::alarm::AlarmCode;
 use r6_proto::axis::{AXES, AxisIndex};
 use r6_proto::message::instruction::{Action, Instruction};
 
-use crate::error::RequestError;
-use crate::evidence::{About, Sample};
-use crate::link::Lane;
-use crate::moves::StepError;
-use crate::query::QueryResult;
-use crate::robot::Robot;
-use r6_proto::OperationMode;
+use crate::evidence::Sample;
+use crate::moves::step_error::StepError;
+use crate::query::result::QueryResult;
 
 /// Axes and pose components that are asked for: the arms of this protocol have six at most, external axes apart.
 pub(crate) const ASKED_AXES: usize = 6;
-
-/// What is asked for besides the position; some firmware lacks the last two.
-const ASKED: [Address; 11] = [
-    Address::Version,
-    Address::MachineName,
-    Address::CurMode,
-    Address::CurAlarm,
-    Address::Origin,
-    Address::IsMoving,
-    Address::AxisNum,
-    Address::CurCycle,
-    Address::LastCycle,
-    Address::RemoteCmdLen,
-    Address::CurMold,
-];
 
 /// The state of a machine. `None` where the controller has no such value or sent one that cannot be read.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -115,7 +97,8 @@ pub enum Readiness {
 }
 
 impl Status {
-    fn of(read: &QueryResult) -> Self {
+    /// What a query says of it.
+    pub(crate) fn of(read: &QueryResult) -> Self {
         let text = |address| read.text(address).map(str::to_owned);
         Self {
             firmware: text(Address::Version),
@@ -234,32 +217,6 @@ pub(crate) fn components(
     address: impl Fn(AxisIndex) -> Address,
 ) -> [Option<f64>; AXES] {
     AxisIndex::ALL.map(|axis| result.decimal(address(axis)))
-}
-
-/// The addresses of the first six of `axis-n`, then of `world-n`.
-pub(crate) fn position_addresses() -> impl Iterator<Item = Address> {
-    let asked = || AxisIndex::ALL.into_iter().take(ASKED_AXES);
-    asked().map(Address::Axis).chain(asked().map(Address::World))
-}
-
-impl Robot {
-    /// Reads the state of the machine, in one query where the firmware has all of it.
-    ///
-    /// On a connection that was made anew this is also what lets commands through again.
-    ///
-    /// # Errors
-    /// [`RequestError`] of the query.
-    pub async fn status(&self) -> Result<Status, RequestError> {
-        Ok(self.status_seen().await?.0)
-    }
-
-    /// The same, and the robot and connection that all of it was read of.
-    pub(crate) async fn status_seen(&self) -> Result<(Status, About), RequestError> {
-        let asked: Vec<Address> = ASKED.into_iter().chain(position_addresses()).collect();
-        let (read, connection, _asked_at) = self.query_on_one_connection(Lane::Ordinary, &asked).await?;
-        let robot = self.hub().identity_on(connection);
-        Ok((Status::of(&read), About { connection, robot }))
-    }
 }
 
 impl fmt::Display for Unmet {

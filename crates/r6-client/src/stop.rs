@@ -10,14 +10,15 @@
 //! What proves a standstill is told in `evidence/standstill.rs`.
 
 mod halt;
-mod report;
+pub(crate) mod report;
+pub(crate) mod stopping;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use r6_proto::OperationMode;
+use r6_proto::time::Instant;
 use tokio::sync::{OwnedSemaphorePermit, watch};
-use tokio::time::{Instant, sleep_until, timeout, timeout_at};
 
 use crate::error::{Invalid, NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::job::{Terms, Work};
@@ -27,44 +28,14 @@ use crate::stop::halt::{Halt, Halted};
 pub use crate::stop::report::{
     DoubtAfterStop, ListAfterStop, NotTried, SecondConnection, StopMeans, StopReport,
 };
-use crate::stream::Cause;
-
-/// How long an arm may take to stand. One was seen to stop within 0.1 s, a paused one within 0.5 s; the rest is room for
-/// every means in turn, and for a stop that gets lost.
-const CONFIRM_WITHIN: Duration = Duration::from_secs(5);
+use crate::stop::stopping::{
+    CONFIRM_WITHIN, DOUBT_WITHIN, LEFT_FOR_CLEARING, READ_EVERY, STOP_WITHIN, Stopping,
+};
+use crate::stream::error::Cause;
 
 /// An answer that takes longer than this is late: ten times the slowest that was measured (26 ms). Then a second
 /// connection is tried beside the first.
 const LATE: Duration = Duration::from_millis(300);
-
-/// The pause between two reads of the state.
-const READ_EVERY: Duration = Duration::from_millis(50);
-
-/// How long frames in doubt are waited for: the 2 s that a reply may take by default, and the time in which it may still be
-/// taken after that.
-const DOUBT_WITHIN: Duration = Duration::from_secs(4);
-
-/// How long a stop may take in all: [`CONFIRM_WITHIN`], [`DOUBT_WITHIN`], some seconds to stop a list that was taken late, and the
-/// time of some replies to clear the list and to look. Then its report says what was seen until then.
-pub(crate) const STOP_WITHIN: Duration = Duration::from_secs(15);
-
-/// What is left of that for clearing the list and for the last look: the time of a reply, and some.
-const LEFT_FOR_CLEARING: Duration = Duration::from_secs(3);
-
-/// The stops over one connection.
-#[derive(Debug, Default)]
-pub(crate) struct Stopping {
-    pub(crate) under_way: usize,
-    /// What became of the last one of those that began while none was under way, or later.
-    pub(crate) last: Option<Result<StopReport, RequestError>>,
-}
-
-impl Stopping {
-    /// What was stopped before is nothing to what begins now.
-    fn forget(&mut self) {
-        self.last = None;
-    }
-}
 
 /// A stop that is under way, until this is dropped.
 struct UnderWay {
@@ -113,10 +84,14 @@ impl Robot {
     /// [`RequestError`] if no stop was answered and the state could not be read either: [`NotSent::NotStopped`] if none could be
     /// sent. Otherwise the report says whether it is proved that the arm stands ([`StopReport::confirmed`]).
     pub async fn stop(&self) -> Result<StopReport, RequestError> {
+        self.drive(self.stop_now()).await
+    }
+
+    pub(crate) async fn stop_now(&self) -> Result<StopReport, RequestError> {
         // Before anybody hears of it, so that whoever does finds it under way.
         let under_way = UnderWay::begin(self.clone());
         self.announce_stop();
-        let task = self.runtime().spawn(async move {
+        let task = self.errand(async move {
             let result = under_way.robot.stop_and_clear().await.map_err(|error| match error {
                 RequestError::Invalid(why) => Invalid::NotStopped(Box::new(why)).into(),
                 RequestError::NotSent(why) => NotSent::NotStopped(Box::new(why)).into(),
@@ -125,7 +100,7 @@ impl Robot {
             under_way.end(result.clone());
             result
         });
-        // The task does not panic; a runtime that is shut down ends it.
+        // The errand does not panic; a hand that is gone gives it up.
         task.await.unwrap_or_else(|_ended| Err(NotSent::NotStopped(Box::new(NotSent::Closed)).into()))
     }
 
@@ -149,7 +124,7 @@ impl Robot {
     pub(crate) async fn no_stop_under_way(&self) -> bool {
         let mut stopping = self.stopping().subscribe();
         let over = stopping.wait_for(|stopping| stopping.under_way == 0);
-        matches!(timeout(STOP_WITHIN, over).await, Ok(Ok(_)))
+        matches!(self.hub().time.timeout(STOP_WITHIN, over).await, Ok(Ok(_)))
     }
 
     /// Waits until no stop is under way over this connection, and tells what became of the last one; `None` if there was none
@@ -158,30 +133,43 @@ impl Robot {
         let mut stopping = self.stopping().subscribe();
         let over = stopping.wait_for(|stopping| stopping.under_way == 0);
         // Nobody who dropped out is waited for without end; the sender lives as long as this handle.
-        let seen = timeout(STOP_WITHIN, over).await.ok()?.ok()?;
+        let seen = self.hub().time.timeout(STOP_WITHIN, over).await.ok()?.ok()?;
         seen.last.clone()
     }
 
     async fn stop_and_clear(&self) -> Result<StopReport, RequestError> {
-        let begun = Instant::now();
+        let begun = self.now();
         let in_doubt = self.hub().doubts.until(begun).is_some();
         let (halted, second) = self.halt_over_either(begun + CONFIRM_WITHIN).await;
-        let took = begun.elapsed();
+        let took = self.now() - begun;
         let deadline = begun + STOP_WITHIN;
         let way = halted.robot.clone();
         let mut report = halted.report(took, second)?;
+        let over_second = report.second == Some(SecondConnection::Used);
+        let rest = self.clear_and_look(&way, &mut report, in_doubt, deadline);
+        if over_second {
+            // Nobody else waits on it.
+            way.drive(rest).await;
+        } else {
+            rest.await;
+        }
+        Ok(report)
+    }
+
+    /// What follows a halt over this way: the list is cleared, frames in doubt are waited out, and the machine is looked at once more.
+    async fn clear_and_look(&self, way: &Self, report: &mut StopReport, in_doubt: bool, deadline: Instant) {
         if report.confirmed {
-            report.list = way.clear_after_stop(&report, deadline).await;
+            report.list = way.clear_after_stop(report, deadline).await;
             // One that was answered meanwhile was dealt with by the stop and the clearing.
             let settled = || DoubtAfterStop { still_open: false, cleared: report.list.clone() };
             report.doubt = in_doubt.then(settled);
-            self.wait_out_doubts(&way, &mut report, deadline).await;
-        } else if self.hub().doubts.until(Instant::now()).is_some() {
+            self.wait_out_doubts(way, report, deadline).await;
+        } else if self.hub().doubts.until(self.now()).is_some() {
             // Whoever is sent to the emergency stop is not kept waiting for it.
             let cleared = ListAfterStop::NotTried(NotTried::NotStanding);
             report.doubt = Some(DoubtAfterStop { still_open: true, cleared });
         }
-        if let Ok(Ok(seen)) = timeout_at(deadline, way.observe(Lane::Urgent)).await
+        if let Ok(Ok(seen)) = self.hub().time.timeout_at(deadline, way.observe(Lane::Urgent)).await
             && seen.connection == report.connection
         {
             report.see(&seen);
@@ -194,9 +182,8 @@ impl Robot {
             self.motions().forget_sent_on();
         }
         if report.second == Some(SecondConnection::Used) {
-            timeout_at(deadline, way.close()).await.ok();
+            self.hub().time.timeout_at(deadline, way.close_now()).await.ok();
         }
-        Ok(report)
     }
 
     /// Halts over this connection, and over a second one beside it once the first answer is late. What proves the standstill first
@@ -206,20 +193,21 @@ impl Robot {
         let first = Halt::new(self.clone(), deadline).run();
         let second = async {
             // Each reply counts: where each address is asked for alone, a look at the state takes many.
-            let last_reply = || self.hub().meter().last_reply().map(|at| self.hub().clock.at(Some(at)));
-            let mut silent_since = Instant::now();
+            let last_reply = || self.hub().meter().last_reply();
+            let mut silent_since = self.now();
             loop {
-                sleep_until(silent_since + LATE).await;
+                self.hub().time.sleep_until(silent_since + LATE).await;
                 match last_reply().filter(|at| *at > silent_since) {
                     Some(at) => silent_since = at,
                     None => break,
                 }
             }
             begun.store(true, Ordering::Relaxed);
-            let made = timeout_at(deadline, self.second_connection()).await;
+            let made = self.hub().time.timeout_at(deadline, self.second_connection()).await;
             let busy = SecondConnection::NotMade(NotSent::Busy { waited: CONFIRM_WITHIN });
             match made.unwrap_or(Err(busy)) {
-                Ok(robot) => Ok(Halt::new(robot, deadline).run().await),
+                // Nobody else waits on it.
+                Ok(robot) => Ok(robot.drive(Halt::new(robot.clone(), deadline).run()).await),
                 Err(why_not) => Err(why_not),
             }
         };
@@ -273,11 +261,12 @@ impl Robot {
 
     async fn clear_over(&self, connection: u64, deadline: Instant) -> ListAfterStop {
         let clear = Work::AddRcc { replace: true, instructions: Vec::new() };
-        let begun = Instant::now();
+        let begun = self.now();
         let sent = clear.sent();
         let terms = Terms { only_on: Some(connection), ..Terms::default() };
-        let answer = timeout_at(deadline, self.accepted_on(terms, clear, Lane::Urgent)).await;
-        let timed_out = || OutcomeUnknown::TimedOut { request: sent, after: begun.elapsed(), heard: None };
+        let answer = self.hub().time.timeout_at(deadline, self.accepted_on(terms, clear, Lane::Urgent)).await;
+        let timed_out =
+            || OutcomeUnknown::TimedOut { request: sent, after: (self.now() - begun), heard: None };
         match answer.unwrap_or_else(|_elapsed| Err(timed_out().into())) {
             Ok(_) => ListAfterStop::Cleared,
             Err(RequestError::Refused(
@@ -295,28 +284,27 @@ impl Robot {
     /// been carried out by now, and clears the list again.
     async fn wait_out_doubts(&self, way: &Self, report: &mut StopReport, deadline: Instant) {
         let doubts = &self.hub().doubts;
-        let halt =
-            || Halt::new(way.clone(), (Instant::now() + CONFIRM_WITHIN).min(deadline - LEFT_FOR_CLEARING));
-        let give_up = Instant::now() + DOUBT_WITHIN;
+        let halt = || Halt::new(way.clone(), (self.now() + CONFIRM_WITHIN).min(deadline - LEFT_FOR_CLEARING));
+        let give_up = self.now() + DOUBT_WITHIN;
         let mut waited = false;
-        while let Some(until) = doubts.until(Instant::now())
-            && Instant::now() < give_up
+        while let Some(until) = doubts.until(self.now())
+            && self.now() < give_up
         {
             waited = true;
-            let look_at = until.unwrap_or(give_up).min(give_up).min(Instant::now() + READ_EVERY);
+            let look_at = until.unwrap_or(give_up).min(give_up).min(self.now() + READ_EVERY);
             doubts.change_until(look_at).await;
             let seen = way.observe(Lane::Urgent).await;
             // What runs is stopped at once; whether more comes is looked at after that.
             if seen.is_ok_and(|seen| seen.connection == report.connection && report.is_contradicted_by(&seen))
             {
-                report.prove_again(halt().run().await);
+                halt().run().await.prove_again(report);
             }
         }
         if !waited {
             return;
         }
-        let open = doubts.until(Instant::now()).is_some();
-        report.prove_again(halt().run().await);
+        let open = doubts.until(self.now()).is_some();
+        halt().run().await.prove_again(report);
         let cleared = way.clear_over(report.connection, deadline).await;
         report.doubt = Some(DoubtAfterStop { still_open: open, cleared });
     }

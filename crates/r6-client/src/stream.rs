@@ -1,88 +1,33 @@
 //! Running a motion: checked first, then streamed, list by list, into the controller.
 
-mod error;
-mod task;
+pub(crate) mod error;
+pub(crate) mod options;
+pub(crate) mod task;
 
 use std::ops::Range;
-use std::time::Duration;
 
 use r6_proto::OperationMode;
 use tokio::sync::{oneshot, watch};
-use tokio::time::Instant;
 
-use crate::evidence::About;
+use crate::error::RequestError;
+use crate::evidence::{About, Observation};
 use crate::guard::Start;
-use crate::handle::{MotionHandle, Progress};
+use crate::handle::MotionHandle;
 use crate::job::{Terms, Work};
 use crate::link::Lane;
-use crate::motion::WaitOptions;
-use crate::moves::{Motion, StepError};
-use crate::path::progress::{PathProgress, standing_time};
-use crate::path::{cut, envelope, frame};
+use crate::moves::Motion;
+use crate::moves::step_error::StepError;
+use crate::path::progress::PathProgress;
+use crate::path::track::standing_time;
+use crate::path::{cut, frame};
+use crate::progress::Progress;
 use crate::robot::Robot;
 use crate::settings::RobotSettings;
 use crate::status::{Status, Unmet};
+use crate::stop::report::StopReport;
 pub use crate::stream::error::{Cause, MotionError};
-pub(crate) use crate::stream::task::Ended;
+pub use crate::stream::options::RunOptions;
 use crate::stream::task::Task;
-
-/// How a motion is run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RunOptions {
-    /// The pause between the answer to one read of the state and the next read. Default 50 ms, which real
-    /// controllers bear for hours. There is no minimum: with 0 the state is read as fast as answers come.
-    pub interval: Duration,
-    /// Instructions in one frame at most, within [`crate::RobotSettings::max_frame_bytes`]. Default 8: eight were always
-    /// answered, ten to sixteen never on one unit (reported, unit A), and nobody knows whether their number counts or
-    /// their bytes.
-    pub frame_instructions: usize,
-    /// Instructions in the controller's list at most. Default 24: three frames, so that one can be late by the time of
-    /// sixteen moves. How much room real lists have is not known; 17 in one go were streamed (reported, unit A).
-    ///
-    /// What is in the list runs on when the connection breaks.
-    pub room: usize,
-    /// As [`WaitOptions::settle`].
-    pub settle: Duration,
-    /// How long after a list was accepted the arm may stand elsewhere than at its end, with an empty list. Default 1 s.
-    pub start_within: Duration,
-    /// How long the arm may stand without progress, waits and delays of the motion apart. Default 5 s.
-    pub stall_within: Duration,
-    /// As [`WaitOptions::idle_mode`].
-    pub idle_mode: OperationMode,
-    /// Whether a list that is left from before is cleared first, if nothing else is in the way. Default: no, it is told.
-    pub clear_leftover: bool,
-    /// Whether the arm is stopped and its list cleared ([`Robot::stop`]) when the motion fails after something has left:
-    /// outcome unknown, alarm, another mode, no progress. Default: yes.
-    pub stop_on_failure: bool,
-    /// Whether the arm is stopped when the handle is dropped, or the robot's handle is closed ([`Robot::close`]). Default: no. A motion
-    /// whose handle was dropped is then streamed on to its end; one whose robot was closed ends with what is in its list.
-    pub stop_on_drop: bool,
-}
-
-impl Default for RunOptions {
-    fn default() -> Self {
-        let wait = WaitOptions::default();
-        Self {
-            interval: wait.interval,
-            frame_instructions: 8,
-            room: 24,
-            settle: wait.settle,
-            start_within: wait.start_within,
-            stall_within: Duration::from_secs(5),
-            idle_mode: wait.idle_mode,
-            clear_leftover: false,
-            stop_on_failure: true,
-            stop_on_drop: false,
-        }
-    }
-}
-
-impl RunOptions {
-    /// Instructions in one frame at most: no more than there is room for.
-    fn frame_length(&self) -> usize {
-        self.frame_instructions.min(self.room).max(1)
-    }
-}
 
 impl Robot {
     /// Runs a motion: checks it, looks at the machine, then streams it in lists that the controller takes. The first
@@ -121,48 +66,45 @@ impl Robot {
     /// a state that cannot be read; or the motion before this one failed, and nobody has asked what became of it
     /// ([`Cause::EarlierFailed`], once). A stop that is under way is waited for, 15 s at most ([`Cause::StoppedHere`]).
     pub async fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
-        let failed = |cause| MotionError {
-            cause,
-            progress: Progress { total: motion.len(), ended: true, ..Progress::default() },
-            stop: None,
-        };
-        let steps = motion.instructions().map_err(|error| failed(Cause::Step(error)))?;
+        self.drive(self.begin(motion, options)).await
+    }
+
+    async fn begin(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
+        self.checked_and_begun(motion, options).await.map_err(|cause| {
+            let progress = Progress { total: motion.len(), ended: true, ..Progress::default() };
+            MotionError { cause, progress, stop: None }
+        })
+    }
+
+    async fn checked_and_begun(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, Cause> {
+        let wrong = |step, field, wanted| Cause::Step(StepError { step, field, wanted, nearest: None });
+        let steps = motion.instructions().map_err(Cause::Step)?;
         if steps.is_empty() {
-            let wanted = "one step at least";
-            return Err(failed(Cause::Step(StepError {
-                step: 0,
-                field: "instructions",
-                wanted,
-                nearest: None,
-            })));
+            return Err(wrong(0, "instructions", "one step at least"));
         }
-        let frames = cut(steps, self.settings(), options.frame_length())
-            .map_err(|error| failed(Cause::Step(error)))?;
-        let (turn, stops) = self.turn().await.map_err(failed)?;
+        let frames = cut(steps, self.settings(), options.frame_length()).map_err(Cause::Step)?;
+        let (turn, stops) = self.turn().await?;
         let lists = self.lists().await;
-        let (status, about) = self.look_before(options).await.map_err(failed)?;
-        let sample = status.sample();
+        let (status, about) = self.look_before(options).await?;
         if let Some(error) = status.step_beyond_axes(steps) {
-            return Err(failed(Cause::Step(error)));
+            return Err(Cause::Step(error));
         }
         if status.list_length.is_none() && ends_in_endless_wait(motion) {
             let wanted =
                 "limited: this firmware does not tell the length of its list, and nobody could see the end";
-            let error = StepError { step: steps.len(), field: "isUnlimit", wanted, nearest: None };
-            return Err(failed(Cause::Step(error)));
+            return Err(wrong(steps.len(), "isUnlimit", wanted));
         }
         if let Some(envelope) = self.guard() {
             let from = Start { axes: status.axes, pose: status.pose };
-            envelope
-                .check(steps, motion.units(), Some(from), self.reckoning())
-                .map_err(|violation| failed(Cause::OutsideEnvelope(violation)))?;
+            let checked = envelope.check(steps, motion.units(), Some(from), self.reckoning());
+            checked.map_err(Cause::OutsideEnvelope)?;
         }
         let (progress, watched) = watch::channel(Progress { total: steps.len(), ..Progress::default() });
         let (end, ended) = oneshot::channel();
-        let path = PathProgress::new(steps.to_vec(), sample, Instant::now());
+        let path = PathProgress::new(steps.to_vec(), status.sample(), self.hub().time.now());
         let number = self.motions().begin();
         let task = Task::new((self.clone(), about, number), options, path, frames, progress);
-        let task = tokio::spawn(task.run(ended, stops, turn, lists));
+        let task = self.errand(task.run(ended, stops, turn, lists));
         Ok(MotionHandle {
             robot: self.clone(),
             number,
@@ -210,6 +152,44 @@ impl Robot {
     }
 }
 
+impl Robot {
+    /// Fails once another connection answers. A controller that was switched off and on has an empty list, too, and may stand where the
+    /// path ends; what is in its list may be somebody else's. `lost`: what to tell where nothing says more.
+    pub(crate) async fn same_connection(
+        &self,
+        about: &About,
+        seen: &Observation,
+        idle_mode: OperationMode,
+        lost: Cause,
+    ) -> Result<(), Cause> {
+        if seen.is_about(about) {
+            return Ok(());
+        }
+        if let Some(restart) = self.restart_since(about, seen, idle_mode).await {
+            return Err(Cause::Restarted(restart));
+        }
+        // An alarm, or a mode in which nothing runs, says more.
+        seen.values.check(idle_mode)?;
+        Err(lost)
+    }
+
+    /// Stops the arm where something has left and the motion that ended so is to `stop` it; what became of that.
+    pub(crate) async fn stop_after(
+        &self,
+        cause: &Cause,
+        stop: bool,
+        progress: Progress,
+    ) -> Option<Box<Result<StopReport, RequestError>>> {
+        let stop = match cause {
+            _ if stop && progress.left > 0 => Some(self.stop_now().await),
+            // Somebody else stops the arm: until that is done, its list may not be cleared.
+            Cause::StoppedHere if !stop => self.stop_under_way().await,
+            _ => None,
+        };
+        stop.map(Box::new)
+    }
+}
+
 impl Motion {
     /// The lists that [`Robot::run`] cuts this motion into: which steps are in each, counted from 0.
     ///
@@ -234,7 +214,7 @@ impl Motion {
             let first = list.start + 1;
             let pack_id = (number + 1).to_string();
             let listed = steps.get(list).unwrap_or_default();
-            frame(&envelope(settings, &pack_id), number == 0, listed)
+            frame(&settings.envelope(&pack_id), number == 0, listed)
                 .map_err(|error| StepError::of(first, &error))
         };
         self.lists(settings, options)?.into_iter().enumerate().map(encoded).collect()

@@ -1,38 +1,24 @@
 //! Subscriptions: many watchers, one poller.
 
-use std::fmt;
+pub(crate) mod limits;
+
 use std::time::Duration;
 
 use r6_proto::Reading;
 use r6_proto::address::Address;
 use r6_proto::error::FieldError;
+use r6_proto::time::Instant;
 use tokio::sync::watch;
-use tokio::time::Instant;
 
 use crate::board::{Last, Seen};
 use crate::error::{NotSent, RequestError};
 use crate::link::Lane;
 use crate::link_quality::LinkState;
-use crate::query::NoReading;
+use crate::query::result::NoReading;
 use crate::robot::Robot;
 use crate::settings::Liveness;
-
-/// Subscriptions of one robot, its clones together: screens, recorders and checks of one program. Each costs some
-/// hundred bytes and a wake-up per poll.
-pub(crate) const MAX_SUBSCRIPTIONS: usize = 256;
-
-/// Addresses of one subscription: more than all that are not registers.
-pub(crate) const MAX_ADDRESSES: usize = 256;
-
-/// Addresses of all subscriptions of one robot. Some fifty fit into a query, and a reply takes 18 ms: all of these take
-/// a controller a third of a second.
-pub(crate) const MAX_POLLED: usize = 1024;
-
-/// No address is asked for more often: a viewer of the maker's asks for 26 addresses every 20 ms, and a reply takes that long.
-const SHORTEST_PERIOD: Duration = Duration::from_millis(20);
-
-/// No address is asked for less often: whoever needs it once a day asks for it himself.
-const LONGEST_PERIOD: Duration = Duration::from_secs(3600);
+pub use crate::subscription::limits::NotSubscribed;
+use crate::subscription::limits::{LONGEST_PERIOD, SHORTEST_PERIOD};
 
 /// Values that are read again and again: [`Robot::subscribe`]. Dropping it ends that.
 #[derive(Debug)]
@@ -81,32 +67,6 @@ pub enum Quality {
     Unreadable(FieldError),
 }
 
-/// Why there is no subscription.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NotSubscribed {
-    /// No address, or more than 256.
-    Addresses {
-        /// How many were asked for, each counted once.
-        asked: usize,
-    },
-    /// The period is shorter than 20 ms or longer than an hour.
-    Period {
-        /// As asked for.
-        asked: Duration,
-    },
-    /// 256 subscriptions of this robot exist.
-    Subscriptions,
-    /// All subscriptions of a robot together ask for 1 024 addresses at most.
-    Polled {
-        /// So many are asked for already.
-        polled: usize,
-        /// So many would be added.
-        new: usize,
-    },
-    /// The handle was closed.
-    Closed,
-}
-
 impl Robot {
     /// Has these addresses read every so often, from now on, until the subscription is dropped.
     ///
@@ -148,7 +108,7 @@ impl Robot {
         if !(SHORTEST_PERIOD..=LONGEST_PERIOD).contains(&every) {
             return Err(NotSubscribed::Period { asked: every });
         }
-        let poll = || self.runtime().spawn(poll(self.clone())).abort_handle();
+        let poll = || self.abortable_errand(poll(self.clone()));
         let (id, news) = self.hub().board.add(addresses, every, poll)?;
         Ok(Subscription { robot: self.clone(), id, addresses: addresses.to_vec(), news })
     }
@@ -178,8 +138,8 @@ impl Subscription {
     pub fn latest(&self) -> Snapshot {
         let hub = self.robot.hub();
         let settings = self.robot.settings();
-        let now = Instant::now();
-        let link = hub.meter().state(hub.clock.of(now), settings.liveness);
+        let now = self.robot.now();
+        let link = hub.meter().state(now, settings.liveness);
         let connection = hub.known().connection;
         let Seen { rows, failure } = hub.board.seen(&self.addresses);
         let values = rows.into_iter().map(|(address, last, every)| {
@@ -194,7 +154,7 @@ impl Subscription {
     /// Whoever comes late gets the latest values; what was in between is gone, and nobody waits for him. Dropping
     /// the future loses nothing.
     pub async fn next(&mut self) -> Option<Snapshot> {
-        self.news.changed().await.ok()?;
+        self.robot.drive(self.news.changed()).await.ok()?;
         Some(self.latest())
     }
 }
@@ -218,7 +178,7 @@ impl Value {
         let Some(Last { value, at, connection }) = last else {
             return Self { address, reading: None, age: None, quality: Quality::NotRead };
         };
-        let age = now.saturating_duration_since(at);
+        let age = now.since(at);
         let overdue = age.saturating_sub(every);
         let (reading, quality) = match value {
             Err(NoReading::Unsupported) => (None, Quality::Unsupported),
@@ -265,30 +225,3 @@ impl Snapshot {
         self.failure.as_ref()
     }
 }
-
-impl fmt::Display for NotSubscribed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("not subscribed: ")?;
-        match self {
-            Self::Addresses { asked: 0 } => f.write_str("no address was given; name one at least"),
-            Self::Addresses { asked } => {
-                write!(f, "{asked} addresses are too many for one; give each at most {MAX_ADDRESSES}")
-            }
-            Self::Period { asked } => write!(
-                f,
-                "every {asked:?} is no period that a controller is asked at; choose one from {SHORTEST_PERIOD:?} to \
-                 {LONGEST_PERIOD:?}, 50ms or longer for hours on end"
-            ),
-            Self::Subscriptions => {
-                write!(f, "{MAX_SUBSCRIPTIONS} exist already; drop some, or share one between tasks")
-            }
-            Self::Polled { polled, new } => write!(
-                f,
-                "{polled} addresses are asked for already and {new} more would exceed {MAX_POLLED}; drop some"
-            ),
-            Self::Closed => f.write_str("the handle is closed; connect again"),
-        }
-    }
-}
-
-impl std::error::Error for NotSubscribed {}

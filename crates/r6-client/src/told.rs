@@ -49,10 +49,9 @@ pub(crate) struct Leaving<'t> {
 impl Leaving<'_> {
     /// Takes in what became of it.
     pub fn answered<T>(mut self, answer: &Result<T, RequestError>) {
-        match answer {
-            Err(RequestError::NotSent(_) | RequestError::Invalid(_)) => self.tells = Tells::default(),
-            // Controllers have run lists that they refused.
-            Ok(_) | Err(RequestError::Refused(_) | RequestError::OutcomeUnknown(_)) => {}
+        // Controllers have run lists that they refused.
+        if matches!(answer, Err(error) if error.nothing_left()) {
+            self.tells = Tells::default();
         }
     }
 }

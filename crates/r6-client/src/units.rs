@@ -51,7 +51,7 @@
 //! ```
 
 mod nearest;
-mod position;
+pub(crate) mod position;
 
 use std::fmt;
 use std::ops::{Add, Mul, Neg, Sub};

@@ -267,7 +267,7 @@ fn the_stops_under_way_are_gone_with_the_connection() {
     let mut stops = robot.as_async().stops_under_way();
     assert!(!stops.any() && !stops.are_gone());
     assert!(robot.stop().unwrap().confirmed);
-    let report = robot.engine().block_on(stops.over()).unwrap().unwrap();
+    let report = robot.block_on(stops.over()).unwrap().unwrap();
     assert!(report.confirmed, "{report}");
     robot.close();
     until("the connection is gone", || stops.are_gone());

@@ -48,7 +48,7 @@ fn photos_are_served_until_the_handle_is_closed() {
         }
     };
     assert_eq!(cam_id, 2);
-    robot.engine().block_on(robot.as_async().clone().close());
+    robot.block_on(robot.as_async().clone().close());
     let ended = serving.join().unwrap();
     assert!(matches!(ended, PhotosEnded::Closed | PhotosEnded::Request { cam_id: 2, .. }), "{ended}");
 }

@@ -13,6 +13,7 @@ mod errors;
 mod following;
 mod handle;
 mod interpreter;
+mod line;
 mod listening;
 mod motion;
 mod numbers;
@@ -31,6 +32,7 @@ mod subscription;
 mod tables;
 mod told;
 mod units;
+mod wire;
 
 use pyo3::prelude::*;
 

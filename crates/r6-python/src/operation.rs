@@ -12,6 +12,7 @@ use tokio::task::AbortHandle;
 use tokio::time::timeout;
 
 use crate::interpreter::{self, Back};
+use crate::line::{Calling, Line};
 use crate::process::{Errand, Held, Kept, Owed, Process, Unheard, made_before_the_fork};
 use crate::told;
 
@@ -22,7 +23,8 @@ pub const SIGNALS_EVERY: Duration = Duration::from_millis(50);
 /// Makes the Python object of a result, with the interpreter at hand.
 pub type Made = Box<dyn for<'py> FnOnce(Python<'py>) -> PyResult<Bound<'py, PyAny>> + Send>;
 
-type Running = Pin<Box<dyn Future<Output = Made> + Send>>;
+/// What it does, without Python objects.
+pub type Running = Pin<Box<dyn Future<Output = Made> + Send>>;
 
 /// Something that takes time and has not begun: `wait` or `start` it, once.
 #[pyclass(frozen, module = "r6._r6")]
@@ -30,18 +32,20 @@ pub struct Operation {
     work: Kept<Mutex<Option<Work>>>,
     /// What to tell whoever gives up waiting, where it goes on all the same.
     goes_on: Option<&'static str>,
+    /// The connection over which an event loop can begin it itself.
+    line: Option<Kept<Arc<Line>>>,
 }
 
 /// A stop whose waiting was given up.
 pub const STOP_GOES_ON: &str = "the stop goes on and was not confirmed before this: closing the robot, and the end of the program, wait for it";
 
 /// What is to be done, and the Python objects that its result needs.
-struct Work {
-    running: Running,
-    held: Held,
+pub struct Work {
+    pub running: Running,
+    pub held: Held,
     /// Held until it has ended, where the end of the program waits for it.
-    owed: Option<Owed>,
-    unheard: Option<Unheard>,
+    pub owed: Option<Owed>,
+    pub unheard: Option<Unheard>,
 }
 
 /// How waiting for an operation ended.
@@ -79,7 +83,13 @@ impl Operation {
             made
         };
         let work = Work { running: Box::pin(running), held, owed: None, unheard: None };
-        Self { work: Kept::new(Mutex::new(Some(work))), goes_on: None }
+        Self { work: Kept::new(Mutex::new(Some(work))), goes_on: None, line: None }
+    }
+
+    /// The same over this connection. It needs no runtime around it.
+    #[must_use]
+    pub fn over(self, line: Option<&Arc<Line>>) -> Self {
+        Self { line: line.map(|line| Kept::new(Arc::clone(line))), ..self }
     }
 
     /// The same, but once begun it goes on to its end, whoever gives up waiting, and the end of the program waits for it: for what must
@@ -190,14 +200,31 @@ impl Operation {
         }
     }
 
-    /// Begins in the background and calls `tell(error, value)` from another thread once it has ended.
-    fn start(&self, py: Python<'_>, tell: Py<PyAny>) -> PyResult<Started> {
+    /// Begins, and sets the result of the future of this event loop, in whose thread this is called. What the event loop does not do
+    /// itself is done in the background, and `tell(error, value)` is called from another thread once it has ended.
+    #[pyo3(signature = (tell, event_loop=None, future=None))]
+    fn start(
+        &self,
+        py: Python<'_>,
+        tell: Py<PyAny>,
+        event_loop: Option<&Bound<'_, PyAny>>,
+        future: Option<Py<PyAny>>,
+    ) -> PyResult<Started> {
         self.work.here()?;
         let process = Process::current(py)?;
+        if self.goes_on.is_none()
+            && let (Some(event_loop), Some(future)) = (event_loop, future)
+            && let Some(line) = &self.line
+            && let line = line.here()?
+            && line.attach(py, event_loop)?
+        {
+            let calling = line.begin(py, self.begin(process)?, tell, future);
+            return Ok(Started { task: Kept::new(Task::Here(calling)), goes_on: None });
+        }
         let work = Some(self.begin(process)?);
         let task = process.engine().handle().spawn(Begun { process, tell: Some(tell), work });
-        let task = Kept::new(self.goes_on.is_none().then(|| task.abort_handle()));
-        Ok(Started { task, goes_on: self.goes_on })
+        let task = if self.goes_on.is_none() { Task::OfTheEngine(task.abort_handle()) } else { Task::GoesOn };
+        Ok(Started { task: Kept::new(task), goes_on: self.goes_on })
     }
 }
 
@@ -240,11 +267,18 @@ impl Drop for Begun {
     }
 }
 
+/// What goes on.
+enum Task {
+    OfTheEngine(AbortHandle),
+    Here(Calling),
+    /// To its end, whoever gives it up.
+    GoesOn,
+}
+
 /// An operation that was started.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Started {
-    /// `None` if it goes on to its end.
-    task: Kept<Option<AbortHandle>>,
+    task: Kept<Task>,
     /// What to tell whoever gives up waiting for it, where it goes on all the same.
     #[pyo3(get)]
     goes_on: Option<&'static str>,
@@ -253,10 +287,12 @@ pub struct Started {
 #[pymethods]
 impl Started {
     /// Drops what is left of it; nothing if it has ended, or goes on whatever happens.
-    fn cancel(&self) {
+    fn cancel(&self, py: Python<'_>) {
         // Who cleans up in the child of a fork has nothing to drop there.
-        if let Ok(Some(task)) = self.task.here() {
-            task.abort();
+        match self.task.here() {
+            Ok(Task::OfTheEngine(task)) => task.abort(),
+            Ok(Task::Here(calling)) => calling.cancel(py),
+            Ok(Task::GoesOn) | Err(_) => {}
         }
     }
 }

@@ -15,6 +15,7 @@ use crate::convert::{self, seconds};
 use crate::envelope::Envelope;
 use crate::errors::{Raise, raise};
 use crate::following::FollowCore;
+use crate::line::Line;
 use crate::listening::Target;
 use crate::motion::Motion;
 use crate::operation::{Operation, STOP_GOES_ON};
@@ -38,12 +39,14 @@ struct Handle {
     robot: Mutex<Option<Robot>>,
     /// `with_guard` shares it.
     connection: Arc<Connection>,
+    /// What an event loop can serve itself; `with_guard` shares it, too.
+    line: Option<Arc<Line>>,
 }
 
 impl RobotCore {
-    fn new(robot: Robot, connection: Arc<Connection>) -> Self {
+    fn new(robot: Robot, connection: Arc<Connection>, line: Option<Arc<Line>>) -> Self {
         let address = robot.address().to_owned();
-        Self { handle: Kept::new(Handle { robot: Mutex::new(Some(robot)), connection }), address }
+        Self { handle: Kept::new(Handle { robot: Mutex::new(Some(robot)), connection, line }), address }
     }
 
     fn robot(&self, py: Python<'_>) -> PyResult<Robot> {
@@ -51,12 +54,22 @@ impl RobotCore {
         robot.ok_or_else(|| RequestError::from(r6_client::NotSent::Closed).exception(py))
     }
 
+    /// An operation that an event loop may run itself: it needs no runtime around it.
+    fn here<T, F, C>(&self, future: F, convert: C) -> PyResult<Operation>
+    where
+        T: Send + 'static,
+        F: Future<Output = T> + Send + 'static,
+        C: for<'py> FnOnce(Python<'py>, T) -> PyResult<Bound<'py, PyAny>> + Send + 'static,
+    {
+        Ok(Operation::new(future, convert).over(self.handle.here()?.line.as_ref()))
+    }
+
     /// A request that the controller accepts or not.
     fn accepted(
         &self,
         future: impl Future<Output = Result<r6_client::Accepted, RequestError>> + Send + 'static,
-    ) -> Operation {
-        Operation::new(future, |py, accepted| convert::accepted(py, raise(py, accepted)?))
+    ) -> PyResult<Operation> {
+        self.here(future, |py, accepted| convert::accepted(py, raise(py, accepted)?))
     }
 }
 
@@ -71,7 +84,25 @@ impl RobotCore {
         Ok(Operation::new(connecting, |py, robot| {
             let robot: Robot = raise(py, robot)?;
             Process::current(py)?.connected(robot.stops_under_way());
-            Self::new(robot, Arc::default()).into_bound_py_any(py)
+            Self::new(robot, Arc::default(), None).into_bound_py_any(py)
+        }))
+    }
+
+    /// The same for asyncio.
+    #[staticmethod]
+    #[pyo3(signature = (address, settings=None))]
+    fn connect_async(
+        py: Python<'_>,
+        address: &Bound<'_, PyAny>,
+        settings: Option<&RobotSettings>,
+    ) -> PyResult<Operation> {
+        let Ok(to) = address.extract::<String>() else { return Self::connect(address, settings) };
+        let settings = settings.map(|settings| settings.0.clone()).unwrap_or_default();
+        let connecting = Line::open(Process::current(py)?, to, settings);
+        Ok(Operation::new(connecting, |py, made| {
+            let (line, robot): (Arc<Line>, Robot) = raise(py, made)?;
+            Process::current(py)?.connected(robot.stops_under_way());
+            Self::new(robot, Arc::default(), Some(line)).into_bound_py_any(py)
         }))
     }
 
@@ -97,39 +128,39 @@ impl RobotCore {
         let robot = self.robot(py)?;
         let (names, addresses) = named(py, addresses)?;
         let reading = async move { robot.query(&addresses).await };
-        Ok(Operation::new(reading, |py, result| convert::query_result(py, names, &raise(py, result)?)))
+        self.here(reading, |py, result| convert::query_result(py, names, &raise(py, result)?))
     }
 
     fn status(&self, py: Python<'_>) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let reading = async move { robot.status().await };
-        Ok(Operation::new(reading, |py, status| convert::status(py, &raise(py, status)?)))
+        self.here(reading, |py, status| convert::status(py, &raise(py, status)?))
     }
 
     fn firmware(&self, py: Python<'_>) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let reading = async move { robot.firmware().await };
-        Ok(Operation::new(reading, |py, firmware| raise(py, firmware)?.into_bound_py_any(py)))
+        self.here(reading, |py, firmware| raise(py, firmware)?.into_bound_py_any(py))
     }
 
     fn command(&self, py: Python<'_>, command: &Command) -> PyResult<Operation> {
         let (robot, command) = (self.robot(py)?, command.0.clone());
         let stops = matches!(command, Sent::ActionStop | Sent::ActionPause | Sent::StopButton);
-        let sending = self.accepted(async move { robot.command(command).await });
+        let sending = self.accepted(async move { robot.command(command).await })?;
         let goes_on = "whether it was accepted was not told before this: it is sent all the same";
         Ok(if stops { sending.going_on(goes_on) } else { sending })
     }
 
     fn clear_list(&self, py: Python<'_>) -> PyResult<Operation> {
         let robot = self.robot(py)?;
-        Ok(self.accepted(async move { robot.clear_list().await }))
+        self.accepted(async move { robot.clear_list().await })
     }
 
     fn add_rcc(&self, py: Python<'_>, motion: PyRef<'_, Motion>, replace: bool) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let motion = motion.0.clone();
         raise(py, motion.instructions())?;
-        Ok(self.accepted(async move { robot.add_motion(replace, &motion).await }))
+        self.accepted(async move { robot.add_motion(replace, &motion).await })
     }
 
     fn wait_until_done(
@@ -150,7 +181,7 @@ impl RobotCore {
             idle_mode: OperationMode::of_number(idle_mode),
         };
         let waiting = async move { robot.wait_until_done(options).await };
-        Ok(Operation::new(waiting, |py, done| convert::done(py, &raise(py, done)?)))
+        self.here(waiting, |py, done| convert::done(py, &raise(py, done)?))
     }
 
     fn stop(&self, py: Python<'_>) -> PyResult<Operation> {
@@ -193,7 +224,7 @@ impl RobotCore {
         let robot = self.robot(py)?;
         let first = registers::first(first, count)?;
         let reading = async move { robot.read_registers(first, count).await };
-        Ok(Operation::new(reading, |py, values| registers::to_array(py, raise(py, values)?)))
+        self.here(reading, |py, values| registers::to_array(py, raise(py, values)?))
     }
 
     #[pyo3(signature = (first, values, *, savable, verify))]
@@ -211,10 +242,10 @@ impl RobotCore {
             let written = write.send(&robot).await;
             (write, written)
         };
-        Ok(Operation::new(writing, |py, (write, written)| match written {
+        self.here(writing, |py, (write, written)| match written {
             Ok(()) => py.None().into_bound_py_any(py),
             Err(error) => Err(write.exception(py, &error)),
-        }))
+        })
     }
 
     /// Watches; gives nothing to wait for.
@@ -238,13 +269,13 @@ impl RobotCore {
         let robot = self.robot(py)?;
         let answer = PhotoAnswer { cam_id, ret: i64::from(taken) };
         let sending = async move { robot.answer_photo(answer).await };
-        Ok(Operation::new(sending, |py, left| raise(py, left)?.into_bound_py_any(py)))
+        self.here(sending, |py, left| raise(py, left)?.into_bound_py_any(py))
     }
 
     fn add_points(&self, py: Python<'_>, cam_id: i64, points: Vec<Bound<'_, PyAny>>) -> PyResult<Operation> {
         let robot = self.robot(py)?;
         let points = photos::points(points)?;
-        Ok(self.accepted(async move { robot.add_points(vec![CameraSet { cam_id, points }]).await }))
+        self.accepted(async move { robot.add_points(vec![CameraSet { cam_id, points }]).await })
     }
 
     /// Is the camera of this controller from now on.
@@ -270,8 +301,9 @@ impl RobotCore {
     }
 
     fn with_guard(&self, py: Python<'_>, envelope: &Envelope) -> PyResult<Self> {
-        let connection = Arc::clone(&self.handle.here()?.connection);
-        Ok(Self::new(self.robot(py)?.with_guard(envelope.0.clone()), connection))
+        let handle = self.handle.here()?;
+        let guarded = self.robot(py)?.with_guard(envelope.0.clone());
+        Ok(Self::new(guarded, Arc::clone(&handle.connection), handle.line.clone()))
     }
 }
 

@@ -2,10 +2,18 @@
 
 import asyncio
 import inspect
+import random
+import sys
+import threading
+import time
 from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
+from relay import Relay
 
 import r6
 
@@ -221,6 +229,141 @@ def test_many_tasks_share_a_robot(virtual_controller: r6.Simulator) -> None:
         assert [value.item() for value in await asyncio.gather(*asked)] == list(range(40))
 
     with_robot(virtual_controller, test)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_tasks_cancelled_at_random_leave_the_others_their_own_values(
+    seed: int, virtual_controller: r6.Simulator
+) -> None:
+    numbers = random.Random(seed)
+
+    async def test(robot: r6.AsyncRobot) -> None:
+        await robot.write_registers(800, list(range(60)))
+        tasks: dict[asyncio.Task[npt.NDArray[np.int64]], tuple[int, int]] = {}
+        cancelled = 0
+        for _ in range(1000):
+            first, count = numbers.randrange(50), numbers.randrange(1, 10)
+            tasks[asyncio.create_task(robot.read_registers(800 + first, count))] = (first, count)
+            if numbers.randrange(3) == 0:
+                await asyncio.sleep(numbers.choice((0, 0, 0, 0.0005, 0.003)))
+            waiting = [task for task in tasks if not task.done()]
+            if waiting and numbers.randrange(3) == 0:
+                cancelled += numbers.choice(waiting).cancel()
+        ended = await asyncio.gather(*tasks, return_exceptions=True)
+        for values, (first, count) in zip(ended, tasks.values(), strict=True):
+            if isinstance(values, BaseException):
+                assert isinstance(values, asyncio.CancelledError), values
+            else:
+                assert values.tolist() == list(range(first, first + count))
+        assert 100 < sum(isinstance(values, BaseException) for values in ended) <= cancelled
+        assert (await robot.status()).is_ready
+        quality = robot.link_quality()
+        assert (quality.timeouts, quality.reconnects) == (0, 0)
+
+    with_robot(virtual_controller, test)
+
+
+class CountingLoop(asyncio.SelectorEventLoop):
+    """Counts what comes from other threads."""
+
+    from_others = 0
+
+    def call_soon_threadsafe(self, *given: Any, **context: Any) -> asyncio.Handle:  # type: ignore[override]
+        self.from_others += 1
+        return super().call_soon_threadsafe(*given, **context)
+
+
+def test_a_query_needs_no_other_thread(virtual_controller: r6.Simulator) -> None:
+    loop = CountingLoop()
+
+    async def main() -> None:
+        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+            await robot.query("curMode")
+            before = loop.from_others
+            for _ in range(200):
+                assert (await robot.query("curMode")).integer("curMode") == 7
+            # Where this process does not get its turn in time, another thread helps out.
+            assert loop.from_others - before < 100
+
+    try:
+        loop.run_until_complete(main())
+    finally:
+        loop.close()
+
+
+def test_an_event_loop_that_is_held_up_holds_up_no_heartbeat(tmp_path: Path) -> None:
+    """Also while a query waits whose reply the event loop would read."""
+    profile = tmp_path / "short.toml"
+    profile.write_text('base = "hc1"\nheartbeat_timeout_ms = 1000\n')
+
+    async def test(robot: r6.AsyncRobot) -> None:
+        assert (await robot.status()).alarm == 0
+        waiting = asyncio.create_task(robot.query("curMode"))
+        await asyncio.sleep(0)
+        sys.setswitchinterval(100)
+        try:
+            until = time.perf_counter() + 3.0
+            while time.perf_counter() < until:
+                pass
+        finally:
+            sys.setswitchinterval(0.005)
+        assert (await waiting).integer("curMode") == 7
+        assert (await robot.status()).alarm == 0
+        assert robot.link_quality().timeouts == 0
+
+    with r6.Simulator(profile=profile) as controller:
+        with_robot(controller, test, r6.RobotSettings(heartbeat=0.1))
+
+
+def test_two_loops_at_the_same_time(virtual_controller: r6.Simulator) -> None:
+    async def ask(robot: r6.AsyncRobot) -> None:
+        for _ in range(50):
+            assert (await robot.query("curMode")).integer("curMode") == 7
+
+    async def test(robot: r6.AsyncRobot) -> None:
+        await ask(robot)
+        other = threading.Thread(target=lambda: asyncio.run(ask(robot)))
+        other.start()
+        await ask(robot)
+        await asyncio.to_thread(other.join)
+
+    with_robot(virtual_controller, test)
+
+
+def test_a_connection_that_is_made_anew_leaves_no_socket_in_the_event_loop(
+    virtual_controller: r6.Simulator, relay: Relay
+) -> None:
+    relay.target = virtual_controller.port
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        watched: set[int] = set()
+        add, remove = loop.add_reader, loop.remove_reader
+
+        def add_reader(fd: int, *call: Any) -> None:
+            watched.add(fd)
+            add(fd, *call)
+
+        def remove_reader(fd: int) -> bool:
+            watched.discard(fd)
+            return remove(fd)
+
+        loop.add_reader = add_reader  # type: ignore[method-assign, assignment]
+        loop.remove_reader = remove_reader  # type: ignore[method-assign, assignment]
+        async with await r6.AsyncRobot.connect(relay.address) as robot:
+            for _ in range(5):
+                assert (await robot.status()).is_ready
+                # While there is no connection, the engine makes one.
+                await robot.query("curMode")
+                assert len(watched) == 1
+                relay.cut()
+        for _ in range(100):
+            await asyncio.sleep(0.01)
+            if not watched:
+                break
+        assert not watched
+
+    asyncio.run(main())
 
 
 def test_subscriptions_and_events(virtual_controller: r6.Simulator) -> None:

@@ -257,8 +257,10 @@ def test_a_lost_connection_ends_the_serving(virtual_controller: r6.Simulator, re
 def test_photos_are_served_through_asyncio(virtual_controller: r6.Simulator) -> None:
     """A picture that is under way when a stop comes is given up."""
     cancelled: list[int] = []
+    looking = asyncio.Event()
 
     async def look(cam_id: int) -> r6.Shot:
+        looking.set()
         try:
             await asyncio.sleep(60)
         except asyncio.CancelledError:
@@ -273,10 +275,12 @@ def test_photos_are_served_through_asyncio(virtual_controller: r6.Simulator) -> 
         async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
             assert (await robot.status()).is_ready
             serving = asyncio.create_task(robot.serve_photos(look))
-            while not serving.done():
-                await asyncio.sleep(0.05)
+            # A request that comes before the serving has begun is not seen.
+            await asyncio.sleep(0.05)
+            while not looking.is_set():
                 virtual_controller.request_photo(2)
-                await robot.stop()
+                await asyncio.sleep(0.05)
+            await robot.stop()
             assert (await serving).reason == "stopped"
             await asyncio.sleep(0)
             assert cancelled == [2]

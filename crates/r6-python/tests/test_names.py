@@ -67,6 +67,7 @@ ELSEWHERE = {
     "WaitOptions": "Robot.wait_until_done",
     "WaitSource": "Motion.wait_for",
     "check_address": " Robot.connect checks it",
+    "callback": " AsyncRobot runs on the event loop of asyncio",
 }
 
 # Methods and fields, class by class: the file, the class in Rust, the one in Python, and what is elsewhere.
@@ -77,6 +78,7 @@ METHODS: list[tuple[str, str, type[Any], Table]] = [
         "Robot",
         r6.Robot,
         {
+            "block_on": " futures of Rust",
             "connect_on": "connect",
             "connect_with": "connect",
             "engine": " one for the process",
@@ -107,8 +109,8 @@ METHODS: list[tuple[str, str, type[Any], Table]] = [
     ("units/position.rs", "Pose", r6.Pose, {"new": "__new__"}),
     ("units/nearest.rs", "Degrees", r6.Degrees, {}),
     ("units/nearest.rs", "Pose", r6.Pose, {}),
-    ("handle.rs", "Progress", r6.Progress, {}),
-    ("listen.rs", "Listen", r6.Listen, {"on": "__new__", "only_from": "__new__"}),
+    ("progress.rs", "Progress", r6.Progress, {}),
+    ("hands/listen.rs", "Listen", r6.Listen, {"on": "__new__", "only_from": "__new__"}),
 ]
 
 FIELDS: list[tuple[str, str, Any, Table]] = [
@@ -125,9 +127,9 @@ FIELDS: list[tuple[str, str, Any, Table]] = [
         {"first_wait": "reconnect_first_wait", "cap": "reconnect_cap", "jitter_seed": "reconnect_seed"},
     ),
     ("settings.rs", "Liveness", r6.RobotSettings, {}),
-    ("stream.rs", "RunOptions", r6.RunOptions, {}),
+    ("stream/options.rs", "RunOptions", r6.RunOptions, {}),
     ("follow.rs", "FollowOptions", r6.FollowOptions, {}),
-    ("motion.rs", "WaitOptions", r6.Robot.wait_until_done, {}),
+    ("done.rs", "WaitOptions", r6.Robot.wait_until_done, {}),
     ("status.rs", "Status", r6.Status, {}),
     (
         "stop/report.rs",
@@ -144,10 +146,10 @@ FIELDS: list[tuple[str, str, Any, Table]] = [
     ("link_quality.rs", "Latency", r6.Latency, {}),
     ("identity.rs", "Identity", r6.Identity, {}),
     ("identity.rs", "Found", r6.Reconnected, {}),
-    ("motion.rs", "Done", r6.Done, {}),
+    ("done.rs", "Done", r6.Done, {}),
     ("follow.rs", "Followed", r6.Followed, {}),
-    ("robot.rs", "Accepted", r6.Accepted, {}),
-    ("discover.rs", "Discovered", r6.Discovered, {}),
+    ("job.rs", "Accepted", r6.Accepted, {}),
+    ("hands/discover.rs", "Discovered", r6.Discovered, {}),
 ]
 
 

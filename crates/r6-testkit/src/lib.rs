@@ -7,6 +7,7 @@ pub mod alloc;
 pub mod book;
 pub mod coverage;
 pub mod hostile;
+pub mod imports;
 pub mod layers;
 pub mod transcript;
 pub mod vector;

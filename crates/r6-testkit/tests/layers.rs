@@ -1,8 +1,9 @@
-//! The crates of this workspace keep to their layers, and a crate that does not is found.
+//! The crates of this workspace, and the files of the client, keep to their layers; what does not is found.
 
 use std::fs;
 use std::path::Path;
 
+use r6_testkit::imports::Sources;
 use r6_testkit::layers::{self, Layer, RULES};
 use serde_json::json;
 
@@ -102,4 +103,90 @@ fn a_path_dependency_without_a_rule_is_reported() {
     let metadata = json!({"packages": [{"name": "r6", "dependencies": [dependency]}]});
     let found = layers::violations(&metadata.to_string());
     assert_eq!(found, ["`r6` depends on `r6-newcomer`: its rule does not allow this crate"]);
+}
+
+/// What only the hands of the client may name, and its blocking face: sockets, clocks, tasks, threads, files.
+const OF_THE_HANDS: [&str; 11] = [
+    "tokio::net",
+    "tokio::time",
+    "tokio::task",
+    "tokio::runtime",
+    "tokio::io",
+    "tokio::spawn",
+    "std::net",
+    "std::thread",
+    "std::fs",
+    "std::time::Instant",
+    "std::time::SystemTime",
+];
+const HANDS: [&str; 2] = ["hands", "blocking"];
+
+/// A parent and its children may know each other; a circle of more files than this has no bottom to begin reading at.
+const LARGEST_CIRCLE: usize = 6;
+
+#[test]
+fn no_large_circle_of_files_is_in_the_client() {
+    let circles = Sources::of_package("r6-client").circles_of_more_than(LARGEST_CIRCLE);
+    assert!(circles.is_empty(), "\n{}", circles.join("\n"));
+}
+
+#[test]
+fn only_the_hands_of_the_client_know_sockets_clocks_and_threads() {
+    let sources = Sources::of_package("r6-client");
+    let named = sources.names_of(&OF_THE_HANDS, &HANDS);
+    assert!(named.is_empty(), "\n{}", named.join("\n"));
+    assert!(!sources.names_of(&OF_THE_HANDS, &[]).is_empty(), "the hands name them");
+}
+
+#[test]
+fn a_circle_of_files_is_reported() {
+    let files = [
+        ("lib.rs", "mod a; pub use c::Third;"),
+        ("a.rs", "use crate::b::{First, Second}; mod inner;"),
+        ("a/inner.rs", "use super::Outer;"),
+        ("b.rs", "fn third() -> crate::Third { unimplemented!() }"),
+        ("c.rs", "use crate::{Other, a::inner as within};"),
+        ("d.rs", "use crate::{a, b, c};"),
+    ];
+    let sources = Sources::of(files);
+    assert_eq!(sources.circles_of_more_than(4), Vec::<String>::new());
+    let circles = sources.circles_of_more_than(3);
+    assert_eq!(
+        circles,
+        [
+            "4 files import each other in a circle:\n  a imports b\n  a::inner imports a\n  b imports c\n  c imports \
+          a::inner"
+        ]
+    );
+}
+
+#[test]
+fn a_socket_outside_of_the_hands_is_reported() {
+    let named = |text| Sources::of([("robot/requests.rs", text)]).names_of(&OF_THE_HANDS, &HANDS);
+    for (text, path) in [
+        ("use tokio::time::sleep;", "tokio::time::sleep"),
+        ("use tokio::{sync::watch, net::TcpStream as Stream};", "tokio::net::TcpStream"),
+        ("async fn run() { tokio::spawn(async {}); }", "tokio::spawn"),
+        ("fn now() -> std::time::Instant { ::std::time::Instant::now() }", "std::time::Instant"),
+        ("use std::{fmt, time::{Duration, SystemTime}};", "std::time::SystemTime"),
+        ("use std::time;", "std::time"),
+        ("use std::time::*;", "std::time"),
+        ("const QUOTE: char = '\"'; use std::thread;", "std::thread"),
+        ("#[cfg(test)] mod tests { use std::fs; } use std::net::TcpStream;", "std::net::TcpStream"),
+    ] {
+        let found = named(text);
+        assert!(found.contains(&format!("`robot::requests` names `{path}`")), "{text}: {found:?}");
+    }
+    for text in [
+        "use std::time::Duration; use tokio::sync::Mutex; use r6_proto::time::Instant;",
+        "// use std::thread;\n/* std::fs /* std::net */ std::fs */ const TEXT: &str = \"std::fs\";",
+        "const RAW: &str = r#\"\"std::fs\"#; fn long<'a>(text: &'a str) {}",
+        "#[cfg(test)]\nmod tests {\n    use std::{fs, thread};\n    fn f() {}\n}",
+        "#[cfg(test)] use std::fs;",
+    ] {
+        assert_eq!(named(text), Vec::<String>::new(), "{text}");
+    }
+    let hand = Sources::of([("hands/tokio.rs", "use tokio::net;"), ("blocking.rs", "use std::thread;")]);
+    assert_eq!(hand.names_of(&OF_THE_HANDS, &HANDS), Vec::<String>::new());
+    assert_eq!(hand.names_of(&OF_THE_HANDS, &["hand"]).len(), 2, "a part of a name is no folder");
 }

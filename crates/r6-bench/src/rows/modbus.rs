@@ -23,8 +23,8 @@ const VALUE: u16 = 0x0102;
 const REQUEST_BYTES: usize = 12;
 
 /// From `perf` over the two.
-const BEYOND_TOKIO: &str = "both are the kernel's to nine tenths, which carries 576 bytes of text here and 45 there; `tokio-modbus` drives its \
-     socket inside the call, the SDK in a task that keeps stops and heartbeats going, which costs one `epoll_wait` more";
+const BEYOND_TOKIO: &str = "both are the kernel's to nine tenths, which carries 576 bytes of text here and 45 there; the SDK reads \
+     twelve texts into their types, and keeps what stops, heartbeats and other callers need";
 const BEYOND_PYMODBUS: &str = "the kernel's part, which no client is without, is by itself about a third of what `pymodbus` takes: a bare blocking socket hardly \
      gets below this goal";
 

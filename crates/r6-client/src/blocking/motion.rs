@@ -5,19 +5,26 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use r6_proto::message::Instruction;
-use tokio::time::timeout;
 
 use super::Connection;
 use crate::error::RequestError;
 use crate::handle::{Progress, StepState};
 use crate::{Done, MotionError, StopReport};
 
-/// As [`crate::MotionHandle`]. Dropping it does not end the motion: the engine's thread streams it on to its
-/// end.
+/// As [`crate::MotionHandle`]. Dropping it does not end the motion: it is streamed on to its end in the background.
 #[must_use = "if the handle is dropped, only wait_until_done reports that the motion failed"]
 pub struct MotionHandle {
     handle: crate::MotionHandle,
-    connection: Arc<Connection>,
+    connection: Attentive,
+}
+
+/// Looks, when it is dropped, at once at what that ends: a handle that stops the arm does not wait for the keeper.
+struct Attentive(Arc<Connection>);
+
+impl Drop for Attentive {
+    fn drop(&mut self) {
+        self.0.runner.look_after();
+    }
 }
 
 impl fmt::Debug for MotionHandle {
@@ -28,7 +35,7 @@ impl fmt::Debug for MotionHandle {
 
 impl MotionHandle {
     pub(super) fn new(handle: crate::MotionHandle, connection: Arc<Connection>) -> Self {
-        Self { handle, connection }
+        Self { handle, connection: Attentive(connection) }
     }
 
     /// As [`crate::MotionHandle::progress`].
@@ -47,17 +54,16 @@ impl MotionHandle {
     #[must_use]
     pub fn ended_within(&self, time: Duration) -> bool {
         let mut progress = self.handle.watch();
-        // Inside the engine, for the time is its clock's.
-        let ended = async { timeout(time, progress.wait_for(|progress| progress.ended)).await };
+        let ended = self.connection.0.robot.within(time, progress.wait_for(|progress| progress.ended));
         // A sender that is gone has nothing more to tell.
-        self.connection.engine.block_on(ended).is_ok()
+        self.connection.0.runner.block_on(ended).is_ok()
     }
 
     /// As [`crate::MotionHandle::step`].
     #[must_use]
     pub fn step(&self, step: usize) -> Option<StepHandle> {
         let step = self.handle.step(step)?;
-        Some(StepHandle { step, connection: Arc::clone(&self.connection) })
+        Some(StepHandle { step, connection: Arc::clone(&self.connection.0) })
     }
 
     /// As [`crate::MotionHandle::finished`].
@@ -66,7 +72,7 @@ impl MotionHandle {
     /// As there.
     #[expect(clippy::result_large_err, reason = "made once a motion")]
     pub fn finished(self) -> Result<Done, MotionError> {
-        self.connection.engine.block_on(self.handle.finished())
+        self.connection.0.runner.block_on(self.handle.finished())
     }
 
     /// As [`crate::MotionHandle::stop`].
@@ -74,7 +80,7 @@ impl MotionHandle {
     /// # Errors
     /// As there.
     pub fn stop(self) -> Result<StopReport, RequestError> {
-        self.connection.engine.block_on(self.handle.stop())
+        self.connection.0.runner.block_on(self.handle.stop())
     }
 }
 
@@ -105,11 +111,11 @@ impl StepHandle {
 
     /// As [`crate::StepHandle::started`].
     pub fn started(&mut self) -> bool {
-        self.connection.engine.block_on(self.step.started())
+        self.connection.runner.block_on(self.step.started())
     }
 
     /// As [`crate::StepHandle::done`].
     pub fn done(&mut self) -> bool {
-        self.connection.engine.block_on(self.step.done())
+        self.connection.runner.block_on(self.step.done())
     }
 }

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use r6_proto::address::Address;
 use tokio::sync::broadcast::{self, error::RecvError};
-use tokio::time::timeout;
 
 use super::Connection;
 use crate::{Pushed, Snapshot};
@@ -37,18 +36,16 @@ impl Subscription {
     /// As [`crate::Subscription::latest`].
     #[must_use]
     pub fn latest(&self) -> Snapshot {
-        self.connection.engine.enter(|| self.subscription.latest())
+        self.subscription.latest()
     }
 
     /// As [`crate::Subscription::next`], for so long at most: then the values as they are known, with their ages.
     pub fn next_within(&mut self, time: Duration) -> Option<Snapshot> {
         let Self { subscription, connection } = self;
-        connection.engine.block_on(async {
-            match timeout(time, subscription.next()).await {
-                Ok(next) => next,
-                Err(_elapsed) => Some(subscription.latest()),
-            }
-        })
+        match connection.runner.block_on(connection.robot.within(time, subscription.next())) {
+            Ok(next) => next,
+            Err(_elapsed) => Some(subscription.latest()),
+        }
     }
 }
 
@@ -56,7 +53,7 @@ impl Iterator for Subscription {
     type Item = Snapshot;
 
     fn next(&mut self) -> Option<Snapshot> {
-        self.connection.engine.block_on(self.subscription.next())
+        self.connection.runner.block_on(self.subscription.next())
     }
 }
 
@@ -84,7 +81,7 @@ impl PushedReceiver {
     /// `Lagged(n)`: so many were missed, the next call goes on behind them. `Closed`: the handle is closed.
     pub fn recv(&mut self) -> Result<Pushed, RecvError> {
         let Self { receiver, connection } = self;
-        connection.engine.block_on(next(receiver, connection))
+        connection.runner.block_on(next(receiver, connection))
     }
 
     /// The same, for so long at most; then `None`.
@@ -93,12 +90,10 @@ impl PushedReceiver {
     /// As [`Self::recv`].
     pub fn recv_within(&mut self, time: Duration) -> Result<Option<Pushed>, RecvError> {
         let Self { receiver, connection } = self;
-        connection.engine.block_on(async {
-            match timeout(time, next(receiver, connection)).await {
-                Ok(pushed) => pushed.map(Some),
-                Err(_elapsed) => Ok(None),
-            }
-        })
+        match connection.runner.block_on(connection.robot.within(time, next(receiver, connection))) {
+            Ok(pushed) => pushed.map(Some),
+            Err(_elapsed) => Ok(None),
+        }
     }
 }
 

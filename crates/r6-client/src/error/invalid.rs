@@ -6,8 +6,8 @@ use r6_proto::client::SendError;
 use r6_proto::error::EncodeError;
 
 use super::{NotSent, RequestError};
-use crate::guard::Violation;
-use crate::moves::StepError;
+use crate::guard::violation::Violation;
+use crate::moves::step_error::StepError;
 
 /// Why a request cannot be sent as it is. Nothing was sent, and sending the same again fails again: the caller has to change it.
 #[derive(Clone, Debug, PartialEq, Eq)]

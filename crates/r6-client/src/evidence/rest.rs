@@ -3,12 +3,11 @@
 use std::time::Duration;
 
 use r6_proto::address::Address;
-use tokio::time::Instant;
+use r6_proto::time::Instant;
 
-use crate::error::OutcomeUnknown;
+use crate::done::{WaitError, WaitOptions};
+use crate::error::RequestError;
 use crate::evidence::{About, Observation, Sample};
-use crate::job::Work;
-use crate::motion::{WaitError, WaitOptions};
 
 /// How long alarm or mode may stay without a value: one odd reply passes, but an arm nobody can judge is not waited for.
 const UNREADABLE_FOR: Duration = Duration::from_secs(1);
@@ -66,9 +65,7 @@ impl Rest {
             if now - *self.unreadable_since.get_or_insert(now) < UNREADABLE_FOR {
                 return Ok(false);
             }
-            let request = Work::Query(Vec::new()).sent();
-            let answer = format!("no value for {address}");
-            return Err(WaitError::Request(OutcomeUnknown::Unclear { request, answer }.into()));
+            return Err(WaitError::Request(RequestError::no_value(address)));
         }
         self.unreadable_since = None;
         let stands = self.last.is_some_and(|last| sample.stands_since(&last));
@@ -117,7 +114,12 @@ mod tests {
     }
 
     fn observed(values: Sample) -> Observation {
-        Observation { robot: about().robot, connection: 1, asked_at: Instant::now(), values }
+        Observation {
+            robot: about().robot,
+            connection: 1,
+            asked_at: Instant::ORIGIN + Duration::from_secs(100),
+            values,
+        }
     }
 
     #[test]
@@ -130,7 +132,7 @@ mod tests {
                 ..observed(end)
             },
         ] {
-            let begun = Instant::now();
+            let begun = Instant::ORIGIN + Duration::from_secs(100);
             let mut watch = Rest::new(WaitOptions::default(), about(), begun);
             assert_eq!(watch.judge(&observed(moving(1.0)), begun), Ok(false));
             assert_eq!(watch.judge(&other, begun), Err(WaitError::AnotherConnection), "{other:?}");
@@ -139,7 +141,7 @@ mod tests {
 
     /// Feeds samples 50 ms apart; how many it took to be done.
     fn done_after(samples: impl IntoIterator<Item = Sample>) -> Result<Option<usize>, WaitError> {
-        let begun = Instant::now();
+        let begun = Instant::ORIGIN + Duration::from_secs(100);
         let mut watch = Rest::new(WaitOptions::default(), about(), begun);
         for (n, sample) in samples.into_iter().enumerate() {
             if watch
@@ -213,7 +215,7 @@ mod tests {
     #[test]
     fn a_controller_that_idles_in_auto_may_return_there() {
         let idle = Sample { mode: Some(OperationMode::Auto), ..STANDING };
-        let begun = Instant::now();
+        let begun = Instant::ORIGIN + Duration::from_secs(100);
         let options = WaitOptions { idle_mode: OperationMode::Auto, ..WaitOptions::default() };
         let mut watch = Rest::new(options, about(), begun);
         assert_eq!(watch.judge(&observed(moving(0.0)), begun), Ok(false));

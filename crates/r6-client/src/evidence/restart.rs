@@ -5,8 +5,6 @@ use std::fmt;
 
 use r6_proto::OperationMode;
 
-use crate::evidence::{About, Observation};
-use crate::robot::Robot;
 use crate::status::{AlarmAdvice, Status};
 
 /// What a controller shows that lost its list together with the connection: it was switched off and on, or somebody stopped it and
@@ -26,29 +24,11 @@ pub struct Restart {
 
 impl Restart {
     /// What this state says, of a robot that ran a motion over an earlier connection and waits for instructions in `idle_mode`.
-    fn of(status: &Status, idle_mode: OperationMode) -> Option<Self> {
+    pub(crate) fn of(status: &Status, idle_mode: OperationMode) -> Option<Self> {
         let mode = status.mode.filter(|mode| !mode.may_run() && *mode != idle_mode)?;
         let origin_lost = status.homed == Some(false);
         let list_lost = status.list_length == Some(0) || (status.list_length.is_none() && origin_lost);
         list_lost.then_some(Self { mode, alarm: status.alarm, origin_lost })
-    }
-}
-
-impl Robot {
-    /// Whether the controller that was seen over another connection than the motion was sent on has been started anew. Asks it for its
-    /// state.
-    pub(crate) async fn restart_since(
-        &self,
-        sent_on: &About,
-        seen: &Observation,
-        idle_mode: OperationMode,
-    ) -> Option<Restart> {
-        let same_robot = sent_on.robot.is_some() && sent_on.robot == seen.robot;
-        if !same_robot || seen.connection == sent_on.connection {
-            return None;
-        }
-        let (status, about) = self.status_seen().await.ok()?;
-        if seen.is_about(&about) { Restart::of(&status, idle_mode) } else { None }
     }
 }
 

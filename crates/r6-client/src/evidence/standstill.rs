@@ -19,7 +19,7 @@
 use std::time::Duration;
 
 use r6_proto::OperationMode;
-use tokio::time::Instant;
+use r6_proto::time::Instant;
 
 use crate::evidence::{About, Observation};
 
@@ -92,7 +92,7 @@ impl Standstill {
             return None;
         }
         let since = *self.empty_since.get_or_insert(observation.asked_at);
-        let stood = observation.asked_at.saturating_duration_since(since);
+        let stood = observation.asked_at.since(since);
         let proved = tried.stays_in_mode_7 && tried.all && tried.accepted && stood >= LONGER_THAN_ANY_DWELL;
         proved.then_some(StandProof::EmptyList(stood))
     }
@@ -124,7 +124,7 @@ mod tests {
 
     impl Film {
         fn new() -> Self {
-            let begun = Instant::now();
+            let begun = Instant::ORIGIN + Duration::from_secs(100);
             Self { begun, watch: Standstill::new(about(), begun) }
         }
 

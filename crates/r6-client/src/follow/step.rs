@@ -4,7 +4,8 @@ use r6_proto::axis::{AXES, AxisIndex};
 use r6_proto::message::Instruction;
 
 use crate::follow::FollowOptions;
-use crate::moves::{Motion, StepError};
+use crate::moves::Motion;
+use crate::moves::step_error::StepError;
 use crate::units::{AxisCoordinate, AxisPosition, Degrees, Millimetres};
 
 /// How much a corner is rounded where steps follow each other without a stop: little, for the steps are small.

@@ -1,7 +1,11 @@
-//! The source of the targets that are followed. Each target has the time at which it was sent.
+//! The targets that are followed, each with its age.
 
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_proto::time::Instant;
 use tokio::sync::watch;
-use tokio::time::Instant;
 
 use crate::units::AxisPosition;
 
@@ -10,11 +14,24 @@ use crate::units::AxisPosition;
 /// The age of a target counts from when it is sent, not from when the client looks at it:
 /// [`crate::FollowOptions::fresh_within`] begins with [`Self::send`].
 #[derive(Debug)]
-pub struct TargetSender(watch::Sender<Told>);
+pub struct TargetSender(watch::Sender<Sent>);
 
 /// The other end: what [`crate::Robot::follow`] takes.
 #[derive(Debug)]
-pub struct Targets(watch::Receiver<Told>);
+pub struct Targets(watch::Receiver<Sent>);
+
+/// A target, and how long ago it was sent by now; `None` before the first one.
+#[derive(Clone)]
+struct Sent {
+    target: AxisPosition,
+    age: Option<Arc<dyn Fn() -> Duration + Send + Sync>>,
+}
+
+impl fmt::Debug for Sent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Sent").field(&self.target).finish()
+    }
+}
 
 /// A target, and when it was sent.
 #[derive(Clone, Copy, Debug)]
@@ -28,13 +45,13 @@ impl TargetSender {
     /// A sender that has sent no target yet, and the receiver for [`crate::Robot::follow`].
     #[must_use]
     pub fn new() -> (Self, Targets) {
-        let (sender, targets) = watch::channel(Told { target: AxisPosition::none(), at: None });
+        let (sender, targets) = watch::channel(Sent { target: AxisPosition::none(), age: None });
         (Self(sender), Targets(targets))
     }
 
-    /// Sends a new target. Only the newest one counts.
-    pub fn send(&self, target: AxisPosition) {
-        self.0.send_replace(Told { target, at: Some(Instant::now()) });
+    /// Sends a target whose age is told by this.
+    pub(crate) fn send_aged(&self, target: AxisPosition, age: impl Fn() -> Duration + Send + Sync + 'static) {
+        self.0.send_replace(Sent { target, age: Some(Arc::new(age)) });
     }
 
     /// Whether the following has ended.
@@ -51,9 +68,10 @@ impl TargetSender {
 
 impl Targets {
     /// The newest target, and whether the sender is gone.
-    pub(super) fn newest(&mut self) -> (Told, bool) {
+    pub(super) fn newest(&mut self, now: Instant) -> (Told, bool) {
         // Checked first, so that a target sent right before the end is still read.
         let ended = self.0.has_changed().is_err();
-        (*self.0.borrow_and_update(), ended)
+        let Sent { target, age } = &*self.0.borrow_and_update();
+        (Told { target: *target, at: age.as_ref().map(|age| now - age()) }, ended)
     }
 }

@@ -5,7 +5,8 @@ use r6_proto::message::instruction::{Action, Coordinates, Instruction, Manner};
 
 use crate::guard::arc::arc_extremes;
 use crate::guard::violation::{Checked, Violation};
-use crate::guard::{AxisUnits, Envelope, Reckoning};
+use crate::guard::{Envelope, Reckoning};
+use crate::units::position::AxisUnits;
 use crate::units::{AxisCoordinate, Degrees, Millimetres};
 
 /// A list, step by step.

@@ -6,9 +6,7 @@
 
 use std::time::Duration;
 
-use tokio::time::Instant;
-
-use super::progress::Looked;
+use r6_proto::time::Instant;
 
 /// A pace is believed up to this many times the fastest that was seen: axes differ, and the speed of the whole machine may change in between.
 /// Chosen; `make sim TRAP=E5` and the tests of `path_streaming/honest.rs` hold it from both sides.
@@ -33,6 +31,13 @@ const TREMBLING: f64 = 0.01;
 
 /// Two looks are not taken to be closer than this.
 const SHORTEST: Duration = Duration::from_millis(1);
+
+/// When the values of one look were asked for and when they were answered.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Looked {
+    pub asked_at: Instant,
+    pub answered_at: Instant,
+}
 
 /// The way of some steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -3,17 +3,15 @@
 use std::ops::Range;
 use std::time::Duration;
 
-use r6_proto::message::Action;
 use r6_proto::message::Instruction;
-use r6_proto::message::instruction::{Coordinates, Manner, Wait, WaitSource};
-use r6_proto::{AxisIndex, AxisMask};
-use tokio::time::Instant;
+use r6_proto::time::Instant;
 
+use crate::done::EndProof;
 use crate::evidence::Sample;
-use crate::motion::EndProof;
-use crate::path::pace::{self, Pace};
+use crate::path::pace::{self, Looked, Pace};
 use crate::path::place::{Missed, Place};
-use crate::path::way::{Sums, Way};
+use crate::path::track::{Track, standing_time};
+use crate::path::way::Way;
 
 /// Two segments that the arm is as near to as this, degrees or mm, are equally near: corners are rounded. The earlier
 /// one counts, so that the list is rather thought too full than too empty.
@@ -22,22 +20,11 @@ const EQUALLY_NEAR: f64 = 0.05;
 /// How long arms stand in a corner that is not blended, at most (0.25 to 0.33 s, reported, unit A).
 const CORNER: Duration = Duration::from_millis(350);
 
-/// An arm that is further than this from the way of a step, degrees or mm, and than this share of its length, is not on it.
-const OFF_THE_WAY: f64 = 0.5;
-const ROUNDED: f64 = 0.1;
-
-/// A way that comes as near to a place as this, degrees or mm, leads through it.
-const THROUGH: f64 = 0.1;
-
 /// A path that is being run.
 #[derive(Debug)]
 pub(crate) struct PathProgress {
-    steps: Vec<Instruction>,
-    places: Vec<Place>,
-    /// Whether an input may cut the move of a step short.
-    watched: Vec<bool>,
-    /// Where the arm was before the first step.
-    begun_at: Sample,
+    track: Track,
+    /// The last look.
     before: Sample,
     /// Steps that the controller took.
     pub accepted: usize,
@@ -58,13 +45,6 @@ pub(crate) struct PathProgress {
     skipped: Option<Range<usize>>,
 }
 
-/// When the values of one look were asked for and when they were answered.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Looked {
-    pub asked_at: Instant,
-    pub answered_at: Instant,
-}
-
 /// What was seen since a list was last accepted.
 #[derive(Clone, Copy, Debug)]
 struct SinceFed {
@@ -80,12 +60,8 @@ struct SinceFed {
 
 impl PathProgress {
     pub fn new(steps: Vec<Instruction>, begun_at: Sample, now: Instant) -> Self {
-        let (places, watched) = places(&steps);
         Self {
-            steps,
-            places,
-            watched,
-            begun_at,
+            track: Track::new(steps, begun_at),
             before: begun_at,
             accepted: 0,
             done: 0,
@@ -100,7 +76,7 @@ impl PathProgress {
     }
 
     pub fn steps(&self) -> &[Instruction] {
-        &self.steps
+        self.track.steps()
     }
 
     /// The controller took a list; so many steps are accepted now.
@@ -127,18 +103,9 @@ impl PathProgress {
         self.before.list_length == Some(0) && self.done < self.accepted
     }
 
-    /// Where the arm stands when all that was accepted is over, and whether an input may have cut that move short.
-    fn end_of_accepted(&self) -> (Place, bool) {
-        let places = self.places.iter().zip(&self.watched).take(self.accepted);
-        places
-            .rev()
-            .find(|(place, _)| **place != Place::Same)
-            .map_or((Place::Same, false), |(place, watched)| (*place, *watched))
-    }
-
     /// The first axis that is not where the arm has to stand when all that was accepted is over.
     pub fn missed(&self, sample: &Sample) -> Option<Missed> {
-        self.end_of_accepted().0.missed(sample)
+        self.track.end_of(self.accepted).0.missed(sample)
     }
 
     /// The statement "all that was accepted was carried out": what proves it, in a look at an arm whose list is empty as far as is
@@ -149,12 +116,13 @@ impl PathProgress {
         if sample.list_length.is_some_and(|length| length != 0) {
             return None;
         }
-        let (place, watched) = self.end_of_accepted();
+        let (place, watched) = self.track.end_of(self.accepted);
         match place {
             Place::Same => (self.worked_through != Some(false)).then_some(EndProof::AtRest),
             Place::Axes(..) | Place::Position(..) => match place.missed(sample) {
                 None => {
-                    let came_by_its_end = self.worked_through != Some(false) || !self.passes_its_end();
+                    let passes_before = || self.track.passes_its_end(self.done..self.accepted);
+                    let came_by_its_end = self.worked_through != Some(false) || !passes_before();
                     (self.was_gone() && came_by_its_end).then_some(EndProof::Reached)
                 }
                 Some(missed) => {
@@ -170,8 +138,8 @@ impl PathProgress {
     fn was_gone(&self) -> bool {
         let SinceFed { first, from, moved, .. } = &self.since_fed;
         let is_elsewhere = |place: &Place| *place == Place::Unknown || place.missed(from).is_some();
-        let mut listed = self.places.iter().take(self.accepted).skip(*first);
-        *moved || self.missed(from).is_some() || !listed.any(is_elsewhere)
+        let listed = self.track.places(*first..self.accepted);
+        *moved || self.missed(from).is_some() || !listed.iter().any(is_elsewhere)
     }
 
     /// Whether the list was seen to be worked through step by step, down to one move, or at the pace at which it was before; and the arm to
@@ -182,12 +150,7 @@ impl PathProgress {
             None => self.since_fed.first,
         };
         let at_once = if sample.list_length.is_some() { self.at_once.saturating_mul(2).max(1) } else { 1 };
-        self.since_fed.moved && self.moves(first..self.accepted) <= at_once
-    }
-
-    /// How many of these steps move the arm.
-    fn moves(&self, steps: Range<usize>) -> usize {
-        self.places.get(steps).unwrap_or_default().iter().filter(|place| **place != Place::Same).count()
+        self.since_fed.moved && self.track.moves(first..self.accepted) <= at_once
     }
 
     /// Whether the arm was seen to go on often enough to tell what it cannot have made.
@@ -226,7 +189,7 @@ impl PathProgress {
     /// Takes in an empty list: whether it can have been worked through since the last look.
     fn emptied(&mut self, sample: &Sample, looked: Looked) {
         if self.worked_through.is_none() {
-            let beyond_first = self.way_of(self.done + 1..self.accepted);
+            let beyond_first = self.track.way_of(self.done + 1..self.accepted);
             let can = self.was_consumed(sample) || self.pace.allows(&beyond_first, looked, true);
             self.worked_through = Some(can && self.can_have_stood(&(self.done..self.accepted), looked));
         }
@@ -234,35 +197,8 @@ impl PathProgress {
 
     /// Whether these steps, if they only wait, can have waited for as long as they say. The first one may have been over soon.
     fn can_have_stood(&self, steps: &Range<usize>, looked: Looked) -> bool {
-        let beyond_first = self.way_of(steps.start + 1..steps.end);
-        self.moves(steps.clone()) > 0 || self.pace.allows_standing(&beyond_first, looked)
-    }
-
-    /// Whether an arm that stands where the path ends may have come there before: the way of an earlier step, of those that are not proved to be
-    /// over, leads through that place.
-    fn passes_its_end(&self) -> bool {
-        let places = self.places.iter().enumerate().take(self.accepted);
-        let Some((last, end)) = places.rev().find(|(_, place)| **place != Place::Same) else { return false };
-        (self.done..last).any(|at| self.passes(at, end))
-    }
-
-    /// Whether the way of this step leads through that place, in the coordinates that both are told in.
-    fn passes(&self, at: usize, end: &Place) -> bool {
-        let Some(place) = self.places.get(at) else { return false };
-        let (values, mask, wanted, also) = match (place, end) {
-            (Place::Axes(values, mask), Place::Axes(wanted, also))
-            | (Place::Position(values, mask), Place::Position(wanted, also)) => {
-                (values, *mask, wanted, *also)
-            }
-            _ => return false,
-        };
-        let mut way = Sums::default();
-        for axis in AxisIndex::ALL.into_iter().filter(|axis| mask.contains(*axis) && also.contains(*axis)) {
-            let (Some(to), Some(wanted)) = (values.at(axis), wanted.at(axis)) else { continue };
-            let from = self.start(at, place, axis).unwrap_or(to);
-            way.add(to - from, wanted - from, 0.0);
-        }
-        way.way().distance <= THROUGH
+        let beyond_first = self.track.way_of(steps.start + 1..steps.end);
+        self.track.moves(steps.clone()) > 0 || self.pace.allows_standing(&beyond_first, looked)
     }
 
     /// Takes in the length of a list that is not empty; the steps that are over.
@@ -279,14 +215,14 @@ impl PathProgress {
             self.skipped = Some(since);
             return self.done;
         }
-        let share = self.speed(since.end).max(self.speed(since.start));
+        let share = self.track.speed(since.end).max(self.track.speed(since.start));
         let turned = pace::Way::of_turn(largest_change(&self.before.axes, &sample.axes), share);
         let went = pace::Way::of_tool(largest_change(&self.before.pose[..3], &sample.pose[..3]), share);
         self.pace.went(&way.most(&turned).most(&went), looked);
         if !since.is_empty() && !may_be_cleared {
             self.pace.goes_stepwise();
         }
-        self.at_once = self.at_once.max(self.moves(gone));
+        self.at_once = self.at_once.max(self.track.moves(gone));
         self.since_fed.length = length.min(self.since_fed.length);
         self.worked_through = None;
         over(length)
@@ -294,79 +230,26 @@ impl PathProgress {
 
     /// Whether the arm can have made these steps since the last look, by its pace and its place.
     fn can_have_made(&self, steps: &Range<usize>, way: &pace::Way, sample: &Sample, looked: Looked) -> bool {
-        let on_the_old = self.is_on_the_way(steps.start, sample);
-        let on_the_new = self.is_on_the_way(steps.end, sample);
-        let (last, count) = (self.places.get(steps.end.saturating_sub(1)), steps.len());
+        let on_the_old = self.track.is_near(steps.start, sample, &self.before);
+        let on_the_new = self.track.is_near(steps.end, sample, &self.before);
         // At the end of the only step that is gone: it made it.
-        let at_its_end = count == 1 && last.is_some_and(|place| place.missed(sample).is_none());
+        let only = self.track.places(steps.clone());
+        let at_its_end = matches!(only, [place] if place.missed(sample).is_none());
         let by_place = on_the_new && (!on_the_old || at_its_end);
         // Where it is not on its new way, its list may run ahead of it, as it did before.
         let by_pace = self.pace.allows(way, looked, on_the_new && on_the_old);
         (by_place || by_pace) && self.can_have_stood(steps, looked)
     }
 
-    /// The speed of this step as a share of the fastest; 1 where the step does not say.
-    fn speed(&self, at: usize) -> f64 {
-        let speed = match self.steps.get(at).map(|step| &step.action) {
-            Some(Action::AxisMove(step) | Action::LinearMove(step)) => step.manner.speed,
-            Some(Action::CurveMove(curve)) => curve.manner.speed,
-            _ => None,
-        };
-        speed.map_or(1.0, |percent| (percent / 100.0).clamp(0.001, 1.0))
-    }
-
-    /// Whether the arm is on the way of this step, or of the one before or after it: corners are rounded. `true` where nobody can tell.
-    fn is_on_the_way(&self, step: usize, sample: &Sample) -> bool {
-        let near =
-            |at| self.way(at, sample).is_none_or(|way| way.distance <= OFF_THE_WAY + way.length * ROUNDED);
-        (step.saturating_sub(1)..=step + 1).any(near)
-    }
-
     /// The way that the arm has gone at least since the last look if it has made these steps. It may be on the last one still, where corners are
     /// rounded; and where the list tells only what has not begun, it may have just left the first one.
     fn way_since(&self, steps: &Range<usize>) -> pace::Way {
-        let between = self.way_of(steps.start + 1..steps.end.saturating_sub(1));
-        if self.counts_running && steps.len() > 1 { between.and(&self.rest_of(steps)) } else { between }
-    }
-
-    /// The way from where the arm was seen last to the end of the first of these steps.
-    fn rest_of(&self, steps: &Range<usize>) -> pace::Way {
-        let place = self.places.get(steps.clone()).and_then(<[Place]>::first);
-        let Some(place) = place else { return pace::Way::default() };
-        let rest = place.beside(&self.before).unwrap_or_default();
-        let rest = rest.iter().map(|(_, end, found)| (end - found).abs()).fold(0.0, f64::max);
-        let speed = self.speed(steps.start);
-        match place {
-            Place::Axes(..) => pace::Way::of_turn(rest, speed),
-            Place::Position(..) => pace::Way::of_tool(rest, speed),
-            Place::Same | Place::Unknown => pace::Way::default(),
+        let between = self.track.way_of(steps.start + 1..steps.end.saturating_sub(1));
+        if self.counts_running && steps.len() > 1 {
+            between.and(&self.track.rest_of(steps.start, &self.before))
+        } else {
+            between
         }
-    }
-
-    /// The way of these steps.
-    fn way_of(&self, steps: Range<usize>) -> pace::Way {
-        let mut sum = pace::Way::default();
-        for at in steps {
-            let (Some(place), Some(step)) = (self.places.get(at), self.steps.get(at)) else { break };
-            let length = |values: &Coordinates, mask: AxisMask| {
-                let along = |axis| Some((values.at(axis)? - self.start(at, place, axis)?).abs());
-                let axes = AxisIndex::ALL.into_iter().filter(|axis| mask.contains(*axis));
-                axes.filter_map(along).reduce(f64::max)
-            };
-            let (speed, a_move) = (self.speed(at), pace::Way::of_a_move());
-            let way = match place {
-                Place::Same => pace::Way { standing: time_alone(&step.action), ..pace::Way::default() },
-                Place::Axes(values, mask) => {
-                    length(values, *mask).map_or(a_move, |turn| pace::Way::of_turn(turn, speed))
-                }
-                Place::Position(values, mask) => {
-                    length(values, *mask).map_or(a_move, |way| pace::Way::of_tool(way, speed))
-                }
-                Place::Unknown => a_move,
-            };
-            sum = sum.and(&way);
-        }
-        sum
     }
 
     /// The step that the arm is on: the earliest of those that lead where it goes and that it is nearest to.
@@ -376,7 +259,7 @@ impl PathProgress {
             return self.done;
         }
         let ways: Vec<(usize, Way)> = (self.done..self.accepted)
-            .filter_map(|at| Some((at, self.way(at, sample)?)))
+            .filter_map(|at| Some((at, self.track.way(at, sample, &self.before)?)))
             .filter(|(_, way)| way.agrees)
             .collect();
         let nearest = ways.iter().map(|(_, way)| way.distance).fold(f64::INFINITY, f64::min);
@@ -385,51 +268,18 @@ impl PathProgress {
             .map_or(self.done, |(at, _)| *at)
     }
 
-    /// How near the arm is to the way of this step.
-    fn way(&self, at: usize, sample: &Sample) -> Option<Way> {
-        let place = self.places.get(at)?;
-        let now = place.beside(sample)?;
-        let mut way = Sums::default();
-        for (axis, end, found) in now {
-            let start = self.start(at, place, axis)?;
-            let values = if matches!(place, Place::Axes(..)) { &self.before.axes } else { &self.before.pose };
-            let before = values.get(axis.index()).copied().flatten().unwrap_or(found);
-            way.add(end - start, found - start, found - before);
-        }
-        Some(way.way())
-    }
-
-    /// Where this coordinate was when the step began.
-    fn start(&self, at: usize, place: &Place, axis: AxisIndex) -> Option<f64> {
-        let earlier = self.places.get(..at)?;
-        for earlier in earlier.iter().rev() {
-            match (place, earlier) {
-                (_, Place::Same) => {}
-                (Place::Axes(..), Place::Axes(values, mask))
-                | (Place::Position(..), Place::Position(values, mask)) => {
-                    if mask.contains(axis) {
-                        return values.at(axis);
-                    }
-                }
-                (Place::Axes(..) | Place::Position(..) | Place::Same | Place::Unknown, _) => return None,
-            }
-        }
-        let values = if matches!(place, Place::Axes(..)) { &self.begun_at.axes } else { &self.begun_at.pose };
-        values.get(axis.index()).copied().flatten()
-    }
-
     /// How long the arm may stand because the step whose turn it is says so; `None`: for ever.
     pub fn may_stand(&self) -> Option<Duration> {
-        let step = self.steps.get(self.done).filter(|_| self.done < self.accepted);
+        let step = self.steps().get(self.done).filter(|_| self.done < self.accepted);
         step.map_or(Some(Duration::ZERO), standing_time)
     }
 
     /// How long the steps that are in the list may let the arm stand, together; `None`: for ever. Around a wait, the corners count too: a move that
     /// leads nowhere is one.
     pub fn all_may_stand(&self) -> Option<Duration> {
-        let listed = self.steps.get(self.done..self.accepted).unwrap_or_default();
+        let listed = self.steps().get(self.done..self.accepted).unwrap_or_default();
         let waits = listed.iter().try_fold(Duration::ZERO, |sum, step| Some(sum + standing_time(step)?))?;
-        let corners = u32::try_from(self.moves(self.done..self.accepted)).unwrap_or(u32::MAX);
+        let corners = u32::try_from(self.track.moves(self.done..self.accepted)).unwrap_or(u32::MAX);
         Some(if waits.is_zero() { waits } else { waits + CORNER.saturating_mul(corners) })
     }
 }
@@ -440,61 +290,11 @@ fn largest_change(before: &[Option<f64>], now: &[Option<f64>]) -> f64 {
     both.filter_map(|(before, now)| Some(((*now)? - (*before)?).abs())).fold(0.0, f64::max)
 }
 
-/// Where each step ends, and whether an input may cut it short. Nobody can tell of poses once the work frame changes.
-fn places(steps: &[Instruction]) -> (Vec<Place>, Vec<bool>) {
-    let (mut may_stop, mut other_frame) = (false, false);
-    let is_of_tool = |manner: &Manner| manner.tool.is_some() || manner.coord.is_some();
-    let place = |step: &Instruction| {
-        match &step.action {
-            Action::StopOnSignal(stop) => may_stop = stop.in_use,
-            Action::Workbench(_) | Action::Unknown(_) => other_frame = true,
-            // Whether the tool and the frame of a move stay in use after it is not known.
-            Action::LinearMove(step) => other_frame |= is_of_tool(&step.manner),
-            Action::CurveMove(curve) => other_frame |= is_of_tool(&curve.manner),
-            Action::AxisMove(_)
-            | Action::PathSpeed(_)
-            | Action::Wait(_)
-            | Action::Output(_)
-            | Action::BoardOutput(_) => {}
-        }
-        let place = match Place::of(&step.action) {
-            Place::Position(..) if other_frame => Place::Unknown,
-            place @ (Place::Axes(..) | Place::Position(..) | Place::Same | Place::Unknown) => place,
-        };
-        (place, may_stop)
-    };
-    steps.iter().map(place).unzip()
-}
-
-/// How long a step lets the arm stand; `None`: for ever.
-pub(crate) fn standing_time(step: &Instruction) -> Option<Duration> {
-    let seconds = match &step.action {
-        Action::Wait(wait) if wait.unlimited => return None,
-        Action::Wait(wait) => wait.limit,
-        Action::Output(output) => output.delay,
-        Action::AxisMove(step) | Action::LinearMove(step) => step.manner.delay.unwrap_or(0.0),
-        Action::CurveMove(curve) => curve.manner.delay.unwrap_or(0.0),
-        Action::PathSpeed(_)
-        | Action::StopOnSignal(_)
-        | Action::BoardOutput(_)
-        | Action::Workbench(_)
-        | Action::Unknown(_) => 0.0,
-    };
-    Some(Duration::try_from_secs_f64(seconds).unwrap_or_default())
-}
-
-/// How long a step takes that waits for nothing but time, seconds; 0 for every other one.
-fn time_alone(action: &Action) -> f64 {
-    match action {
-        Action::Wait(Wait { source: WaitSource::Time, unlimited: false, limit, .. }) => *limit,
-        _ => 0.0,
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use r6_proto::message::instruction::Move;
-    use r6_proto::{AXES, OperationMode};
+    use r6_proto::message::Action;
+    use r6_proto::message::instruction::{Coordinates, Manner, Move};
+    use r6_proto::{AXES, AxisMask, OperationMode};
 
     use super::*;
 
@@ -518,14 +318,18 @@ mod tests {
             oneshot: true,
             action: Action::AxisMove(Move { target: Coordinates::from_slice(target), manner }),
         };
-        let mut path = PathProgress::new(targets.iter().map(step).collect(), at(0.0, 0.0), Instant::now());
+        let mut path = PathProgress::new(
+            targets.iter().map(step).collect(),
+            at(0.0, 0.0),
+            Instant::ORIGIN + Duration::from_secs(100),
+        );
         path.accepted = targets.len();
         path
     }
 
     /// A look a second after the path began.
     fn just_now() -> Looked {
-        let at = Instant::now() + Duration::from_secs(1);
+        let at = (Instant::ORIGIN + Duration::from_secs(100)) + Duration::from_secs(1);
         Looked { asked_at: at, answered_at: at }
     }
 
@@ -535,7 +339,7 @@ mod tests {
         let mut path = path(&[[10.0, 0.0], [0.0, 0.0]].repeat(8));
         path.accepted = 0;
         path.fed(8);
-        let begun = Instant::now();
+        let begun = Instant::ORIGIN + Duration::from_secs(100);
         let look = |n: u32| {
             let at = begun + Duration::from_millis(50) * n;
             Looked { asked_at: at, answered_at: at }

@@ -2,11 +2,12 @@
 
 use std::future::Future;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::time::Duration;
 
+use futures_util::stream::{FuturesUnordered, StreamExt};
 use r6_proto::message::Command;
-use tokio::task::JoinSet;
-use tokio::time::{Instant, sleep, sleep_until};
+use r6_proto::time::Instant;
 
 use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::evidence::standstill::{StandProof, Standstill, Tried};
@@ -14,8 +15,9 @@ use crate::evidence::{About, Observation};
 use crate::job::{Answer, Terms, Work};
 use crate::link::Lane;
 use crate::robot::Robot;
-use crate::stop::report::StopMeans;
-use crate::stop::{CONFIRM_WITHIN, READ_EVERY};
+use crate::robot::requests::Given;
+use crate::stop::report::{ListAfterStop, NotTried, SecondConnection, StopMeans, StopReport};
+use crate::stop::stopping::{CONFIRM_WITHIN, READ_EVERY};
 
 /// An arm that is not seen to stand this long after a means left gets the next one: a paused arm was seen to take half a second.
 const NEXT_AFTER: Duration = Duration::from_millis(500);
@@ -89,13 +91,56 @@ impl Halted {
         self.failed == Some(NotSent::Closed.into())
     }
 
+    /// What is told of it.
+    pub fn report(
+        self,
+        took: Duration,
+        second: Option<SecondConnection>,
+    ) -> Result<StopReport, RequestError> {
+        if !self.heard() {
+            return Err(self.into_error());
+        }
+        let connection = self.seen.as_ref().map_or_else(|| self.robot.connection(), |seen| seen.connection);
+        let mut report = StopReport {
+            confirmed: self.confirmed(),
+            proof: self.proof,
+            means: self.means,
+            attempts: self.attempts,
+            took,
+            robot: self.robot.hub().identity_on(connection),
+            connection,
+            second,
+            moving: None,
+            mode: None,
+            alarm: None,
+            list_length: None,
+            list: ListAfterStop::NotTried(NotTried::NotStanding),
+            doubt: None,
+        };
+        if let Some(seen) = &self.seen {
+            report.see(seen);
+        }
+        Ok(report)
+    }
+    /// The standstill had to be proved once more: what that says in this report.
+    pub fn prove_again(self, report: &mut StopReport) {
+        report.attempts += self.attempts;
+        let same = self.seen.as_ref().is_some_and(|seen| seen.connection == report.connection);
+        report.proof = self.proof.filter(|_| same);
+        report.confirmed = report.proof.is_some();
+        report.means = self.means.or(report.means);
+        if let Some(seen) = self.seen.as_ref().filter(|_| same) {
+            report.see(seen);
+        }
+    }
+
     /// What to tell where nothing came back at all.
-    pub fn into_error(self) -> RequestError {
+    fn into_error(self) -> RequestError {
         let request = Work::Command(Command::ActionStop).sent();
         let timed_out = || OutcomeUnknown::TimedOut { request, after: CONFIRM_WITHIN, heard: None }.into();
         match self.failed {
             // One that left may be carried out, whatever became of the others.
-            Some(RequestError::NotSent(_) | RequestError::Invalid(_)) if self.attempts > 0 => timed_out(),
+            Some(failed) if failed.nothing_left() && self.attempts > 0 => timed_out(),
             Some(failed) => failed,
             None => timed_out(),
         }
@@ -107,7 +152,7 @@ impl Halt {
         Self {
             deadline,
             next: 0,
-            next_at: Instant::now(),
+            next_at: robot.hub().time.now(),
             watch: None,
             tried: Vec::new(),
             halted: Halted::nothing(robot),
@@ -116,11 +161,13 @@ impl Halt {
 
     /// Sends and looks until the end.
     pub async fn run(mut self) -> Halted {
-        let mut answers: JoinSet<(StopMeans, Result<Answer, RequestError>)> = JoinSet::new();
+        let time = Arc::clone(&self.halted.robot.hub().time);
+        let mut answers = FuturesUnordered::new();
         let mut reading: Option<Reading> = None;
-        while self.halted.proof.is_none() && !self.halted.is_closed() && Instant::now() < self.deadline {
-            if Instant::now() >= self.next_at && answers.len() < MOST_UNANSWERED {
-                self.send(&mut answers).await;
+        while self.halted.proof.is_none() && !self.halted.is_closed() && time.now() < self.deadline {
+            if time.now() >= self.next_at && answers.len() < MOST_UNANSWERED {
+                let (means, given) = self.send();
+                answers.push(async move { (means, given.answer().await) });
                 continue;
             }
             let robot = &self.halted.robot;
@@ -128,44 +175,36 @@ impl Halt {
             let may_send = answers.len() < MOST_UNANSWERED;
             tokio::select! {
                 biased;
-                Some(answered) = answers.join_next() => {
-                    // Only a runtime that is shut down ends a task without its answer.
-                    if let Ok((means, answer)) = answered {
-                        self.answered(means, answer);
-                    }
-                }
+                Some((means, answer)) = answers.next() => self.answered(means, answer),
                 seen = read => {
                     reading = Some(self::read(self.halted.robot.clone(), READ_EVERY));
                     self.see(seen);
                 }
-                () = sleep_until(self.next_at), if may_send => {}
-                () = sleep_until(self.deadline) => {}
+                () = time.sleep_until(self.next_at), if may_send => {}
+                () = time.sleep_until(self.deadline) => {}
             }
         }
         self.halted
     }
 
     /// Hands the next means to the connection. What is read from then on is read after it.
-    async fn send(&mut self, answers: &mut JoinSet<(StopMeans, Result<Answer, RequestError>)>) {
+    fn send(&mut self) -> (StopMeans, Given) {
+        let now = self.halted.robot.hub().time.now();
         let means = StopMeans::nth(self.next);
         self.next += 1;
-        self.next_at = Instant::now() + NEXT_AFTER;
+        self.next_at = now + NEXT_AFTER;
         let about = self.about();
         if self.watch.as_ref().is_none_or(|(watched, _)| *watched != about) {
             // A stop over another connection says nothing of the robot on this one.
             self.tried.clear();
             self.halted.accepted = false;
-            self.watch = Some((about.clone(), Standstill::new(about, Instant::now())));
+            self.watch = Some((about.clone(), Standstill::new(about, now)));
         }
-        match self.halted.robot.give(Terms::default(), means.work(), Lane::Urgent).await {
-            Ok(given) => {
-                self.halted.attempts += 1;
-                self.halted.means = Some(means);
-                self.tried.push(means);
-                answers.spawn(async move { (means, given.answer().await) });
-            }
-            Err(error) => self.failed(error),
-        }
+        let given = self.halted.robot.give(Terms::default(), means.work(), Lane::Urgent);
+        self.halted.attempts += 1;
+        self.halted.means = Some(means);
+        self.tried.push(means);
+        (means, given)
     }
 
     /// Who is to be stopped: the robot that is meant, over the present connection.
@@ -185,7 +224,7 @@ impl Halt {
             // answer.
             Ok(_) | Err(RequestError::Refused(_)) => self.halted.answered = true,
             Err(error) => {
-                if matches!(error, RequestError::NotSent(_) | RequestError::Invalid(_)) {
+                if error.nothing_left() {
                     self.halted.attempts = self.halted.attempts.saturating_sub(1);
                     self.take_back(means);
                 }
@@ -203,7 +242,7 @@ impl Halt {
             self.next = 0;
         }
         self.halted.means = self.tried.last().copied();
-        self.next_at = Instant::now() + PAUSE_AFTER_FAILURE;
+        self.next_at = self.halted.robot.hub().time.now() + PAUSE_AFTER_FAILURE;
     }
 
     fn failed(&mut self, error: RequestError) {
@@ -238,7 +277,7 @@ impl Halt {
             self.halted.proof = watch.see(&seen, tried);
             if seen.connection != about.connection {
                 // No stop has left over this connection yet.
-                (self.next, self.next_at) = (0, Instant::now());
+                (self.next, self.next_at) = (0, self.halted.robot.hub().time.now());
             }
         }
         self.halted.seen = Some(seen);
@@ -248,7 +287,7 @@ impl Halt {
 /// Reads the state after a pause.
 fn read(robot: Robot, pause: Duration) -> Reading {
     Box::pin(async move {
-        sleep(pause).await;
+        robot.hub().time.sleep(pause).await;
         robot.observe(Lane::Urgent).await
     })
 }

@@ -6,12 +6,11 @@ use std::time::Duration;
 use r6_proto::message::Command;
 use r6_proto::{OperationMode, printable};
 
-use crate::error::{Invalid, NotSent, OutcomeUnknown, RequestError};
+use crate::error::{Invalid, NotSent, OutcomeUnknown};
 use crate::evidence::Observation;
 use crate::evidence::standstill::StandProof;
 use crate::identity::Identity;
 use crate::job::Work;
-use crate::stop::halt::Halted;
 
 /// What became of a stop.
 #[derive(Clone, Debug, PartialEq)]
@@ -150,40 +149,6 @@ pub enum NotTried {
     Invalid(Invalid),
 }
 
-impl Halted {
-    /// What is told of it.
-    pub(super) fn report(
-        self,
-        took: Duration,
-        second: Option<SecondConnection>,
-    ) -> Result<StopReport, RequestError> {
-        if !self.heard() {
-            return Err(self.into_error());
-        }
-        let connection = self.seen.as_ref().map_or_else(|| self.robot.connection(), |seen| seen.connection);
-        let mut report = StopReport {
-            confirmed: self.confirmed(),
-            proof: self.proof,
-            means: self.means,
-            attempts: self.attempts,
-            took,
-            robot: self.robot.hub().identity_on(connection),
-            connection,
-            second,
-            moving: None,
-            mode: None,
-            alarm: None,
-            list_length: None,
-            list: ListAfterStop::NotTried(NotTried::NotStanding),
-            doubt: None,
-        };
-        if let Some(seen) = &self.seen {
-            report.see(seen);
-        }
-        Ok(report)
-    }
-}
-
 impl StopReport {
     /// Takes in what was seen last.
     pub(super) fn see(&mut self, seen: &Observation) {
@@ -209,18 +174,6 @@ impl StopReport {
     pub(super) fn disprove(&mut self) {
         self.proof = None;
         self.confirmed = false;
-    }
-
-    /// The standstill had to be proved once more.
-    pub(super) fn prove_again(&mut self, again: Halted) {
-        self.attempts += again.attempts;
-        let same = again.seen.as_ref().is_some_and(|seen| seen.connection == self.connection);
-        self.proof = again.proof.filter(|_| same);
-        self.confirmed = self.proof.is_some();
-        self.means = again.means.or(self.means);
-        if let Some(seen) = again.seen.as_ref().filter(|_| same) {
-            self.see(seen);
-        }
     }
 }
 

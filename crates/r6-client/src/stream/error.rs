@@ -3,16 +3,16 @@
 use std::fmt;
 use std::time::Duration;
 
+use r6_proto::OperationMode;
+
 use crate::error::{Invalid, NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::evidence::restart::Restart;
-use crate::guard::Violation;
-use crate::handle::Progress;
-use crate::motion::WaitError;
-use crate::moves::StepError;
+use crate::guard::violation::Violation;
+use crate::moves::step_error::StepError;
 use crate::path::place::Missed;
+use crate::progress::Progress;
 use crate::status::{AlarmAdvice, Unmet};
-use crate::stop::StopReport;
-use r6_proto::OperationMode;
+use crate::stop::report::StopReport;
 
 /// A motion that did not come to its end: why, what became of its steps, and what became of the arm.
 #[derive(Clone, Debug, PartialEq)]
@@ -135,20 +135,6 @@ impl From<RequestError> for Cause {
             RequestError::NotSent(error) => error.into(),
             RequestError::Refused(error) => Self::Refused(error),
             RequestError::OutcomeUnknown(error) => Self::OutcomeUnknown(error),
-        }
-    }
-}
-
-impl From<WaitError> for Cause {
-    fn from(error: WaitError) -> Self {
-        match error {
-            WaitError::AlarmRaised { code } => Self::AlarmRaised { code },
-            WaitError::Stopped { mode } => Self::Stopped { mode },
-            WaitError::Restarted(restart) => Self::Restarted(restart),
-            WaitError::TimedOut { after, .. } => Self::Stalled { after },
-            WaitError::Request(error) => Self::Unreadable(error),
-            WaitError::AnotherConnection => Self::Unreadable(NotSent::Disconnected.into()),
-            WaitError::Motion(error) => error.cause,
         }
     }
 }

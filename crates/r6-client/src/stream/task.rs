@@ -6,21 +6,31 @@ use std::ops::Range;
 use std::time::Duration;
 
 use r6_proto::axis::AXES;
+use r6_proto::time::Instant;
 use tokio::sync::oneshot::error::TryRecvError;
 use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, oneshot, watch};
-use tokio::time::{Instant, sleep};
 
+use crate::done::{Done, EndProof, WaitOptions};
 use crate::error::{NotSent, RequestError};
 use crate::evidence::rest::Rest;
 use crate::evidence::{About, Observation, Sample};
-use crate::handle::{Progress, Wish};
 use crate::job::{Terms, Work};
 use crate::link::Lane;
-use crate::motion::{Done, EndProof, WaitOptions};
-use crate::path::progress::{Looked, PathProgress};
+use crate::path::pace::Looked;
+use crate::path::progress::PathProgress;
+use crate::progress::Progress;
 use crate::robot::Robot;
-use crate::stream::RunOptions;
 use crate::stream::error::{Cause, MAX_FAILED, MotionError};
+use crate::stream::options::RunOptions;
+
+/// What the owner of a motion wishes before it has come to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wish {
+    /// The arm stops.
+    Stop,
+    /// Nothing more is sent.
+    Release,
+}
 
 /// How a motion ended.
 #[derive(Clone, Debug)]
@@ -65,7 +75,7 @@ impl Task {
         frames: Vec<Range<usize>>,
         progress: watch::Sender<Progress>,
     ) -> Self {
-        let begun = Instant::now();
+        let begun = robot.hub().time.now();
         let rest_about = about.clone();
         let wait = WaitOptions {
             settle: options.settle,
@@ -145,13 +155,7 @@ impl Task {
         } else {
             tracing::info!(%cause, ?progress, "the motion did not come to its end");
         }
-        let stop = match cause {
-            _ if stop && progress.left > 0 => Some(self.robot.stop().await),
-            // Somebody else stops the arm: until that is done, its list may not be cleared.
-            Cause::StoppedHere if !stop => self.robot.stop_under_way().await,
-            _ => None,
-        };
-        let stop = stop.map(Box::new);
+        let stop = self.robot.stop_after(&cause, stop, progress).await;
         Ended { stopped_as_asked: asked_to_stop, result: Err(MotionError { cause, progress, stop }) }
     }
 
@@ -161,11 +165,13 @@ impl Task {
             match self.robot.observe(Lane::Ordinary).await {
                 Ok(seen) => {
                     self.failed = 0;
-                    self.check_connection(&seen).await?;
-                    if let Some(proof) = self.judge(&seen, Instant::now())? {
-                        let Sample { axes, pose, mode, .. } = seen.values;
-                        let (moved, took) = (self.rest.moved, self.begun.elapsed());
-                        return Ok(Done { motion: Some(self.number), proof, axes, pose, mode, moved, took });
+                    let lost = NotSent::Disconnected;
+                    let lost =
+                        if self.frames.is_empty() { Cause::Unreadable(lost.into()) } else { lost.into() };
+                    self.robot.same_connection(&self.about, &seen, self.options.idle_mode, lost).await?;
+                    if let Some(proof) = self.judge(&seen, self.now())? {
+                        let (moved, took) = (self.rest.moved, self.now() - self.begun);
+                        return Ok(Done::of(Some(self.number), proof, &seen.values, moved, took));
                     }
                 }
                 Err(error) => {
@@ -173,29 +179,18 @@ impl Task {
                     self.failed += 1;
                     Cause::of_failed_read(error, self.failed)?;
                     // What cannot be seen is not fed.
-                    sleep(self.options.interval).await;
+                    self.robot.hub().time.sleep(self.options.interval).await;
                     continue;
                 }
             }
             if !self.has_room() {
-                sleep(self.options.interval).await;
+                self.robot.hub().time.sleep(self.options.interval).await;
             }
         }
     }
 
-    /// Fails once another connection answers. A controller that was switched off and on has an empty list, too, and may stand where the
-    /// path ends; what is in its list may be somebody else's.
-    async fn check_connection(&self, seen: &Observation) -> Result<(), Cause> {
-        if seen.is_about(&self.about) {
-            return Ok(());
-        }
-        if let Some(restart) = self.robot.restart_since(&self.about, seen, self.options.idle_mode).await {
-            return Err(Cause::Restarted(restart));
-        }
-        // An alarm, or a mode in which nothing runs, says more.
-        seen.values.check(self.options.idle_mode)?;
-        let lost = NotSent::Disconnected;
-        Err(if self.frames.is_empty() { Cause::Unreadable(lost.into()) } else { lost.into() })
+    fn now(&self) -> Instant {
+        self.robot.hub().time.now()
     }
 
     fn has_room(&self) -> bool {
@@ -225,7 +220,7 @@ impl Task {
                     self.lists = None;
                     self.in_doubt = 0;
                     self.path.fed(frame.end);
-                    self.fed = Instant::now();
+                    self.fed = self.now();
                     self.publish(false);
                     // Until the arm is seen to keep its pace, it is looked at after each list: then nobody can clear one unseen.
                     if !self.path.knows_pace() {
@@ -240,12 +235,11 @@ impl Task {
                         return Err(NotSent::Busy { waited }.into());
                     }
                 }
-                Err(error @ (RequestError::NotSent(_) | RequestError::Invalid(_))) => {
-                    self.in_doubt = 0;
-                    return Err(error.into());
-                }
-                // Controllers have run lists that they refused.
-                Err(error @ (RequestError::Refused(_) | RequestError::OutcomeUnknown(_))) => {
+                Err(error) => {
+                    // Controllers have run lists that they refused.
+                    if error.nothing_left() {
+                        self.in_doubt = 0;
+                    }
                     return Err(error.into());
                 }
             }

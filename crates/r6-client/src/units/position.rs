@@ -5,7 +5,6 @@ use std::fmt;
 use r6_proto::axis::{AXES, AxisIndex, AxisMask};
 use r6_proto::message::instruction::Coordinates;
 
-use crate::guard::AxisUnits;
 use crate::units::{Degrees, Millimetres};
 
 /// Where one axis is: an angle, or a length for an axis that slides.
@@ -15,6 +14,15 @@ pub enum AxisCoordinate {
     Degrees(Degrees),
     /// The axis slides.
     Millimetres(Millimetres),
+}
+
+/// In which unit the axes of a step were given. Those in neither mask were given as bare numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct AxisUnits {
+    /// Degrees.
+    pub turning: AxisMask,
+    /// Millimetres.
+    pub sliding: AxisMask,
 }
 
 impl AxisCoordinate {

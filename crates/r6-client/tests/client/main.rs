@@ -7,6 +7,7 @@ mod attempts;
 mod camera;
 mod connection;
 mod doubted;
+mod driving;
 mod following;
 mod identity;
 mod listening;

@@ -30,6 +30,9 @@ fn reply_at(request: &Value, list: usize, j1: &str) -> String {
     let value = |name: &str| match name {
         "curMode" => "7".to_owned(),
         "origin" => "1".to_owned(),
+        // As on a connection that is made anew.
+        "version" => "F5".to_owned(),
+        "machineName" => "cell 4".to_owned(),
         "axisNum" => "6".to_owned(),
         "RemoteCmdLen" => list.to_string(),
         "axis-0" => j1.to_owned(),

@@ -72,8 +72,23 @@ async fn a_stop_right_after_the_swap_does_not_stop_the_other_robot() {
     let (controller, robot) = robot_at(two()).await;
     robot.query(&[J1]).await.unwrap();
     controller.arm(|arm, now| arm.swap(now));
+    // The end of the link is there.
+    sleep(Duration::from_millis(1)).await;
     let refused = robot.stop().await.unwrap_err();
     assert!(matches!(refused, RequestError::NotSent(NotSent::NotStopped(_))), "{refused:?}");
+    assert_eq!(told_to_the_second(&controller), Vec::<String>::new());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_that_leaves_while_the_robots_are_swapped_does_not_stop_the_other_robot() {
+    let (controller, robot) = robot_at(two()).await;
+    robot.query(&[J1]).await.unwrap();
+    controller.arm(|arm, now| arm.swap(now));
+    let refused = robot.stop().await.unwrap_err();
+    assert!(
+        matches!(refused, RequestError::OutcomeUnknown(OutcomeUnknown::ConnectionLost { .. })),
+        "{refused:?}"
+    );
     assert_eq!(told_to_the_second(&controller), Vec::<String>::new());
 }
 

@@ -222,6 +222,8 @@ async fn b7_a_stop_is_neither_sent_to_nor_confirmed_by_another_robot() {
         arm.character_mut().swap = Some(Swap { when: SwapWhen::Told, links: Links::End, to });
         arm.swap(now);
     });
+    // The end of the link is there.
+    sleep(Duration::from_millis(1)).await;
     let stopped = robot.stop().await;
     assert!(!matches!(&stopped, Ok(report) if report.confirmed), "{stopped:?}");
     let text = stopped.unwrap_err().to_string();

@@ -65,7 +65,7 @@ class AsyncRobot:
     @classmethod
     async def connect(cls, address: str | Listen, settings: RobotSettings | None = None) -> Self:
         """As ``Robot.connect``."""
-        return cls(await run(RobotCore.connect(address, settings)))
+        return cls(await run(RobotCore.connect_async(address, settings)))
 
     @property
     def address(self) -> str:

@@ -38,7 +38,7 @@ def started(operation: Operation[T]) -> tuple[Started, asyncio.Future[T]]:
         # Called from another thread; a loop that was closed raises here, and nobody waits any more.
         loop.call_soon_threadsafe(settle, future, error, value)
 
-    return operation.start(tell), future
+    return operation.start(tell, loop, future), future
 
 
 async def settled(begun: Started, future: asyncio.Future[T]) -> T:

@@ -1,5 +1,6 @@
 """The native half of ``r6``. Import ``r6`` instead."""
 
+import asyncio
 from collections.abc import Callable, Sequence
 from os import PathLike
 from types import GenericAlias, TracebackType
@@ -79,8 +80,14 @@ class Operation(Generic[_T_co]):
     def wait(self) -> _T_co:
         """Waits with the interpreter released. A signal handler that raises, as Ctrl-C does, ends the waiting within
         50 ms."""
-    def start(self, tell: Callable[[BaseException | None, Any], object]) -> Started:
-        """Begins in the background and calls ``tell(error, value)`` from another thread once it has ended."""
+    def start(
+        self,
+        tell: Callable[[BaseException | None, Any], object],
+        event_loop: asyncio.AbstractEventLoop | None = None,
+        future: asyncio.Future[Any] | None = None,
+    ) -> Started:
+        """Begins, and sets the result of the future of this event loop, in whose thread it is called. What the event loop does not do
+        itself is done in the background, and ``tell(error, value)`` is called from another thread once it has ended."""
 
 @final
 class Started:
@@ -136,6 +143,8 @@ class RobotCore:
 
     @staticmethod
     def connect(address: str | Listen, settings: RobotSettings | None = None) -> Operation[RobotCore]: ...
+    @staticmethod
+    def connect_async(address: str | Listen, settings: RobotSettings | None = None) -> Operation[RobotCore]: ...
     @property
     def address(self) -> str: ...
     def close(self) -> Operation[str | None]: ...

@@ -8,7 +8,7 @@ use std::task::Poll;
 
 use tokio::net::{TcpListener, TcpStream};
 
-use crate::connect::Connect;
+use crate::hands::connect::Connect;
 
 /// Waits for a controller that dials: for [`Robot::connect_with`](crate::Robot::connect_with).
 ///

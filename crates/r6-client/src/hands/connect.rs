@@ -61,6 +61,9 @@ pub(crate) trait Dial: fmt::Debug + Send + Sync {
     /// One attempt to connect, within a time.
     fn dial(&self, within: Duration) -> Dialling<'_>;
 
+    /// What messages call the controller.
+    fn name(&self) -> &str;
+
     /// As [`Connect::takes_whoever_comes`].
     fn takes_whoever_comes(&self) -> bool;
 }
@@ -69,16 +72,6 @@ impl<C: Connect> Dialer<C> {
     pub fn new(target: C) -> Self {
         let (name, takes_whoever_comes) = (target.to_string(), target.takes_whoever_comes());
         Self { target: Mutex::new(target), name, takes_whoever_comes }
-    }
-
-    /// What messages call the controller.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// As [`Connect::takes_whoever_comes`].
-    pub fn takes_whoever_comes(&self) -> bool {
-        self.takes_whoever_comes
     }
 
     /// One attempt to connect, within a time.
@@ -98,6 +91,10 @@ impl<C: Connect> Dialer<C> {
 impl<C: Connect> Dial for Dialer<C> {
     fn dial(&self, within: Duration) -> Dialling<'_> {
         Box::pin(async move { Ok(Box::new(self.connect(within).await?) as Box<dyn Carrier>) })
+    }
+
+    fn name(&self) -> &str {
+        &self.name
     }
 
     fn takes_whoever_comes(&self) -> bool {
@@ -182,6 +179,14 @@ impl Tcp {
                 .ok_or_else(|| bad("the port is a number from 1 to 65535"))?,
         };
         Ok(Self { host: host.to_owned(), port })
+    }
+
+    pub fn host(&self) -> &str {
+        &self.host
+    }
+
+    pub fn port(&self) -> u16 {
+        self.port
     }
 }
 

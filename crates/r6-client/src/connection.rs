@@ -1,0 +1,597 @@
+//! The connection of a handle through all its lives, without a socket: what waits, what leaves when, when it is made anew.
+//!
+//! ```text
+//!                 ┌────────────── lost ──────────────┐
+//!                 ▼                                  │
+//!  (made) ──▶    Up ◀──connected── Connecting ◀──over── Backoff ◀──a query or a stop waits── Down
+//!                 │                     └────────not_connected: all who waited are told────────▲
+//!               close
+//!                 ▼
+//!              Closing ──goodbye said, or half a second──▶ Closed ◀──close── (Down, Backoff, Connecting)
+//! ```
+//!
+//! A hand ([`crate::drive`]) carries out what [`Connection::wants`] says, and tells what came of it.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_proto::time::Instant;
+
+use crate::backoff::Backoff;
+use crate::error::{Effect, NotSent};
+use crate::hub::Hub;
+use crate::identity::asks_who_is_there;
+use crate::job::{Job, Work};
+use crate::link::{Lane, Link};
+use crate::pushed::LostReason;
+use crate::settings::RobotSettings;
+
+/// How long a closing connection may take to write what waits, and then to say that it has read everything. A
+/// controller that gets a reset instead of an orderly end may keep the connection's slot for good.
+const CLOSE_WAIT: Duration = Duration::from_millis(500);
+
+/// At this length, and at each doubling of it, a lane is cleared of requests that their callers gave up. So a lane has at most
+/// twice as many requests as there are callers that wait, or this many.
+const SWEPT_FROM: usize = 64;
+
+/// What a hand has to do for a connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wants {
+    /// Write its output, and read.
+    Carry,
+    /// Make a connection.
+    Connect,
+    /// Write its output, end our side of the connection, then read until the other side has ended, too.
+    Goodbye,
+    /// Let go of the connection, or of the attempt to make one.
+    Nothing,
+}
+
+/// The connection of one handle and its clones.
+#[derive(Debug)]
+pub(crate) struct Connection {
+    name: String,
+    takes_whoever_comes: bool,
+    settings: RobotSettings,
+    hub: Arc<Hub>,
+    backoff: Backoff,
+    /// Stops, and what confirms them.
+    urgent: VecDeque<Job>,
+    ordinary: VecDeque<Job>,
+    /// Jobs for the next connection: the one that asked for it, and queries that the last one lost. On a connection, what
+    /// waits until the controller has said who it is.
+    held: VecDeque<Job>,
+    next_pack_id: u64,
+    close_asked: bool,
+    phase: Phase,
+}
+
+#[derive(Debug)]
+enum Phase {
+    Up {
+        link: Box<Link>,
+        begun: Instant,
+    },
+    /// Nothing wants a connection.
+    Down,
+    Backoff {
+        until: Instant,
+    },
+    Connecting,
+    Closing {
+        link: Box<Link>,
+        until: Instant,
+    },
+    Closed,
+}
+
+impl Connection {
+    /// A connection that is there. Where it is known already who is meant, it has to say first who is there, like one that was made
+    /// anew.
+    pub fn new(
+        (name, takes_whoever_comes): (String, bool),
+        settings: RobotSettings,
+        hub: Arc<Hub>,
+        backoff: Backoff,
+    ) -> Self {
+        let now = hub.time.now();
+        let first = hub.known().expected.is_none();
+        let link = Box::new(Link::new(&settings, first, 1, &hub, now));
+        let mut this = Self {
+            name,
+            takes_whoever_comes,
+            settings,
+            hub,
+            backoff,
+            urgent: VecDeque::new(),
+            ordinary: VecDeque::new(),
+            held: VecDeque::new(),
+            next_pack_id: 1,
+            close_asked: false,
+            phase: Phase::Up { link, begun: now },
+        };
+        // The watchdog is armed before anything moves: a timer may come a millisecond late, and this process may die in it.
+        this.tick(now);
+        this
+    }
+
+    /// What messages call the controller.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// As [`crate::Connect::takes_whoever_comes`].
+    pub fn takes_whoever_comes(&self) -> bool {
+        self.takes_whoever_comes
+    }
+
+    /// Takes a request into its lane. The urgent lane leaves first.
+    pub fn give(&mut self, lane: Lane, job: Job) {
+        if self.is_closed() {
+            return job.not_sent(NotSent::Closed);
+        }
+        let lane = match lane {
+            Lane::Urgent => &mut self.urgent,
+            Lane::Ordinary | Lane::Background => &mut self.ordinary,
+        };
+        if lane.len() >= SWEPT_FROM && lane.len().is_power_of_two() {
+            sweep(lane);
+        }
+        lane.push_back(job);
+    }
+
+    /// Nothing more is wanted: what is urgent and waits already still leaves, then the connection ends.
+    pub fn close(&mut self) {
+        self.close_asked = true;
+    }
+
+    /// Whether it has ended for good.
+    pub fn is_closed(&self) -> bool {
+        matches!(self.phase, Phase::Closed)
+    }
+
+    /// What the hand has to do, after [`Self::go_on`].
+    pub fn wants(&self) -> Wants {
+        match &self.phase {
+            Phase::Up { .. } => Wants::Carry,
+            Phase::Connecting => Wants::Connect,
+            Phase::Closing { .. } => Wants::Goodbye,
+            Phase::Down | Phase::Backoff { .. } | Phase::Closed => Wants::Nothing,
+        }
+    }
+
+    /// Whether anything is to be done now for which nobody may be waiting.
+    pub fn is_busy(&self) -> bool {
+        let waits = !(self.urgent.is_empty() && self.ordinary.is_empty() && self.held.is_empty());
+        match &self.phase {
+            Phase::Up { link, .. } => {
+                waits || self.close_asked || !link.output().is_empty() || link.is_introducing()
+            }
+            Phase::Down => waits || self.close_asked,
+            Phase::Backoff { .. } | Phase::Connecting | Phase::Closing { .. } => true,
+            Phase::Closed => false,
+        }
+    }
+
+    /// Whether the controller owes an answer, or the end of the connection.
+    pub fn awaits_reply(&self) -> bool {
+        match &self.phase {
+            Phase::Up { link, .. } => link.awaits_reply(),
+            Phase::Closing { .. } => true,
+            Phase::Down | Phase::Backoff { .. } | Phase::Connecting | Phase::Closed => false,
+        }
+    }
+
+    /// Hands over what can leave now, and goes from one phase to the next where it is time.
+    pub fn go_on(&mut self, now: Instant) {
+        match &mut self.phase {
+            Phase::Up { link, .. } => {
+                let waits = !(self.ordinary.is_empty() && self.urgent.is_empty() && self.held.is_empty());
+                if waits || self.close_asked || link.is_introducing() {
+                    self.go_on_up(now);
+                }
+            }
+            Phase::Down => {
+                while self.held.is_empty()
+                    && let Some(job) = self.urgent.pop_front().or_else(|| self.ordinary.pop_front())
+                {
+                    self.hold(job);
+                }
+                if self.close_asked {
+                    self.end(&NotSent::Closed);
+                } else if !self.held.is_empty() {
+                    let until = now + self.backoff.next_wait(self.hub.board.pace());
+                    self.phase = Phase::Backoff { until };
+                    self.go_on(now);
+                }
+            }
+            Phase::Backoff { until } => {
+                let over = *until <= now;
+                self.hold_urgent();
+                if self.close_asked {
+                    self.end(&NotSent::Closed);
+                } else if over || self.held.iter().any(|job| job.work.sent().effect == Effect::Stops) {
+                    // A stop does not wait for the end of the backoff; it is sent again at its own pace.
+                    self.phase = Phase::Connecting;
+                }
+            }
+            Phase::Connecting => {
+                self.hold_urgent();
+                if self.close_asked {
+                    self.end(&NotSent::Closed);
+                }
+            }
+            Phase::Closing { .. } | Phase::Closed => {}
+        }
+    }
+
+    fn go_on_up(&mut self, now: Instant) {
+        let Phase::Up { link, .. } = &mut self.phase else { return };
+        loop {
+            hand_over_held(&mut self.held, link, &self.hub, &self.settings, now);
+            if link.is_introducing() {
+                link.introduce(now);
+                if !link.is_introducing() {
+                    // Not one of its questions fits into a frame: nothing will wake who waits for the answer.
+                    continue;
+                }
+            }
+            while link.has_room(Lane::Urgent)
+                && let Some(job) = self.urgent.pop_front()
+            {
+                link.withdraw_overtaken();
+                hand_over_urgent(&mut self.held, job, link, &self.hub, now);
+            }
+            if self.close_asked && self.urgent.is_empty() {
+                return self.begin_closing(now);
+            }
+            if !link.has_room(Lane::Ordinary) {
+                return;
+            }
+            let Some(job) = self.ordinary.pop_front() else { return };
+            hand_over_once_known(&mut self.held, job, link, &self.hub, &self.settings, now);
+        }
+    }
+
+    /// The bytes that wait to be written, without those that nobody wants any more.
+    pub fn output(&mut self, now: Instant) -> &[u8] {
+        match &mut self.phase {
+            Phase::Up { link, .. } | Phase::Closing { link, .. } => {
+                if !link.output().is_empty() {
+                    link.withdraw_moot(now);
+                }
+                link.output()
+            }
+            Phase::Down | Phase::Backoff { .. } | Phase::Connecting | Phase::Closed => &[],
+        }
+    }
+
+    /// The first `bytes` of the output were given to the socket.
+    pub fn written(&mut self, bytes: usize) {
+        if let Phase::Up { link, .. } | Phase::Closing { link, .. } = &mut self.phase {
+            link.written(bytes);
+        }
+    }
+
+    /// Bytes came from the controller. What comes after a goodbye counts for nothing.
+    pub fn received(&mut self, bytes: &[u8], now: Instant) {
+        if let Phase::Up { link, .. } = &mut self.phase
+            && let Err(reason) = link.received(bytes, now)
+        {
+            self.lost(reason, now);
+        }
+    }
+
+    /// The connection that was wanted is there.
+    pub fn connected(&mut self, now: Instant) {
+        tracing::info!(controller = self.name, "connected anew");
+        let link = Link::new(&self.settings, false, self.next_pack_id, &self.hub, now);
+        self.hub.meter().reconnected();
+        self.phase = Phase::Up { link: Box::new(link), begun: now };
+        self.tick(now);
+    }
+
+    /// The connection that was wanted could not be made. One attempt answers everybody who waited for it.
+    pub fn not_connected(&mut self, error: &NotSent) {
+        self.phase = Phase::Down;
+        self.tell_unconnected(error);
+    }
+
+    /// The connection ended.
+    pub fn lost(&mut self, reason: LostReason, now: Instant) {
+        match std::mem::replace(&mut self.phase, Phase::Down) {
+            Phase::Up { link, begun } => {
+                if link.answered() {
+                    self.backoff.had_answers_for(now.since(begun));
+                }
+                let unidentified = !link.is_first() && link.is_introducing();
+                self.abandon(*link, reason, now);
+                self.hub.connection_lost(reason);
+                if self.takes_whoever_comes {
+                    // The next controller that dials may be another robot.
+                    self.hub.doubt_who_answers();
+                }
+                if unidentified {
+                    // One attempt answers everybody who waited for it.
+                    self.tell_unconnected(&NotSent::Unidentified { address: self.name.clone(), reason });
+                }
+            }
+            Phase::Closing { link, .. } => {
+                self.abandon(*link, LostReason::ClosedHere, now);
+                self.end(&NotSent::Closed);
+            }
+            other @ (Phase::Down | Phase::Backoff { .. } | Phase::Connecting | Phase::Closed) => {
+                self.phase = other
+            }
+        }
+    }
+
+    /// Time passed: looks after what is due.
+    pub fn tick(&mut self, now: Instant) {
+        if self.deadline().is_none_or(|due| due > now) {
+            return;
+        }
+        match &mut self.phase {
+            Phase::Up { link, .. } => {
+                if let Err(reason) = link.tick(now) {
+                    self.lost(reason, now);
+                }
+            }
+            Phase::Closing { until, .. } if *until <= now => self.lost(LostReason::ClosedHere, now),
+            Phase::Closing { .. }
+            | Phase::Down
+            | Phase::Backoff { .. }
+            | Phase::Connecting
+            | Phase::Closed => {}
+        }
+    }
+
+    /// When [`Self::tick`] and [`Self::go_on`] are due, if nothing else happens.
+    pub fn deadline(&self) -> Option<Instant> {
+        match &self.phase {
+            Phase::Up { link, .. } => link.deadline(),
+            Phase::Backoff { until } | Phase::Closing { until, .. } => Some(*until),
+            Phase::Down | Phase::Connecting | Phase::Closed => None,
+        }
+    }
+
+    fn begin_closing(&mut self, now: Instant) {
+        if let Phase::Up { mut link, .. } = std::mem::replace(&mut self.phase, Phase::Down) {
+            link.withdraw_moot(now);
+            self.phase = Phase::Closing { link, until: now + CLOSE_WAIT };
+        }
+    }
+
+    /// Nobody drives this any more: nothing that waits will ever be answered.
+    pub fn abandoned(&mut self) {
+        self.phase = Phase::Closed;
+        self.urgent.clear();
+        self.ordinary.clear();
+        self.held.clear();
+        self.hub.end();
+    }
+
+    fn abandon(&mut self, link: Link, reason: LostReason, now: Instant) {
+        tracing::info!(controller = self.name, %reason, "connection ended");
+        let (again, next_pack_id) = link.abandon(reason, now);
+        let waiting: Vec<Job> = self.held.drain(..).chain(again).collect();
+        waiting.into_iter().for_each(|job| self.hold(job));
+        self.next_pack_id = next_pack_id;
+    }
+
+    fn hold_urgent(&mut self) {
+        while let Some(job) = self.urgent.pop_front() {
+            self.hold(job);
+        }
+    }
+
+    /// Keeps a job that is worth a new connection, refuses any other: what a command was meant for may have changed.
+    /// Stops come first.
+    fn hold(&mut self, job: Job) {
+        if job.is_moot() {
+            return;
+        }
+        match job.work.sent().effect {
+            Effect::Stops => {
+                // A stop that its caller gave up still leaves, but only once.
+                let sent = job.work.sent();
+                self.held.retain(|held| !(held.is_given_up() && held.work.sent() == sent));
+                self.held.push_front(job);
+            }
+            Effect::Reads => self.held.push_back(job),
+            Effect::Changes | Effect::Moves => job.not_sent(NotSent::Disconnected),
+        }
+    }
+
+    fn tell_unconnected(&mut self, error: &NotSent) {
+        tracing::info!(controller = self.name, %error, "no connection");
+        self.refuse_waiting(error);
+    }
+
+    fn refuse_waiting(&mut self, error: &NotSent) {
+        self.held.drain(..).for_each(|job| job.not_sent(error.clone()));
+        self.ordinary.drain(..).for_each(|job| job.not_sent(error.clone()));
+    }
+
+    /// The end for good.
+    fn end(&mut self, error: &NotSent) {
+        self.phase = Phase::Closed;
+        self.refuse_waiting(error);
+        self.urgent.drain(..).for_each(|job| job.not_sent(error.clone()));
+        self.hub.end();
+    }
+}
+
+/// Drops what its callers gave up. A stop that was given up still leaves, but only once.
+fn sweep(lane: &mut VecDeque<Job>) {
+    let mut given_up = Vec::new();
+    lane.retain(|job| {
+        let again = job.is_given_up() && given_up.contains(&job.work.sent());
+        if job.is_given_up() {
+            given_up.push(job.work.sent());
+        }
+        !(again || job.is_moot())
+    });
+}
+
+/// A stop leaves at once, unless the controller has yet to say whether it is the one that is meant; what confirms the stop leaves
+/// behind it.
+fn hand_over_urgent(held: &mut VecDeque<Job>, job: Job, link: &mut Link, hub: &Hub, now: Instant) {
+    if link.holds_stops() {
+        held.push_back(job);
+        return;
+    }
+    let stops = job.work.sent().effect == Effect::Stops;
+    hand_over_unless_another(job, link, hub, now);
+    if stops && link.is_first() && hub.known().present.is_none() {
+        // Over another connection it has to be known whom the stop was meant for.
+        link.begin_introduction();
+    }
+}
+
+/// What waited for this connection, or until the controller has said who it is. Stops come first and wait for neither.
+fn hand_over_held(
+    held: &mut VecDeque<Job>,
+    link: &mut Link,
+    hub: &Hub,
+    settings: &RobotSettings,
+    now: Instant,
+) {
+    while let Some(job) = held.front() {
+        let lane = match job.work.sent().effect {
+            Effect::Stops => Lane::Urgent,
+            Effect::Reads | Effect::Changes | Effect::Moves => Lane::Ordinary,
+        };
+        if !link.has_room(lane) || (lane == Lane::Urgent && link.holds_stops()) {
+            return;
+        }
+        if let Some(job) = held.pop_front() {
+            hand_over_once_known(held, job, link, hub, settings, now);
+        }
+    }
+}
+
+/// Holds commands back until the controller has said who it is, and queries for a while. A stop and the answer to a photo leave at once.
+/// The next connection is compared with that identity.
+fn hand_over_once_known(
+    held: &mut VecDeque<Job>,
+    job: Job,
+    link: &mut Link,
+    hub: &Hub,
+    settings: &RobotSettings,
+    now: Instant,
+) {
+    if !link.is_first() || job.is_moot() || hub.known().present.is_some() {
+        return hand_over_unless_stale(job, link, hub, settings, now);
+    }
+    let waits = match &job.work {
+        work if work.needs_known_state() => {
+            link.begin_introduction();
+            true
+        }
+        Work::Query(addresses) => !asks_who_is_there(addresses) && link.begin_introduction_for_query(now),
+        // A photo cannot wait. What stops does not come this way on a first connection.
+        Work::PhotoAnswer(_) | Work::Command(_) | Work::AddRcc { .. } | Work::AddPoints(_) => {
+            link.begin_introduction_for_query(now);
+            false
+        }
+    };
+    if waits {
+        held.push_front(job);
+    } else {
+        hand_over_unless_stale(job, link, hub, settings, now);
+    }
+}
+
+/// A command that waited long must not leave as a surprise; a query may.
+fn hand_over_unless_stale(job: Job, link: &mut Link, hub: &Hub, settings: &RobotSettings, now: Instant) {
+    match job.work.sent().effect {
+        Effect::Changes | Effect::Moves => {
+            let waited = now.since(job.asked_at);
+            if waited > settings.reply_timeout || job.is_overdue(now) {
+                return job.not_sent(NotSent::Busy { waited });
+            }
+        }
+        Effect::Reads | Effect::Stops => {}
+    }
+    hand_over_unless_another(job, link, hub, now);
+}
+
+/// What was meant for one robot is not sent to another, and what was meant for one connection not over another.
+fn hand_over_unless_another(job: Job, link: &mut Link, hub: &Hub, now: Instant) {
+    if job.is_overtaken(hub.stops_asked()) {
+        return job.not_sent(NotSent::Overtaken);
+    }
+    if job.only_on.is_some_and(|only| only != hub.known().connection) {
+        return job.not_sent(NotSent::Disconnected);
+    }
+    if job.work.is_for_one_robot()
+        && let Some(another) = hub.stranger()
+    {
+        return job.not_sent(another);
+    }
+    link.hand_over(job, now);
+}
+
+#[cfg(test)]
+mod tests {
+    use r6_proto::address::Address;
+    use r6_proto::message::Command;
+    use tokio::sync::oneshot;
+
+    use super::*;
+
+    #[test]
+    fn a_command_that_waited_long_does_not_leave_and_a_query_does() {
+        let settings = RobotSettings::default();
+        let backoff = Backoff::new(settings.reconnect, || 0);
+        let mut connection = Connection::new(("robot".to_owned(), false), settings, Arc::default(), backoff);
+        // Otherwise it would have to say first who it is.
+        connection.hub.known().present = Some(crate::Identity::default());
+        let now = Instant::ORIGIN + Duration::from_millis(2001);
+        let job = |work| {
+            let (reply, answer) = oneshot::channel();
+            (Job::new(work, Instant::ORIGIN, reply), answer)
+        };
+        let (start, mut answer) = job(Work::Command(Command::StartButton));
+        connection.give(Lane::Ordinary, start);
+        connection.go_on(now);
+        assert!(connection.output(now).is_empty());
+        match answer.try_recv().unwrap().unwrap_err() {
+            crate::RequestError::NotSent(NotSent::Busy { waited }) => {
+                assert_eq!(waited, Duration::from_millis(2001));
+            }
+            other => panic!("{other:?}"),
+        }
+        let (query, _answer) = job(Work::Query(vec![Address::CurMode]));
+        connection.give(Lane::Ordinary, query);
+        connection.go_on(now);
+        assert!(!connection.output(now).is_empty());
+    }
+
+    #[test]
+    fn what_callers_give_up_does_not_pile_up_and_a_stop_stays() {
+        let settings = RobotSettings::default();
+        let backoff = Backoff::new(settings.reconnect, || 0);
+        let mut connection = Connection::new(("robot".to_owned(), false), settings, Arc::default(), backoff);
+        let (waiting, _answer) = oneshot::channel();
+        connection
+            .give(Lane::Ordinary, Job::new(Work::Query(vec![Address::CurMode]), Instant::ORIGIN, waiting));
+        for _ in 0..1000 {
+            for (lane, work) in [
+                (Lane::Ordinary, Work::Command(Command::StartButton)),
+                (Lane::Urgent, Work::Command(Command::ActionStop)),
+            ] {
+                let (reply, given_up) = oneshot::channel();
+                drop(given_up);
+                connection.give(lane, Job::new(work, Instant::ORIGIN, reply));
+            }
+        }
+        assert!(connection.ordinary.len() <= SWEPT_FROM, "{}", connection.ordinary.len());
+        assert!(connection.urgent.len() <= SWEPT_FROM, "{}", connection.urgent.len());
+        assert!(connection.ordinary.iter().any(|job| !job.is_given_up()), "whoever waits keeps its place");
+        sweep(&mut connection.urgent);
+        assert_eq!(connection.urgent.len(), 1, "one stop still leaves");
+    }
+}

@@ -1,0 +1,194 @@
+//! How to wait for the end of a motion, what proves that end, and why it may not come.
+
+use std::fmt;
+use std::time::Duration;
+
+use r6_proto::OperationMode;
+use r6_proto::axis::AXES;
+
+use crate::error::{NotSent, RequestError};
+use crate::evidence::restart::Restart;
+use crate::evidence::{Interrupted, Sample};
+use crate::path::place::Missed;
+use crate::status::AlarmAdvice;
+use crate::stream::error::{Cause, MotionError};
+
+/// How to wait until a motion has ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaitOptions {
+    /// The pause between the answer to one read of the state and the next read. Default 50 ms, which real
+    /// controllers bear for hours. There is no minimum: with 0 the state is read as fast as answers come.
+    pub interval: Duration,
+    /// How long to wait at most. Default 60 s.
+    pub timeout: Duration,
+    /// How long the arm has to stand where the controller cannot tell the length of its list. Default 500 ms: arms
+    /// stand up to a third of a second in a corner that is not blended.
+    pub settle: Duration,
+    /// When no motion was seen until then, there was none, or it was shorter than the interval. Default 1 s. Make it
+    /// longer than the longest delay or wait before the first move.
+    pub start_within: Duration,
+    /// The mode in which this controller waits for instructions. Default running (7); some go from auto (2) to
+    /// running by themselves and back (reported, unit B).
+    pub idle_mode: OperationMode,
+}
+
+impl Default for WaitOptions {
+    fn default() -> Self {
+        Self {
+            interval: Duration::from_millis(50),
+            timeout: Duration::from_secs(60),
+            settle: Duration::from_millis(500),
+            start_within: Duration::from_secs(1),
+            idle_mode: OperationMode::Running,
+        }
+    }
+}
+
+/// A motion has ended: the arm stands, without alarm, and as far as the controller tells its list is done.
+///
+/// [`Self::proof`] says what was seen of it. All of it was read over the connection that the motion was sent on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Done {
+    /// The motion, as numbered by [`crate::MotionHandle::number`]; `None` where [`crate::Robot::wait_until_done`] watched what no
+    /// [`crate::Robot::run`] of this handle had sent.
+    pub motion: Option<u64>,
+    /// What proves the end.
+    pub proof: EndProof,
+    /// `axis-0` to `axis-5`, degrees; `None` where not known.
+    pub axes: [Option<f64>; AXES],
+    /// `world-0` to `world-5`, mm and degrees; `None` where not known.
+    pub pose: [Option<f64>; AXES],
+    /// The operation mode.
+    pub mode: Option<OperationMode>,
+    /// Whether a look saw the arm move, or a list that was not empty.
+    pub moved: bool,
+    /// How long it took from the first read on.
+    pub took: Duration,
+}
+
+impl Done {
+    /// By the last look at a motion that began then.
+    pub(crate) fn of(
+        motion: Option<u64>,
+        proof: EndProof,
+        seen: &Sample,
+        moved: bool,
+        took: Duration,
+    ) -> Self {
+        let Sample { axes, pose, mode, .. } = *seen;
+        Self { motion, proof, axes, pose, mode, moved, took }
+    }
+}
+
+/// What proves that a motion has ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum EndProof {
+    /// The arm stands where the last move ends, and it moved, or was elsewhere before. Exception: a motion to
+    /// where the arm stands already; then [`Done::moved`] may be false.
+    Reached,
+    /// Where the last move ends cannot be compared (another tool or work frame), but the controller was seen to work
+    /// through its list step by step, down to the last one.
+    Consumed,
+    /// The arm stands short of the end of the last move, which an input may cut short
+    /// ([`crate::Motion::stop_on_input`]).
+    CutShort(Missed),
+    /// The arm stands with an empty list, as far as the controller tells; where the motion should have ended is not known
+    /// or does not apply. A motion without a move ends like this, and whatever [`crate::Robot::wait_until_done`] watches.
+    AtRest,
+}
+
+/// Why waiting ended without the motion having ended as it should.
+#[derive(Clone, Debug, PartialEq)]
+pub enum WaitError {
+    /// There is an alarm.
+    AlarmRaised {
+        /// Its number.
+        code: i64,
+    },
+    /// The program does not run (any more): somebody stopped or paused it, or it was never started.
+    Stopped {
+        /// The mode the controller is in.
+        mode: OperationMode,
+    },
+    /// The connection was lost, and the controller seems to have been switched off and on.
+    Restarted(Restart),
+    /// It still went on when the time was up.
+    TimedOut {
+        /// The time it was given.
+        after: Duration,
+        /// Instructions left in the list, where the controller tells.
+        list_length: Option<i64>,
+    },
+    /// The state cannot be read; the motion may go on.
+    Request(RequestError),
+    /// The connection that the motion was sent on is lost, or another robot answers. What is seen now does not tell whether
+    /// the motion came to its end.
+    AnotherConnection,
+    /// The motion of this handle that was waited for did not come to its end.
+    Motion(Box<MotionError>),
+}
+
+impl fmt::Display for WaitError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::AlarmRaised { code } => {
+                write!(
+                    f,
+                    "{}; clear the list too, or the rest of it may run at the next start",
+                    AlarmAdvice(*code)
+                )
+            }
+            Self::Stopped { mode } => write!(
+                f,
+                "the program does not run, the mode is {mode}: clear the list, or the rest of it may run at the next start; \
+                 then press Start on the pendant"
+            ),
+            Self::Restarted(restart) => restart.fmt(f),
+            Self::TimedOut { after, list_length } => {
+                write!(f, "the motion has not ended within {after:?}")?;
+                if let Some(length) = list_length {
+                    let are = if *length == 1 { "instruction is" } else { "instructions are" };
+                    write!(f, ", {length} {are} left")?;
+                }
+                f.write_str("; wait longer or stop it (instructions that are not one-shot never end)")
+            }
+            Self::Request(error) => write!(f, "the state cannot be read, the motion may go on: {error}"),
+            Self::AnotherConnection => f.write_str(
+                "the connection that the motion was sent on is lost; what another one shows does not tell whether the \
+                 motion came to its end: look at the arm",
+            ),
+            Self::Motion(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for WaitError {}
+
+impl From<Interrupted> for WaitError {
+    fn from(interrupted: Interrupted) -> Self {
+        match interrupted {
+            Interrupted::ByAlarm { code } => Self::AlarmRaised { code },
+            Interrupted::ByMode { mode } => Self::Stopped { mode },
+        }
+    }
+}
+
+impl From<Interrupted> for Cause {
+    fn from(interrupted: Interrupted) -> Self {
+        WaitError::from(interrupted).into()
+    }
+}
+
+impl From<WaitError> for Cause {
+    fn from(error: WaitError) -> Self {
+        match error {
+            WaitError::AlarmRaised { code } => Self::AlarmRaised { code },
+            WaitError::Stopped { mode } => Self::Stopped { mode },
+            WaitError::Restarted(restart) => Self::Restarted(restart),
+            WaitError::TimedOut { after, .. } => Self::Stalled { after },
+            WaitError::Request(error) => Self::Unreadable(error),
+            WaitError::AnotherConnection => Self::Unreadable(NotSent::Disconnected.into()),
+            WaitError::Motion(error) => error.cause,
+        }
+    }
+}

@@ -1,0 +1,570 @@
+//! The hand of programs without async: blocking sockets, driven by the threads that wait for an answer.
+//!
+//! ```text
+//!  a call:   polls its operation, which writes ──▶ reads until its own answer is there, or waits while another thread reads
+//!  no call:  the keeper, a thread of the connection, reads and keeps the deadlines if anything is under way; else it looks now and
+//!            then whether the connection has ended
+//! ```
+//!
+//! Only reading needs a turn ([`Turns`] tells whose it is). Whatever else is to be done, any thread does: [`StdHand::serve`] writes and
+//! keeps the deadlines of the connection, under its lock; [`StdHand::attend`] drives the errands, one thread at a time.
+//!
+//! ```text
+//!  read ──▶ serve ──▶ errands, if something happened ──▶ the own answer is there? ──▶ yes: stand, and call the next
+//!   ▲                                                            │ no
+//!   └────────────────────────────────────────────────────────────┘
+//! ```
+//!
+//! A thread that reads polls nothing of its caller's, so a slow caller keeps nobody waiting: it has given the reading away by then. What
+//! a stranger to the connection makes happen (a thread that waits for something else, another executor) is looked at by a parked thread
+//! or the keeper. If both read at that moment, they see it when they come back, after 50 ms at most.
+
+mod line;
+mod signal;
+mod turns;
+
+use std::cell::Cell;
+use std::fmt;
+use std::future::{Future, poll_fn};
+use std::io;
+use std::pin::{Pin, pin};
+use std::ptr;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::task::{Context, Poll, Wake, Waker};
+use std::time::Duration;
+
+use r6_proto::time::Instant;
+use tokio::sync::oneshot;
+
+use self::line::{Line, Socket};
+use self::signal::Signal;
+use self::turns::{Now, Plan, Rhythm, Turn, Turns};
+use crate::connection::Wants;
+use crate::drive::{Desk, Driven, Hand, Second};
+use crate::errands::Errands;
+use crate::error::{NotSent, RequestError};
+use crate::hands::connect::Tcp;
+use crate::hands::tokio::seed_from_clock;
+use crate::identity::Identity;
+use crate::robot::Robot;
+use crate::seats::Seat;
+use crate::settings::RobotSettings;
+
+/// Replies are below 4 KiB; a longer one is read in pieces.
+const READ_BUFFER: usize = 4096;
+
+/// So often the same thread looks again before it does anything else.
+const MOST_LOOKS: usize = 64;
+
+/// If nobody has read for so long, what has come since is read before anything is written: a connection that has ended takes nothing.
+const UNREAD_FOR: Duration = Duration::from_millis(5);
+
+/// Who reads and finds a deadline over may just have been asleep, like the whole computer: its bytes come first.
+const READER_FIRST: Duration = Duration::from_millis(1);
+
+/// No deadline.
+const NEVER: u64 = u64::MAX;
+
+/// Drives one connection over a blocking socket.
+pub(crate) struct StdHand {
+    me: Weak<Self>,
+    desk: Arc<Desk>,
+    clock: Clock,
+    target: Tcp,
+    turns: Turns,
+    line: Mutex<Line>,
+    /// Only for the one who reads.
+    buffer: Mutex<Box<[u8; READ_BUFFER]>>,
+    errands: Mutex<Errands>,
+    /// Of the errands.
+    waker: Waker,
+    /// The next deadline of connection and line, nanoseconds.
+    due: AtomicU64,
+    busy: AtomicBool,
+    awaits: AtomicBool,
+    /// When somebody last read.
+    read_at: AtomicU64,
+}
+
+/// Nanoseconds since this was made.
+#[derive(Clone, Copy, Debug)]
+struct Clock(std::time::Instant);
+
+impl Clock {
+    fn now(self) -> Instant {
+        Instant::ORIGIN + self.0.elapsed()
+    }
+}
+
+impl fmt::Debug for StdHand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("StdHand").field("desk", &self.desk).finish_non_exhaustive()
+    }
+}
+
+/// What the errands wake.
+struct Summons(Weak<StdHand>);
+
+impl Wake for Summons {
+    fn wake(self: Arc<Self>) {
+        self.wake_by_ref();
+    }
+
+    fn wake_by_ref(self: &Arc<Self>) {
+        if let Some(hand) = self.0.upgrade() {
+            hand.nudge();
+        }
+    }
+}
+
+thread_local! {
+    /// The hand that this thread drives now. It looks at what it makes happen there by itself.
+    static HERE: Cell<*const StdHand> = const { Cell::new(ptr::null()) };
+    /// Whether this thread has just told the time.
+    static TOLD: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Until this thread drives what it drove before.
+struct Here<'h> {
+    hand: &'h StdHand,
+    before: *const StdHand,
+}
+
+impl<'h> Here<'h> {
+    fn begin(hand: &'h StdHand) -> Self {
+        Self { hand, before: HERE.replace(hand) }
+    }
+}
+
+impl Drop for Here<'_> {
+    fn drop(&mut self) {
+        TOLD.set(false);
+        if !ptr::eq(self.before, self.hand) {
+            self.hand.attend_if_needed();
+            self.hand.turns.settle(self.hand.now());
+        }
+        HERE.set(self.before);
+    }
+}
+
+/// Until this thread does not drive the errands any more, in whatever way.
+struct Carrying<'h> {
+    turns: &'h Turns,
+    over: bool,
+}
+
+impl Drop for Carrying<'_> {
+    fn drop(&mut self) {
+        if !self.over {
+            self.turns.interrupt();
+        }
+    }
+}
+
+impl StdHand {
+    /// Connects, on this thread.
+    pub fn connect(address: &str, settings: RobotSettings) -> Result<(Robot, Arc<Self>), RequestError> {
+        let target = Tcp::parse(address)?;
+        let stream = line::dial_within(&target, settings.connect_timeout)?;
+        tracing::info!(controller = %target, "connected");
+        let clock = Clock(std::time::Instant::now());
+        let (driven, hand) = Self::start(target, stream, &settings, None, clock)?;
+        Ok((Robot::on(driven, settings), hand))
+    }
+
+    fn start(
+        target: Tcp,
+        stream: std::net::TcpStream,
+        settings: &RobotSettings,
+        expected: Option<Identity>,
+        clock: Clock,
+    ) -> Result<(Driven, Arc<Self>), NotSent> {
+        let now = clock.now();
+        let desk = Desk::open((target.to_string(), false), settings, expected, now, seed_from_clock);
+        let hand = Arc::new_cyclic(|me: &Weak<Self>| Self {
+            me: Weak::clone(me),
+            desk: Arc::clone(&desk),
+            clock,
+            target: target.clone(),
+            turns: Turns::default(),
+            line: Mutex::new(Line::new(target, stream, settings.connect_timeout)),
+            buffer: Mutex::new(Box::new([0; READ_BUFFER])),
+            errands: Mutex::default(),
+            waker: Waker::from(Arc::new(Summons(Weak::clone(me)))),
+            due: AtomicU64::new(NEVER),
+            busy: AtomicBool::new(false),
+            awaits: AtomicBool::new(false),
+            read_at: AtomicU64::new(now.as_nanos()),
+        });
+        // The first heartbeat leaves before anything else does.
+        hand.serve(None);
+        let keeper = Arc::clone(&hand);
+        line::spawn("r6-keeper", move || keeper.keep())?;
+        Ok((Driven { desk, hand: Arc::clone(&hand) as Arc<dyn Hand> }, hand))
+    }
+
+    /// Runs a future to its end on this thread, and drives the connection meanwhile.
+    pub fn block_on<F: Future>(&self, future: F) -> F::Output {
+        let mut future = pin!(future);
+        // Where a runtime runs: its way to give other tasks a turn would let this thread wait for ever.
+        let whole = tokio::task::unconstrained(poll_fn(|_| Poll::Ready(self.run(future.as_mut()))));
+        let mut whole = pin!(whole);
+        loop {
+            // It waits within.
+            if let Poll::Ready(output) = whole.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+                return output;
+            }
+        }
+    }
+
+    fn run<F: Future>(&self, mut future: Pin<&mut F>) -> F::Output {
+        let _here = Here::begin(self);
+        Signal::with(|me, waker| {
+            loop {
+                me.begin_poll();
+                if let Poll::Ready(output) = future.as_mut().poll(&mut Context::from_waker(waker)) {
+                    return output;
+                }
+                TOLD.set(false);
+                self.wait(me);
+            }
+        })
+    }
+
+    /// Reads, or waits for the thread that does, until the future of this thread can go on.
+    fn wait(&self, me: &Arc<Signal>) {
+        let mut reads = false;
+        let mut sits = false;
+        while !me.is_woken() {
+            if self.turns.has_happened() && self.attend() {
+                continue;
+            }
+            let now = self.now();
+            if now.due.is_some_and(|due| due <= now.at) {
+                self.tick(reads);
+                continue;
+            }
+            let socket = self.line().socket().filter(|_| now.lets_read()).cloned();
+            let until = socket.as_ref().map(|socket| socket.reads_until(now));
+            match (reads, until) {
+                (true, Some(until)) => self.turns.read_on(until, now.due),
+                (true, None) => {
+                    // There is no connection, or a deadline is near that a read would miss. This thread can be called then.
+                    reads = false;
+                    self.turns.stop_reading(now);
+                }
+                (false, _) => {}
+            }
+            if !reads {
+                sits = true;
+                match self.turns.sit(me, until, now.due) {
+                    Turn::Read => reads = true,
+                    Turn::Park(until) => {
+                        me.park(until.map(|until| until.since(now.at)));
+                        self.tell_time();
+                        continue;
+                    }
+                }
+            }
+            if let Some(socket) = &socket {
+                self.read(socket, now);
+            }
+        }
+        if sits {
+            self.turns.stand(me, reads, self.now());
+        }
+    }
+
+    /// Waits for bytes, and takes them in. It is this thread's turn.
+    fn read(&self, socket: &Arc<Socket>, now: Now) {
+        socket.set_time_out(now);
+        let mut buffer = self.buffer();
+        let read = socket.read(buffer.as_mut_slice());
+        self.tell_time();
+        TOLD.set(true);
+        self.note_read();
+        if let Some(read) = read {
+            let read = read.map(|bytes| buffer.get(..bytes).unwrap_or_default());
+            self.serve(Some((socket, read)));
+        }
+    }
+
+    /// Takes in what is there, without waiting. It is this thread's turn.
+    fn glance(&self) {
+        for _ in 0..MOST_LOOKS {
+            let mut buffer = self.buffer();
+            self.note_read();
+            // Nobody writes meanwhile: the line is locked.
+            let glanced = self.line().glance(buffer.as_mut_slice());
+            let Some((socket, read)) = glanced else { return };
+            let goes_on = read.as_ref().is_ok_and(|bytes| *bytes > 0);
+            let read = read.map(|bytes| buffer.get(..bytes).unwrap_or_default());
+            self.serve(Some((&socket, read)));
+            if !goes_on {
+                return;
+            }
+        }
+    }
+
+    /// The same, if nobody reads and nobody has for a while.
+    fn glance_if_unread(&self) {
+        let read_at = Instant::from_nanos(self.read_at.load(Ordering::Relaxed));
+        let now = self.desk.hub.time.now();
+        if now.since(read_at) >= UNREAD_FOR && self.turns.glance(now) {
+            self.glance();
+            self.turns.stop_reading(self.now());
+        }
+    }
+
+    /// A deadline is over. What has come by then counts first.
+    fn tick(&self, reads: bool) {
+        self.tell_time();
+        if reads {
+            self.glance();
+        } else if self.turns.glance(self.desk.hub.time.now()) {
+            self.glance();
+            self.turns.stop_reading(self.now());
+        } else {
+            std::thread::sleep(READER_FIRST);
+        }
+        self.serve(None);
+    }
+
+    /// Takes in what was read, and does what is to be done on the connection now.
+    fn serve(&self, read: Option<(&Arc<Socket>, io::Result<&[u8]>)>) {
+        let mut connection = self.desk.connection();
+        let now = self.desk.hub.time.now();
+        let mut line = self.line();
+        // What was read over an earlier socket counts for nothing.
+        if let Some((socket, read)) = read
+            && line.is(socket)
+        {
+            match read {
+                Ok(bytes) if !bytes.is_empty() => connection.received(bytes, now),
+                ended => {
+                    line.close();
+                    connection.lost(line::reason(ended.map(<[u8]>::len)), now);
+                }
+            }
+        }
+        let mut came = false;
+        let mut more = true;
+        for _ in 0..MOST_LOOKS {
+            connection.tick(now);
+            connection.go_on(now);
+            more = match connection.wants() {
+                wants @ (Wants::Carry | Wants::Goodbye) => {
+                    line.give_up();
+                    line.write(&mut connection, wants, now)
+                }
+                Wants::Connect => {
+                    line.close();
+                    match line.connect(now, self.summoning()) {
+                        Some(Ok(stream)) => {
+                            line.open(stream);
+                            connection.connected(now);
+                            came = true;
+                            true
+                        }
+                        Some(Err(error)) => {
+                            connection.not_connected(&error);
+                            true
+                        }
+                        None => false,
+                    }
+                }
+                Wants::Nothing => {
+                    line.close();
+                    line.give_up();
+                    false
+                }
+            };
+            if !more {
+                break;
+            }
+        }
+        let deadlines = [connection.deadline(), line.deadline(), more.then_some(now)];
+        let due = deadlines.into_iter().flatten().min().map_or(NEVER, Instant::as_nanos);
+        self.due.store(due, Ordering::SeqCst);
+        self.busy.store(connection.is_busy(), Ordering::SeqCst);
+        self.awaits.store(connection.awaits_reply(), Ordering::SeqCst);
+        drop(line);
+        drop(connection);
+        if came {
+            self.note_read();
+            self.turns.settle(self.now());
+        }
+    }
+
+    /// What a thread that connects calls at its end.
+    fn summoning(&self) -> impl FnOnce() + Send + 'static {
+        let me = Weak::clone(&self.me);
+        move || {
+            if let Some(hand) = me.upgrade() {
+                hand.nudge();
+            }
+        }
+    }
+
+    /// Drives the errands as far as they go without waiting, and does what comes of that; `false` if another thread does.
+    fn attend(&self) -> bool {
+        if !self.turns.begin() {
+            return false;
+        }
+        let mut carrying = Carrying { turns: &self.turns, over: false };
+        for _ in 0..MOST_LOOKS {
+            let any = {
+                let mut errands = self.errands.lock().unwrap_or_else(PoisonError::into_inner);
+                errands.drive(&self.desk.errands, &mut Context::from_waker(&self.waker));
+                errands.any()
+            };
+            self.serve(None);
+            if self.turns.end(any) {
+                carrying.over = true;
+                break;
+            }
+        }
+        true
+    }
+
+    /// The keeper's thread. It ends with the connection.
+    fn keep(&self) {
+        let _here = Here::begin(self);
+        let me = Signal::here();
+        self.turns.keeper_came(&me);
+        self.turns.note();
+        let mut rhythm = Rhythm::begin(self.desk.hub.time.now());
+        loop {
+            self.tell_time();
+            self.attend_if_needed();
+            if self.desk.connection().is_closed() && !self.turns.is_wanted(false) {
+                break;
+            }
+            let now = self.now();
+            if now.due.is_some_and(|due| due <= now.at) {
+                self.tick(false);
+                continue;
+            }
+            let now = Now { busy: now.busy || self.desk.hub.is_watched(), ..now };
+            let socket = self.line().socket().filter(|_| now.lets_read()).cloned();
+            let until = socket.as_ref().map(|socket| socket.reads_until(now));
+            match (self.turns.plan(&mut rhythm, until, now), &socket) {
+                (Plan::Read, Some(socket)) => {
+                    self.read(socket, now);
+                    self.turns.stop_reading(self.now());
+                }
+                (Plan::Look, Some(_)) => {
+                    self.glance();
+                    self.turns.stop_reading(self.now());
+                }
+                (Plan::Park(until), _) => {
+                    me.park(Some(until.since(now.at)));
+                    self.turns.keeper_woke();
+                }
+                (Plan::Read | Plan::Look, None) => self.turns.stop_reading(now),
+            }
+        }
+        self.turns.keeper_went();
+    }
+
+    fn attend_if_needed(&self) {
+        if self.turns.has_happened() {
+            self.attend();
+        }
+    }
+
+    /// Looks at once at what this thread, a stranger, made happen.
+    pub fn look_after(&self) {
+        self.turns.note();
+        drop(Here::begin(self));
+    }
+
+    fn now(&self) -> Now {
+        let time = &self.desk.hub.time;
+        let own = match self.due.load(Ordering::SeqCst) {
+            NEVER => None,
+            nanos => Some(Instant::from_nanos(nanos)),
+        };
+        let due = [own, time.deadline()].into_iter().flatten().min();
+        let (busy, awaits) = (self.busy.load(Ordering::SeqCst), self.awaits.load(Ordering::SeqCst));
+        Now { at: time.now(), due, busy, awaits }
+    }
+
+    fn note_read(&self) {
+        self.read_at.store(self.desk.hub.time.now().as_nanos(), Ordering::Relaxed);
+    }
+
+    fn is_here(&self) -> bool {
+        ptr::eq(HERE.get(), self)
+    }
+
+    /// Locked behind the connection, if that is needed too.
+    fn line(&self) -> MutexGuard<'_, Line> {
+        self.line.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn buffer(&self) -> MutexGuard<'_, Box<[u8; READ_BUFFER]>> {
+        self.buffer.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Hand for StdHand {
+    fn tell_time(&self) {
+        // The one who has just read has told it.
+        if !(TOLD.take() && self.is_here()) {
+            self.desk.hub.time.pass(self.clock.now());
+        }
+    }
+
+    fn carry(&self, seat: &mut Seat, _cx: &mut Context<'_>) -> bool {
+        if self.is_here() {
+            self.glance_if_unread();
+            self.serve(None);
+            self.attend_if_needed();
+            return false;
+        }
+        // Another executor polls this; the keeper reads for it.
+        if seat.0.replace(0).is_none() {
+            self.turns.stranger_came();
+        }
+        let _here = Here::begin(self);
+        self.glance_if_unread();
+        self.serve(None);
+        false
+    }
+
+    fn leave(&self, seat: &mut Seat) {
+        if seat.0.take().is_some() {
+            self.turns.stranger_went();
+        }
+    }
+
+    fn nudge(&self) {
+        if self.is_here() {
+            self.turns.note();
+        } else {
+            self.turns.summon();
+        }
+    }
+
+    fn second(&self, settings: RobotSettings, expected: Option<Identity>) -> Second<'_> {
+        Box::pin(async move {
+            let (tell, told) = oneshot::channel();
+            let (target, within) = (self.target.clone(), settings.connect_timeout);
+            line::spawn("r6-connect", move || {
+                // Nobody waits any more: it is closed.
+                tell.send(line::dial(&target, within)).ok();
+            })?;
+            let over = NotSent::ConnectTimedOut { address: self.target.to_string(), after: within };
+            let time = &self.desk.hub.time;
+            let stream = match time.timeout_at(self.clock.now() + within, told).await {
+                Ok(Ok(made)) => made?,
+                Ok(Err(_)) | Err(_) => return Err(over),
+            };
+            tracing::info!(controller = %self.target, "second connection");
+            let (driven, _hand) = Self::start(self.target.clone(), stream, &settings, expected, self.clock)?;
+            Ok(driven)
+        })
+    }
+}

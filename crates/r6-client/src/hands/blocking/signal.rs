@@ -1,0 +1,102 @@
+//! What wakes a thread that waits: its future, or another thread that calls it.
+
+use std::cell::Cell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::{Wake, Waker};
+use std::thread::{self, Thread};
+use std::time::Duration;
+
+/// Wakes one thread.
+#[derive(Debug)]
+pub(super) struct Signal {
+    thread: Thread,
+    /// Whether the thread is parked, or about to be.
+    parked: AtomicBool,
+    /// Whether its future can go on.
+    woken: AtomicBool,
+    /// Whether it is called to look after the connection.
+    called: AtomicBool,
+}
+
+thread_local! {
+    /// Made once for each thread: a call allocates none.
+    static MINE: Cell<Option<(Arc<Signal>, Waker)>> = const { Cell::new(None) };
+}
+
+impl Signal {
+    /// For this thread.
+    pub fn here() -> Arc<Self> {
+        let signal = Self {
+            thread: thread::current(),
+            parked: AtomicBool::new(false),
+            woken: AtomicBool::new(false),
+            called: AtomicBool::new(false),
+        };
+        Arc::new(signal)
+    }
+
+    /// Calls this with the signal of this thread; a call within a call gets another one.
+    pub fn with<T>(what: impl FnOnce(&Arc<Self>, &Waker) -> T) -> T {
+        let mine = MINE.take().unwrap_or_else(|| {
+            let signal = Self::here();
+            let waker = Waker::from(Arc::clone(&signal));
+            (signal, waker)
+        });
+        let done = what(&mine.0, &mine.1);
+        MINE.set(Some(mine));
+        done
+    }
+
+    /// Whether the future can go on.
+    pub fn is_woken(&self) -> bool {
+        self.woken.load(Ordering::SeqCst)
+    }
+
+    /// The future is about to be polled: what wakes it from now on counts.
+    pub fn begin_poll(&self) {
+        self.woken.store(false, Ordering::SeqCst);
+    }
+
+    /// Calls the thread, which looks after the connection then.
+    pub fn call(&self) {
+        self.called.store(true, Ordering::SeqCst);
+        self.rouse();
+    }
+
+    /// Waits until the future can go on, the thread is called, or the time is over; perhaps less.
+    pub fn park(&self, within: Option<Duration>) {
+        self.parked.store(true, Ordering::SeqCst);
+        if !self.is_woken() && !self.called.load(Ordering::SeqCst) {
+            match within {
+                Some(time) => thread::park_timeout(time),
+                None => thread::park(),
+            }
+        }
+        self.parked.store(false, Ordering::SeqCst);
+        // Whoever calls after this finds it awake, and it looks before it parks again.
+        self.called.store(false, Ordering::SeqCst);
+    }
+
+    fn rouse(&self) {
+        if self.parked.load(Ordering::SeqCst) {
+            self.thread.unpark();
+        }
+    }
+
+    #[cfg(test)]
+    pub fn is_called(&self) -> bool {
+        self.called.load(Ordering::SeqCst)
+    }
+}
+
+impl Wake for Signal {
+    fn wake(self: Arc<Self>) {
+        self.wake_by_ref();
+    }
+
+    fn wake_by_ref(self: &Arc<Self>) {
+        self.woken.store(true, Ordering::SeqCst);
+        self.rouse();
+    }
+}

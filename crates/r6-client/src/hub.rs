@@ -1,0 +1,228 @@
+//! What is known over a connection, besides what waits on it: who answers, what its firmware lacks, how good the link is.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use r6_proto::address::Address;
+use r6_proto::client::LearnedDialect;
+use tokio::sync::{broadcast, watch};
+
+use crate::board::Board;
+use crate::doubt::Doubts;
+use crate::error::NotSent;
+use crate::identity::{Found, Identity};
+use crate::link_quality::Meter;
+use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
+use crate::time::Time;
+
+/// What a connection tells its handles besides answers.
+#[derive(Debug)]
+pub(crate) struct Hub {
+    /// What time it is.
+    pub time: Arc<Time>,
+    /// Whether the handle was closed, and nothing is under way any more.
+    pub closed: watch::Sender<bool>,
+    /// `None` once the handle is closed. That ends every receiver.
+    pushed: Mutex<Option<broadcast::Sender<Pushed>>>,
+    known: Mutex<Known>,
+    meter: Mutex<Meter>,
+    pub board: Board,
+    /// Frames that can move the arm and whose outcome is open.
+    pub doubts: Doubts,
+    /// How many stops and pauses were asked for.
+    stops_asked: AtomicU64,
+}
+
+/// What is known of the controller behind the present connection.
+#[derive(Debug, Default)]
+pub(crate) struct Known {
+    pub learned: LearnedDialect,
+    /// Once it was asked for: the version, if there is one.
+    pub firmware: Option<Option<String>>,
+    /// Addresses that it does not support.
+    pub unsupported: BTreeSet<Address>,
+    /// Addresses that some controllers lack, and that had a value here.
+    pub supported: BTreeSet<Address>,
+    /// Whether the last query had a reply with a number of values that nothing explains.
+    pub doubts_lists: bool,
+    /// How often lists were doubted, over all connections.
+    pub doubts: u64,
+    /// How often in a row an address had no value when it was asked for alone, of those that it should have.
+    pub empty: BTreeMap<Address, u8>,
+    /// Counts the connections, so that no answer of one is kept for the next.
+    pub connection: u64,
+    /// Who is there, once that was read.
+    pub present: Option<Identity>,
+    /// Who is meant: the one that was there first, or that was accepted since.
+    pub expected: Option<Identity>,
+    /// Whether values were handed out over the present connection.
+    pub handed_out: bool,
+    /// Whether values were handed out over a connection that ended before its robot was identified, and no caller has read mode and
+    /// alarm since. Then it is not known whether the robot that answers now is the one that those values came from.
+    pub read_of_nobody: bool,
+    /// The other robot that answered on the connection before this one, if another one did.
+    pub stranger_before: Option<Identity>,
+}
+
+impl Known {
+    /// A reply on this connection had a number of values that nothing explains.
+    pub fn doubt_lists(&mut self, connection: u64) {
+        if self.connection == connection {
+            self.doubts_lists = true;
+            self.doubts += 1;
+        }
+    }
+}
+
+impl Default for Hub {
+    fn default() -> Self {
+        let time = Arc::<Time>::default();
+        Self {
+            time: Arc::clone(&time),
+            closed: watch::Sender::new(false),
+            pushed: Mutex::new(Some(broadcast::Sender::new(KEPT_FOR_SUBSCRIBERS))),
+            known: Mutex::default(),
+            meter: Mutex::default(),
+            board: Board::new(Arc::clone(&time)),
+            doubts: Doubts::new(time),
+            stops_asked: AtomicU64::new(0),
+        }
+    }
+}
+
+impl Hub {
+    /// What is known; nobody holds this across an await, and nothing that holds it can panic halfway.
+    pub fn known(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The counts of the link, under the same rules as [`Self::known`].
+    pub fn meter(&self) -> MutexGuard<'_, Meter> {
+        self.meter.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes in the answer to the identity query.
+    ///
+    /// `certain`: every part of it could be read. If some parts could not be read and the others are those of the expected robot, the
+    /// controller stays unknown: another robot of the same model may differ in those parts alone.
+    pub fn introduced(&self, mut found: Found, certain: bool, first: bool) {
+        {
+            let mut known = self.known();
+            let unproved = match &known.expected {
+                Some(expected) => !certain && found.identity.is_part_of(expected),
+                None => false,
+            };
+            if certain {
+                known.expected.get_or_insert_with(|| found.identity.clone());
+            }
+            let differs = known.expected.as_ref().is_some_and(|expected| *expected != found.identity);
+            found.another = differs && !unproved;
+            known.present = (!unproved).then(|| found.identity.clone());
+        }
+        if found.another {
+            tracing::warn!(found = %found.identity, "another robot answers at this address");
+        }
+        if !first {
+            self.push(Pushed::Reconnected(found));
+        }
+    }
+
+    /// Whether it is known who is meant, and not who is there.
+    pub fn is_unidentified(&self) -> bool {
+        let known = self.known();
+        known.expected.is_some() && known.present.is_none()
+    }
+
+    /// The next connection may lead to another robot. If it is not known which one is meant, nothing that is seen there confirms a stop
+    /// until a caller has read mode and alarm.
+    pub fn doubt_who_answers(&self) {
+        let mut known = self.known();
+        known.read_of_nobody |= known.expected.is_none();
+    }
+
+    /// Who answers on this connection; `None` if it is not the present one, or nobody has read that.
+    pub fn identity_on(&self, connection: u64) -> Option<Identity> {
+        let known = self.known();
+        if known.connection == connection { known.present.clone() } else { None }
+    }
+
+    /// Who is meant, and who is there instead on this connection, or was on the one before.
+    pub fn stranger_on(&self, connection: u64) -> Option<(Identity, Identity)> {
+        let known = self.known();
+        let expected = known.expected.as_ref()?;
+        let found = match known.connection.checked_sub(connection)? {
+            0 => known.present.as_ref()?,
+            1 => known.stranger_before.as_ref()?,
+            _earlier => return None,
+        };
+        (expected != found).then(|| (expected.clone(), found.clone()))
+    }
+
+    /// Why no command may leave: another robot is there than the one that is meant.
+    pub fn stranger(&self) -> Option<NotSent> {
+        let connection = self.known().connection;
+        let (expected, found) = self.stranger_on(connection)?;
+        Some(NotSent::AnotherRobot { expected: Box::new(expected), found: Box::new(found) })
+    }
+
+    /// A stop or a pause is asked for.
+    pub fn stop_asked(&self) {
+        self.stops_asked.fetch_add(1, Ordering::SeqCst);
+    }
+
+    /// How many stops and pauses were asked for so far.
+    pub fn stops_asked(&self) -> u64 {
+        self.stops_asked.load(Ordering::SeqCst)
+    }
+
+    /// What happens from now on.
+    pub fn subscribe_to_pushed(&self) -> broadcast::Receiver<Pushed> {
+        let pushed = self.pushed.lock().unwrap_or_else(PoisonError::into_inner);
+        // The sender of a closed handle is gone, and so is this one at once.
+        pushed.as_ref().map_or_else(|| broadcast::Sender::new(1).subscribe(), broadcast::Sender::subscribe)
+    }
+
+    /// The handle is closed: nothing comes any more.
+    pub fn end(&self) {
+        self.board.close();
+        // Ends what [`crate::Robot::pushed`] gave out.
+        self.pushed.lock().unwrap_or_else(PoisonError::into_inner).take();
+        self.closed.send_replace(true);
+    }
+
+    /// Whether somebody listens to what happens by itself.
+    pub fn is_watched(&self) -> bool {
+        let pushed = self.pushed.lock().unwrap_or_else(PoisonError::into_inner);
+        pushed.as_ref().is_some_and(|pushed| pushed.receiver_count() > 0)
+    }
+
+    /// Tells the subscribers; there may be none.
+    pub fn push(&self, pushed: Pushed) {
+        tracing::debug!(?pushed);
+        if let Some(sender) = &*self.pushed.lock().unwrap_or_else(PoisonError::into_inner) {
+            sender.send(pushed).ok();
+        }
+    }
+
+    pub fn learn(&self, learned: LearnedDialect) {
+        self.known().learned = learned;
+    }
+
+    /// The next connection may lead to another controller: what was known is forgotten.
+    pub fn connection_lost(&self, reason: LostReason) {
+        {
+            let mut known = self.known();
+            let connection = known.connection + 1;
+            let (expected, present) = (known.expected.take(), known.present.take());
+            let read_of_nobody = known.read_of_nobody || (known.handed_out && expected.is_none());
+            let stranger_before = present.filter(|present| expected.as_ref().is_some_and(|it| it != present));
+            let doubts = known.doubts;
+            *known =
+                Known { connection, expected, read_of_nobody, stranger_before, doubts, ..Known::default() };
+        }
+        self.meter().disconnected(self.time.now());
+        self.board.connection_lost();
+        self.push(Pushed::ConnectionLost(reason));
+    }
+}

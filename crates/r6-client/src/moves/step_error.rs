@@ -1,0 +1,61 @@
+//! What is wrong with a step of a motion, in words.
+
+use std::fmt;
+
+use r6_proto::error::EncodeError;
+use r6_proto::grid::Nearest;
+
+/// What is wrong with a step of a motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepError {
+    /// The step, counted from 1; 0 where the whole motion is meant.
+    pub step: usize,
+    /// The field, by its name on the wire; of options, by their own.
+    pub field: &'static str,
+    /// What it has to be.
+    pub wanted: &'static str,
+    /// The values that can be sent, where it lies between two of them.
+    pub nearest: Option<Nearest>,
+}
+
+impl fmt::Display for StepError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.step {
+            0 => f.write_str("the motion: ")?,
+            step => write!(f, "step {step}: ")?,
+        }
+        match in_words(self.field) {
+            Some(words) => write!(f, "{words} has to be {}", self.wanted)?,
+            None => write!(f, "`{}` has to be {}", self.field, self.wanted)?,
+        }
+        match self.nearest {
+            Some(nearest) => write!(f, "; nearest: {nearest}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What a field of the wire is to people; `None` where it goes by its own name.
+fn in_words(field: &str) -> Option<&'static str> {
+    Some(match field {
+        "m0" => "J1 (X of a pose)",
+        "m1" => "J2 (Y of a pose)",
+        "m2" => "J3 (Z of a pose)",
+        "m3" => "J4 (U of a pose)",
+        "m4" => "J5 (V of a pose)",
+        "m5" => "J6 (W of a pose)",
+        "m6" => "J7",
+        "m7" => "J8",
+        "ckStatus" => "the axes that move",
+        "smooth" => "the blend",
+        _ => return None,
+    })
+}
+
+impl std::error::Error for StepError {}
+
+impl StepError {
+    pub(crate) fn of(step: usize, error: &EncodeError) -> Self {
+        Self { step, field: error.field, wanted: error.wanted, nearest: error.nearest }
+    }
+}

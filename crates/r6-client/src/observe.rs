@@ -1,0 +1,95 @@
+//! Looking at a robot: its state at a glance, and what tells whether it moves.
+
+use r6_proto::OperationMode;
+use r6_proto::address::Address;
+use r6_proto::axis::AxisIndex;
+
+use crate::error::RequestError;
+use crate::evidence::restart::Restart;
+use crate::evidence::{About, Observation, Sample};
+use crate::link::Lane;
+use crate::robot::Robot;
+use crate::status::{ASKED_AXES, Status, components};
+
+/// What is asked for besides the position; some firmware lacks the last two.
+const ASKED: [Address; 11] = [
+    Address::Version,
+    Address::MachineName,
+    Address::CurMode,
+    Address::CurAlarm,
+    Address::Origin,
+    Address::IsMoving,
+    Address::AxisNum,
+    Address::CurCycle,
+    Address::LastCycle,
+    Address::RemoteCmdLen,
+    Address::CurMold,
+];
+
+/// The addresses of the first six of `axis-n`, then of `world-n`.
+pub(crate) fn position_addresses() -> impl Iterator<Item = Address> {
+    let asked = || AxisIndex::ALL.into_iter().take(ASKED_AXES);
+    asked().map(Address::Axis).chain(asked().map(Address::World))
+}
+
+impl Robot {
+    /// Reads the state of the machine, in one query where the firmware has all of it.
+    ///
+    /// On a connection that was made anew this is also what lets commands through again.
+    ///
+    /// # Errors
+    /// [`RequestError`] of the query.
+    pub async fn status(&self) -> Result<Status, RequestError> {
+        Ok(self.drive(self.status_seen()).await?.0)
+    }
+
+    /// The same, and the robot and connection that all of it was read of.
+    pub(crate) async fn status_seen(&self) -> Result<(Status, About), RequestError> {
+        let asked: Vec<Address> = ASKED.into_iter().chain(position_addresses()).collect();
+        let (read, connection, _asked_at) = self.query_on_one_connection(Lane::Ordinary, &asked).await?;
+        let robot = self.hub().identity_on(connection);
+        Ok((Status::of(&read), About { connection, robot }))
+    }
+
+    /// The present connection and who is there, as far as is known.
+    pub(crate) fn about(&self) -> About {
+        let known = self.hub().known();
+        About { connection: known.connection, robot: known.present.clone() }
+    }
+
+    /// Reads what tells about motion.
+    pub(crate) async fn observe(&self, lane: Lane) -> Result<Observation, RequestError> {
+        let asked: Vec<Address> =
+            [Address::IsMoving, Address::CurAlarm, Address::CurMode, Address::RemoteCmdLen]
+                .into_iter()
+                .chain(position_addresses())
+                .collect();
+        let (read, connection, asked_at) = self.query_on_one_connection(lane, &asked).await?;
+        let values = Sample {
+            moving: read.flag(Address::IsMoving),
+            alarm: read.integer(Address::CurAlarm),
+            mode: read.integer(Address::CurMode).map(OperationMode::of_number),
+            list_length: read.integer(Address::RemoteCmdLen),
+            axes: components(&read, Address::Axis),
+            pose: components(&read, Address::World),
+        };
+        let robot = self.hub().identity_on(connection);
+        Ok(Observation { robot, connection, asked_at, values })
+    }
+
+    /// Whether the controller that was seen over another connection than the motion was sent on has been started anew. Asks it for its
+    /// state.
+    pub(crate) async fn restart_since(
+        &self,
+        sent_on: &About,
+        seen: &Observation,
+        idle_mode: OperationMode,
+    ) -> Option<Restart> {
+        let same_robot = sent_on.robot.is_some() && sent_on.robot == seen.robot;
+        if !same_robot || seen.connection == sent_on.connection {
+            return None;
+        }
+        let (status, about) = self.status_seen().await.ok()?;
+        if seen.is_about(&about) { Restart::of(&status, idle_mode) } else { None }
+    }
+}

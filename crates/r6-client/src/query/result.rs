@@ -1,0 +1,120 @@
+//! What a query gives: the values of its addresses, and when each was asked for.
+
+use std::fmt;
+use std::time::Duration;
+
+use r6_proto::Reading;
+use r6_proto::address::Address;
+use r6_proto::error::FieldError;
+use r6_proto::time::Instant;
+
+/// The values of some addresses, each with its address.
+///
+/// Values that took several frames to read are not of one instant. All of them came over one connection, so they are of one robot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct QueryResult {
+    pub(super) rows: Vec<(Address, Result<Reading, NoReading>)>,
+    pub(super) took: Duration,
+    /// The connection that all replies came over.
+    pub(super) connection: u64,
+}
+
+/// When the values of a query were asked for: they are no older.
+#[derive(Debug)]
+pub(crate) enum AskedAt {
+    /// All at once.
+    Once(Instant),
+    /// Each at its own time, in the order of the addresses.
+    Each(Vec<Instant>),
+}
+
+impl AskedAt {
+    /// The time of the value at this position.
+    pub fn of(&self, position: usize) -> Option<Instant> {
+        match self {
+            Self::Once(at) => Some(*at),
+            Self::Each(times) => times.get(position).copied(),
+        }
+    }
+
+    /// When the first of them was asked for.
+    pub fn oldest(&self) -> Instant {
+        match self {
+            Self::Once(at) => *at,
+            Self::Each(times) => times.iter().copied().min().unwrap_or_default(),
+        }
+    }
+}
+
+/// Why an address has no value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NoReading {
+    /// The controller does not support the address, or has no such counter: it leaves the value out.
+    Unsupported,
+    /// The value cannot be one of this address.
+    Unreadable(FieldError),
+}
+
+impl fmt::Display for NoReading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unsupported => f.write_str("the controller has no such value"),
+            Self::Unreadable(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for NoReading {}
+
+impl QueryResult {
+    #[cfg(test)]
+    pub(crate) fn for_tests(rows: Vec<(Address, Result<Reading, NoReading>)>) -> Self {
+        Self { rows, took: Duration::ZERO, connection: 0 }
+    }
+
+    /// The number of the connection that all of it was answered over.
+    pub(crate) fn connection(&self) -> u64 {
+        self.connection
+    }
+
+    /// Each address with its value, in the order asked.
+    pub fn rows(&self) -> &[(Address, Result<Reading, NoReading>)] {
+        &self.rows
+    }
+
+    /// The value of an address, if it was asked for and has one.
+    #[must_use]
+    pub fn reading(&self, address: Address) -> Option<&Reading> {
+        self.rows.iter().find(|(asked, _)| *asked == address)?.1.as_ref().ok()
+    }
+
+    /// A whole number.
+    #[must_use]
+    pub fn integer(&self, address: Address) -> Option<i64> {
+        if let Reading::Integer(number) = self.reading(address)? { Some(*number) } else { None }
+    }
+
+    /// A decimal number, in the unit of its address.
+    #[must_use]
+    pub fn decimal(&self, address: Address) -> Option<f64> {
+        if let Reading::Decimal(number) = self.reading(address)? { Some(*number) } else { None }
+    }
+
+    /// A flag.
+    #[must_use]
+    pub fn flag(&self, address: Address) -> Option<bool> {
+        if let Reading::Flag(flag) = self.reading(address)? { Some(*flag) } else { None }
+    }
+
+    /// A text.
+    #[must_use]
+    pub fn text(&self, address: Address) -> Option<&str> {
+        if let Reading::Text(text) = self.reading(address)? { Some(text) } else { None }
+    }
+
+    /// How long the slowest reply took.
+    #[must_use]
+    pub fn took(&self) -> Duration {
+        self.took
+    }
+}

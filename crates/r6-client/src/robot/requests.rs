@@ -1,0 +1,124 @@
+//! Giving a request to the connection, and what its caller waits for.
+
+use r6_proto::message::{Command, PhotoAnswer};
+use tokio::sync::oneshot;
+
+use crate::error::{Effect, OutcomeUnknown, RequestError, Sent};
+use crate::evidence::About;
+use crate::job::{Accepted, Answer, CameraSet, Job, Terms, Work};
+use crate::link::Lane;
+use crate::pushed::LostReason;
+use crate::robot::Robot;
+use crate::told;
+
+impl Robot {
+    /// Sends a command (manual 4.2). A stop or a pause overtakes everything that waits.
+    ///
+    /// # Errors
+    /// [`RequestError`]. It is never sent twice by itself, and only a stop or a pause makes a lost connection anew.
+    pub async fn command(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
+        self.drive(self.command_now(command)).await
+    }
+
+    pub(crate) async fn command_now(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
+        let changes_frame = told::tells_frame(&command);
+        let work = Work::Command(command);
+        let lane = match work.sent().effect {
+            Effect::Stops => {
+                self.announce_stop();
+                Lane::Urgent
+            }
+            Effect::Reads | Effect::Changes | Effect::Moves => Lane::Ordinary,
+        };
+        // A list that was checked leaves before the frame changes, or is checked after that.
+        let _turn = if changes_frame { Some(self.lists().await) } else { None };
+        self.accepted(work, lane).await
+    }
+
+    /// Sends the points that cameras found (manual 5.2); [`Accepted::points`] tells how many were taken.
+    ///
+    /// # Errors
+    /// [`RequestError`]. It is never sent twice by itself: a program may wait for these points to move.
+    pub async fn add_points(&self, cameras: Vec<CameraSet>) -> Result<Accepted, RequestError> {
+        self.drive(self.accepted(Work::AddPoints(cameras), Lane::Ordinary)).await
+    }
+
+    /// Answers a photo request (manual 5.1). The controller does not reply: `Ok` says that the answer has left.
+    ///
+    /// # Errors
+    /// [`RequestError::NotSent`], or [`RequestError::OutcomeUnknown`] if the connection ended within the frame.
+    pub async fn answer_photo(&self, answer: PhotoAnswer) -> Result<(), RequestError> {
+        self.drive(self.ask(Work::PhotoAnswer(answer), Lane::Ordinary)).await.map(|_left| ())
+    }
+
+    /// Sends a request that the controller answers with yes or no.
+    pub(crate) async fn accepted(&self, work: Work, lane: Lane) -> Result<Accepted, RequestError> {
+        self.accepted_on(Terms::default(), work, lane).await
+    }
+
+    /// The same; it leaves on these terms only, or is refused: later as [`crate::NotSent::Busy`], on another connection as
+    /// [`crate::NotSent::Disconnected`].
+    pub(crate) async fn accepted_on(
+        &self,
+        terms: Terms,
+        work: Work,
+        lane: Lane,
+    ) -> Result<Accepted, RequestError> {
+        let request = work.sent();
+        let is_list = matches!(work, Work::AddRcc { .. });
+        let leaving = self.lanes.tell.leaving(&work);
+        let answer = self.ask_on(terms, work, lane).await;
+        leaving.answered(&answer);
+        match answer? {
+            Answer::Accepted { accepted, on } => {
+                if request.effect == Effect::Moves {
+                    let robot = self.hub().identity_on(on.connection);
+                    self.motions().accepted(About { connection: on.connection, robot }, is_list);
+                }
+                Ok(accepted)
+            }
+            Answer::Values { .. } | Answer::Mismatch { .. } | Answer::Left => {
+                Err(OutcomeUnknown::Unclear { request, answer: "a reply to a query".to_owned() }.into())
+            }
+        }
+    }
+
+    /// Gives a request to the connection and waits for its answer.
+    pub(crate) async fn ask(&self, work: Work, lane: Lane) -> Result<Answer, RequestError> {
+        self.ask_on(Terms::default(), work, lane).await
+    }
+
+    async fn ask_on(&self, terms: Terms, work: Work, lane: Lane) -> Result<Answer, RequestError> {
+        self.give(terms, work, lane).answer().await
+    }
+
+    /// Gives a request to the connection: what is given later over the same lane leaves later.
+    pub(crate) fn give(&self, terms: Terms, work: Work, lane: Lane) -> Given {
+        let request = work.sent();
+        let asked_at = self.hub().time.now();
+        let (reply, answer) = oneshot::channel();
+        let mut job = Job::new(work, asked_at, reply);
+        (job.leave_by, job.only_on) = (terms.leave_by, terms.only_on);
+        job.stops_before = terms.stops_before.unwrap_or_else(|| self.hub().stops_asked());
+        job.background = lane == Lane::Background;
+        self.lanes.desk.connection().give(lane, job);
+        Given { request, answer }
+    }
+}
+
+/// A request that the connection has.
+#[derive(Debug)]
+pub(crate) struct Given {
+    request: Sent,
+    answer: oneshot::Receiver<Result<Answer, RequestError>>,
+}
+
+impl Given {
+    /// Waits for its answer.
+    pub async fn answer(self) -> Result<Answer, RequestError> {
+        // The connection answers every request. Only one that nobody drives any more does not: its runtime was shut down.
+        let reason = LostReason::ClosedHere;
+        let ended = OutcomeUnknown::ConnectionLost { request: self.request, reason };
+        self.answer.await.unwrap_or(Err(ended.into()))
+    }
+}

@@ -1,0 +1,252 @@
+//! How the event loop of asyncio and a connection come together: calls begin in the loop's thread, and end there when it reads.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use pyo3::intern;
+use pyo3::prelude::*;
+use pyo3::types::PyCFunction;
+use r6_client::callback::{Call, CallbackHand};
+use r6_client::{RequestError, Robot, RobotSettings};
+
+use crate::operation::{Made, Work};
+use crate::process::{Errand, Held, Kept, Process, Unheard};
+use crate::wire::{self, Socket, Wire};
+
+/// The connection of an `AsyncRobot`.
+pub struct Line {
+    wire: Arc<Wire>,
+    hand: Arc<CallbackHand>,
+    ended: Arc<Ended>,
+    reader: Mutex<Option<Reader>>,
+    /// Whether the event loop watches no sockets.
+    unwatched: AtomicBool,
+}
+
+/// A socket in the selector of an event loop. It is closed only after it was taken out of it.
+struct Reader {
+    event_loop: Py<PyAny>,
+    socket: Arc<Socket>,
+}
+
+/// The calls that have ended, and that nobody was told of.
+#[derive(Default)]
+struct Ended(Mutex<Vec<Arc<Record>>>);
+
+/// A call of a task.
+pub struct Record {
+    /// `None` once it was told, or given up.
+    asked: Mutex<Option<Asked>>,
+    made: Mutex<Option<Made>>,
+    ended: AtomicBool,
+}
+
+struct Asked {
+    tell: Py<PyAny>,
+    future: Py<PyAny>,
+    held: Held,
+    unheard: Option<Unheard>,
+}
+
+/// A call that was begun.
+pub struct Calling {
+    record: Arc<Record>,
+    call: Call,
+    line: Arc<Line>,
+}
+
+/// Whatever becomes of a call, what it holds of Python is dropped with the interpreter at hand.
+struct Ending {
+    record: Arc<Record>,
+    ended: Arc<Ended>,
+    wire: Arc<Wire>,
+}
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        self.wire.disengage();
+        self.record.ended.store(true, Ordering::Release);
+        locked(&self.ended.0).push(Arc::clone(&self.record));
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Ended {
+    fn take(&self) -> Vec<Arc<Record>> {
+        std::mem::take(&mut *locked(&self.0))
+    }
+
+    /// On a thread of the engine: another one has the interpreter.
+    fn hand_on(&self, process: &Process) {
+        for record in self.take() {
+            let made = locked(&record.made).take();
+            let asked = locked(&record.asked).take();
+            if let Some(Asked { tell, future, held, unheard }) = asked {
+                let held: Held = Arc::new(Mutex::new((future, held)));
+                process.run(Errand { tell: Some(tell), made, held, unheard });
+            }
+        }
+    }
+
+    /// In the thread of the event loop.
+    fn settle(&self, py: Python<'_>) {
+        for record in self.take() {
+            let made = locked(&record.made).take();
+            let asked = locked(&record.asked).take();
+            if let (Some(asked), Some(made)) = (asked, made)
+                && asked.settle(py, made).is_err()
+                && let Some(unheard) = asked.unheard
+            {
+                // The event loop is closed.
+                unheard();
+            }
+        }
+    }
+}
+
+impl Asked {
+    fn settle(&self, py: Python<'_>, made: Made) -> PyResult<()> {
+        let future = self.future.bind(py);
+        if future.call_method0(intern!(py, "done"))?.is_truthy()? {
+            return Ok(());
+        }
+        match made(py) {
+            Ok(value) => future.call_method1(intern!(py, "set_result"), (value,)),
+            Err(error) => future.call_method1(intern!(py, "set_exception"), (error,)),
+        }
+        .map(drop)
+    }
+}
+
+impl Line {
+    /// Connects.
+    pub async fn open(
+        process: &'static Process,
+        address: String,
+        settings: RobotSettings,
+    ) -> Result<(Arc<Self>, Robot), RequestError> {
+        let ended = Arc::<Ended>::default();
+        let handed_on = Arc::clone(&ended);
+        let (wire, hand, robot) = wire::open(&address, settings, move || handed_on.hand_on(process)).await?;
+        let (reader, unwatched) = (Mutex::default(), AtomicBool::new(false));
+        Ok((Arc::new(Self { wire, hand, ended, reader, unwatched }), robot))
+    }
+
+    /// Has this event loop read from the present socket; `false` if it cannot, or another one does.
+    pub fn attach(self: &Arc<Self>, py: Python<'_>, event_loop: &Bound<'_, PyAny>) -> PyResult<bool> {
+        if self.unwatched.load(Ordering::Relaxed) {
+            return Ok(false);
+        }
+        let Some(socket) = self.wire.socket() else { return Ok(false) };
+        let Some(descriptor) = socket.descriptor() else { return Ok(false) };
+        let before = {
+            let mut reader = locked(&self.reader);
+            match &*reader {
+                Some(reader) if Arc::ptr_eq(&reader.socket, &socket) && reader.event_loop.is(event_loop) => {
+                    return Ok(true);
+                }
+                Some(_) | None => reader.take(),
+            }
+        };
+        if let Some(before) = before {
+            let other = before.event_loop.bind(py);
+            let here = other.is(event_loop);
+            if !here && !other.call_method0(intern!(py, "is_closed"))?.is_truthy()? {
+                *locked(&self.reader) = Some(before);
+                return Ok(false);
+            }
+            if here {
+                before.leave(py);
+            }
+        }
+        let line = Kept::new(Arc::downgrade(self));
+        let read = PyCFunction::new_closure(py, None, None, move |args, _| {
+            if let Some(line) = line.here()?.upgrade() {
+                line.read(args.py());
+            }
+            Ok::<(), PyErr>(())
+        })?;
+        if event_loop.call_method1(intern!(py, "add_reader"), (descriptor, read)).is_err() {
+            self.unwatched.store(true, Ordering::Relaxed);
+            return Ok(false);
+        }
+        *locked(&self.reader) = Some(Reader { event_loop: event_loop.clone().unbind(), socket });
+        Ok(true)
+    }
+
+    /// The selector says that there is something to read.
+    fn read(&self, py: Python<'_>) {
+        self.wire.read_here(&self.hand);
+        self.ended.settle(py);
+        let present = self.wire.socket();
+        let old = {
+            let mut reader = locked(&self.reader);
+            let is_old = |reader: &mut Reader| {
+                !present.as_ref().is_some_and(|present| Arc::ptr_eq(present, &reader.socket))
+            };
+            reader.take_if(is_old)
+        };
+        if let Some(old) = old {
+            old.leave(py);
+        }
+    }
+
+    /// Begins a call in the thread of the event loop that reads.
+    pub fn begin(
+        self: &Arc<Self>,
+        py: Python<'_>,
+        work: Work,
+        tell: Py<PyAny>,
+        future: Py<PyAny>,
+    ) -> Calling {
+        let Work { running, held, owed: _, unheard } = work;
+        let asked = Asked { tell, future, held, unheard };
+        let record = Arc::new(Record {
+            asked: Mutex::new(Some(asked)),
+            made: Mutex::default(),
+            ended: AtomicBool::new(false),
+        });
+        self.wire.engage();
+        let (ended, wire) = (Arc::clone(&self.ended), Arc::clone(&self.wire));
+        let ending = Ending { record: Arc::clone(&record), ended, wire };
+        let call = self.hand.call(async move {
+            let ending = ending;
+            let made = running.await;
+            *locked(&ending.record.made) = Some(made);
+        });
+        self.ended.settle(py);
+        Calling { record, call, line: Arc::clone(self) }
+    }
+}
+
+impl Drop for Line {
+    fn drop(&mut self) {
+        // The keeper may be the last who has the hand.
+        self.wire.look();
+    }
+}
+
+impl Reader {
+    /// Takes the socket out of the selector.
+    fn leave(&self, py: Python<'_>) {
+        let event_loop = self.event_loop.bind(py);
+        // One that is closed has let go of it.
+        event_loop.call_method1(intern!(py, "remove_reader"), (self.socket.descriptor(),)).ok();
+    }
+}
+
+impl Calling {
+    /// Drops the operation; nothing if it has ended.
+    pub fn cancel(&self, py: Python<'_>) {
+        if self.record.ended.load(Ordering::Acquire) {
+            return;
+        }
+        let asked = locked(&self.record.asked).take();
+        self.call.cancel();
+        drop(asked);
+        self.line.ended.settle(py);
+    }
+}

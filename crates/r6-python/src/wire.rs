@@ -1,0 +1,470 @@
+//! The connection of an `AsyncRobot`: one socket that two threads serve, whoever comes first.
+//!
+//! ```text
+//!  the thread of the event loop:  begins a call and writes its request at once; reads when its selector says so
+//!  the engine's keeper:           time-outs, heartbeats, stops, streams, a new connection; and it reads what the event loop
+//!                                 has left for 2 ms
+//! ```
+//!
+//! So a query needs one thread, and a program that holds the interpreter, or has closed its event loop, holds up nothing.
+
+use std::future::{Future, pending};
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::net::{Shutdown, TcpStream};
+use std::pin::Pin;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use r6_client::callback::{Another, CallbackHand, EventLoop, host_and_port};
+use r6_client::{LostReason, NotSent, RequestError, Robot, RobotSettings};
+use tokio::io::Interest;
+use tokio::runtime::Handle;
+use tokio::sync::Notify;
+use tokio::time::{sleep_until, timeout};
+
+/// How long bytes may wait for an event loop that reads, before the keeper reads them. A real controller takes ten times as long to
+/// answer.
+const GRACE: Duration = Duration::from_millis(2);
+
+/// Replies are below 4 KiB; a longer one is read in pieces.
+const READ_BUFFER: usize = 4096;
+
+/// One socket. The keeper has another descriptor of it, with which the engine waits.
+pub struct Socket {
+    stream: TcpStream,
+}
+
+/// What the hand, the event loop and the keeper share.
+pub struct Wire {
+    begun: Instant,
+    target: (String, u16),
+    /// Tells the keeper to look.
+    nudge: Notify,
+    state: Mutex<State>,
+    /// Held while bytes are read and handed on, so that they stay in order, and while the next connection is told, so that none of this
+    /// one are taken for its.
+    reading: Mutex<()>,
+    /// Whether an event loop reads in time.
+    engaged: AtomicBool,
+    /// Calls of event loops that wait.
+    calls: AtomicUsize,
+    /// How often an event loop has read.
+    reads: AtomicU64,
+    runtime: Handle,
+    /// What is done after the keeper carried: results are handed on.
+    carried: Box<dyn Fn() + Send + Sync>,
+}
+
+#[derive(Default)]
+struct State {
+    socket: Option<Arc<Socket>>,
+    /// Counts the sockets and attempts, so that the keeper sees that it has an old one.
+    number: u64,
+    connecting: bool,
+    call_at: Option<Duration>,
+    full: bool,
+    broken: Option<ErrorKind>,
+}
+
+type Connecting = Pin<Box<dyn Future<Output = io::Result<tokio::net::TcpStream>> + Send>>;
+
+impl Socket {
+    fn of(stream: &tokio::net::TcpStream) -> io::Result<Arc<Self>> {
+        #[cfg(unix)]
+        let stream = std::os::fd::AsFd::as_fd(stream).try_clone_to_owned()?;
+        #[cfg(windows)]
+        let stream = std::os::windows::io::AsSocket::as_socket(stream).try_clone_to_owned()?;
+        let stream = TcpStream::from(stream);
+        Ok(Arc::new(Self { stream }))
+    }
+
+    /// What an event loop watches it by; `None` where event loops watch none.
+    pub fn descriptor(&self) -> Option<i32> {
+        #[cfg(unix)]
+        return Some(std::os::fd::AsRawFd::as_raw_fd(&self.stream));
+        #[cfg(not(unix))]
+        return None;
+    }
+}
+
+async fn connect((host, port): (String, u16)) -> io::Result<tokio::net::TcpStream> {
+    let stream = tokio::net::TcpStream::connect((host.as_str(), port)).await?;
+    // A frame that waits for the acknowledgement of the one before costs up to 200 ms.
+    stream.set_nodelay(true)?;
+    Ok(stream)
+}
+
+/// Connects, and has the keeper begin on this runtime. `carried`: called after the keeper carried.
+pub async fn open(
+    address: &str,
+    settings: RobotSettings,
+    carried: impl Fn() + Send + Sync + 'static,
+) -> Result<(Arc<Wire>, Arc<CallbackHand>, Robot), RequestError> {
+    let target = host_and_port(address)?;
+    let name = match &target {
+        (host, port) if host.contains(':') => format!("[{host}]:{port}"),
+        (host, port) => format!("{host}:{port}"),
+    };
+    let within = settings.connect_timeout;
+    let unreachable = |error: io::Error| NotSent::Unreachable {
+        address: name.clone(),
+        kind: error.kind(),
+        detail: error.to_string(),
+    };
+    let stream = match timeout(within, connect(target.clone())).await {
+        Ok(made) => made.map_err(unreachable)?,
+        Err(_elapsed) => return Err(NotSent::ConnectTimedOut { address: name, after: within }.into()),
+    };
+    let wire = Wire::over(target, Instant::now(), Socket::of(&stream).map_err(unreachable)?, carried);
+    let (hand, robot) = CallbackHand::start(&name, settings, Arc::clone(&wire) as Arc<dyn EventLoop>);
+    let hand = Arc::new(hand);
+    tokio::spawn(Keeper::over(&wire, &hand, stream).keep());
+    Ok((wire, hand, robot))
+}
+
+impl Wire {
+    fn over(
+        target: (String, u16),
+        begun: Instant,
+        socket: Arc<Socket>,
+        carried: impl Fn() + Send + Sync + 'static,
+    ) -> Arc<Self> {
+        let state = State { socket: Some(socket), ..State::default() };
+        Arc::new(Self {
+            begun,
+            target,
+            nudge: Notify::new(),
+            state: Mutex::new(state),
+            reading: Mutex::default(),
+            engaged: AtomicBool::new(false),
+            calls: AtomicUsize::new(0),
+            reads: AtomicU64::new(0),
+            runtime: Handle::current(),
+            carried: Box::new(carried),
+        })
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn reading(&self) -> MutexGuard<'_, ()> {
+        self.reading.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The present socket.
+    pub fn socket(&self) -> Option<Arc<Socket>> {
+        self.state().socket.clone()
+    }
+
+    /// Has the keeper look.
+    pub fn look(&self) {
+        self.nudge.notify_one();
+    }
+
+    /// A call of an event loop waits: the keeper leaves to it what comes in.
+    pub fn engage(&self) {
+        self.calls.fetch_add(1, Ordering::Relaxed);
+        self.engaged.store(true, Ordering::Relaxed);
+    }
+
+    /// It has ended.
+    pub fn disengage(&self) {
+        self.calls.fetch_sub(1, Ordering::Relaxed);
+    }
+
+    /// An event loop reads, because there is something to read.
+    pub fn read_here(&self, hand: &CallbackHand) {
+        self.reads.fetch_add(1, Ordering::Relaxed);
+        self.read(hand);
+    }
+
+    /// Reads what is there.
+    fn read(&self, hand: &CallbackHand) {
+        let _in_order = self.reading();
+        let Some(socket) = self.socket() else { return };
+        let mut buffer = [0; READ_BUFFER];
+        loop {
+            let reason = match (&socket.stream).read(&mut buffer) {
+                Ok(0) => LostReason::ClosedByPeer,
+                Ok(count) => {
+                    hand.received(buffer.get(..count).unwrap_or_default());
+                    // On to the end: an end of the connection that came with it is not told to the keeper again.
+                    if !self.is_present(&socket) {
+                        return;
+                    }
+                    continue;
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(error) => LostReason::Io(error.kind()),
+            };
+            if self.is_present(&socket) {
+                self.drop_socket();
+                hand.lost(reason);
+            }
+            return;
+        }
+    }
+
+    fn is_present(&self, socket: &Arc<Socket>) -> bool {
+        self.state().socket.as_ref().is_some_and(|present| Arc::ptr_eq(present, socket))
+    }
+
+    /// The connection ends now, whoever still has a descriptor of it: an event loop may have to take it out of its selector.
+    fn drop_socket(&self) {
+        let socket = {
+            let mut state = self.state();
+            (state.number, state.full, state.broken) = (state.number + 1, false, None);
+            state.socket.take()
+        };
+        if let Some(socket) = socket {
+            // It may have ended before.
+            socket.stream.shutdown(Shutdown::Both).ok();
+            self.nudge.notify_one();
+        }
+    }
+}
+
+impl EventLoop for Wire {
+    fn now(&self) -> Duration {
+        self.begun.elapsed()
+    }
+
+    fn soon(&self) {
+        self.nudge.notify_one();
+    }
+
+    fn write(&self, bytes: &[u8]) -> usize {
+        let Some(socket) = self.socket() else { return 0 };
+        let written = match (&socket.stream).write(bytes) {
+            Ok(count) => count,
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => 0,
+            Err(error) => {
+                self.state().broken = Some(error.kind());
+                self.nudge.notify_one();
+                return 0;
+            }
+        };
+        if written < bytes.len() {
+            self.state().full = true;
+            self.nudge.notify_one();
+        }
+        written
+    }
+
+    fn connect(&self) {
+        let mut state = self.state();
+        (state.connecting, state.number) = (true, state.number + 1);
+        drop(state);
+        self.nudge.notify_one();
+    }
+
+    fn end(&self) {
+        if let Some(socket) = self.socket() {
+            // Then the other side has ended it before.
+            socket.stream.shutdown(Shutdown::Write).ok();
+        }
+    }
+
+    fn let_go(&self) {
+        self.state().connecting = false;
+        self.drop_socket();
+        self.nudge.notify_one();
+    }
+
+    fn call_at(&self, at: Duration) {
+        self.state().call_at = Some(at);
+        self.nudge.notify_one();
+    }
+
+    fn another(&self, another: Another) {
+        let (target, begun) = (self.target.clone(), self.begun);
+        // The keeper of this one carries, or the thread of an event loop: neither waits.
+        self.runtime.spawn(async move {
+            let made = connect(target.clone()).await;
+            match made.and_then(|stream| Ok((Socket::of(&stream)?, stream))) {
+                Ok((socket, stream)) => {
+                    let wire = Self::over(target, begun, socket, || ());
+                    if let Some(hand) = another.connected(Arc::clone(&wire) as Arc<dyn EventLoop>) {
+                        Keeper::over(&wire, &Arc::new(hand), stream).keep().await;
+                    }
+                }
+                Err(error) => another.not_connected(&error),
+            }
+        });
+    }
+}
+
+/// What serves the connection whenever no event loop does.
+struct Keeper {
+    wire: Arc<Wire>,
+    hand: Arc<CallbackHand>,
+    /// The present socket for the engine, with its number.
+    stream: Option<tokio::net::TcpStream>,
+    connecting: Option<Connecting>,
+    number: u64,
+    /// Until when what came in is left to the event loop, and how often that had read before.
+    grace: Option<(tokio::time::Instant, u64)>,
+    /// How often it had read when the last such time was over.
+    seen: u64,
+}
+
+/// What happened.
+enum Woken {
+    Nudged,
+    Due,
+    Readable,
+    GraceOver,
+    Writable,
+    Connected(io::Result<tokio::net::TcpStream>),
+}
+
+impl Keeper {
+    fn over(wire: &Arc<Wire>, hand: &Arc<CallbackHand>, stream: tokio::net::TcpStream) -> Self {
+        Self {
+            wire: Arc::clone(wire),
+            hand: Arc::clone(hand),
+            stream: Some(stream),
+            connecting: None,
+            number: 0,
+            grace: None,
+            seen: 0,
+        }
+    }
+
+    async fn keep(mut self) {
+        loop {
+            match self.woken().await {
+                Woken::Nudged => self.hand.run(),
+                Woken::Due => {
+                    self.wire.state().call_at = None;
+                    self.hand.due();
+                }
+                Woken::Readable => self.readable(),
+                Woken::GraceOver => self.grace_over(),
+                Woken::Writable => {
+                    self.wire.state().full = false;
+                    self.hand.writable();
+                }
+                Woken::Connected(made) => self.connected(made),
+            }
+            let broken = self.wire.state().broken.take();
+            if let Some(kind) = broken {
+                self.wire.drop_socket();
+                self.hand.lost(LostReason::Io(kind));
+            }
+            self.follow();
+            (self.wire.carried)();
+            if Arc::strong_count(&self.hand) == 1 && self.hand.is_over() {
+                return;
+            }
+        }
+    }
+
+    /// Waits until something happens.
+    async fn woken(&mut self) -> Woken {
+        let (call_at, full) = {
+            let state = self.wire.state();
+            (state.call_at.map(|at| tokio::time::Instant::from_std(self.wire.begun + at)), state.full)
+        };
+        let grace = self.grace.map(|(until, _)| until);
+        let stream = self.stream.as_ref();
+        let ready = |interest: Interest, wanted: bool| async move {
+            match stream.filter(|_| wanted) {
+                // It is said again when it is tried.
+                Some(stream) => drop(stream.ready(interest).await),
+                None => pending().await,
+            }
+        };
+        let connecting = async {
+            match &mut self.connecting {
+                Some(connecting) => connecting.await,
+                None => pending().await,
+            }
+        };
+        tokio::select! {
+            () = self.wire.nudge.notified() => Woken::Nudged,
+            made = connecting => Woken::Connected(made),
+            () = at(call_at) => Woken::Due,
+            () = at(grace) => Woken::GraceOver,
+            () = ready(Interest::READABLE, grace.is_none()) => Woken::Readable,
+            () = ready(Interest::WRITABLE, full) => Woken::Writable,
+        }
+    }
+
+    /// Something came: the event loop reads it, where it does.
+    fn readable(&mut self) {
+        if let Some(stream) = &self.stream {
+            // The next arrival is told, whatever is there now: it is read after this.
+            let none = || Err::<(), _>(io::Error::from(ErrorKind::WouldBlock));
+            stream.try_io(Interest::READABLE, none).ok();
+        }
+        let reads = self.wire.reads.load(Ordering::Relaxed);
+        let active = self.wire.calls.load(Ordering::Relaxed) > 0 || reads != self.seen;
+        if active && self.wire.engaged.load(Ordering::Relaxed) {
+            let until = tokio::time::Instant::now() + GRACE;
+            self.grace = Some((until, reads));
+        } else {
+            self.wire.read(&self.hand);
+        }
+    }
+
+    fn grace_over(&mut self) {
+        let Some((_, reads)) = self.grace.take() else { return };
+        self.seen = self.wire.reads.load(Ordering::Relaxed);
+        if self.seen == reads {
+            self.wire.engaged.store(false, Ordering::Relaxed);
+            self.wire.read(&self.hand);
+        }
+    }
+
+    fn connected(&mut self, made: io::Result<tokio::net::TcpStream>) {
+        self.connecting = None;
+        match made.and_then(|stream| Ok((Socket::of(&stream)?, stream))) {
+            Ok((socket, stream)) => {
+                let _in_order = self.wire.reading();
+                let mut state = self.wire.state();
+                if !state.connecting || state.number != self.number {
+                    return;
+                }
+                (state.connecting, state.socket) = (false, Some(socket));
+                drop(state);
+                self.stream = Some(stream);
+                self.hand.connected();
+            }
+            Err(error) => {
+                let mut state = self.wire.state();
+                if !state.connecting || state.number != self.number {
+                    return;
+                }
+                state.connecting = false;
+                drop(state);
+                self.hand.not_connected(error);
+            }
+        }
+    }
+
+    /// Does what the hand wanted meanwhile.
+    fn follow(&mut self) {
+        let state = self.wire.state();
+        if state.number == self.number {
+            return;
+        }
+        self.number = state.number;
+        let connecting = state.connecting;
+        drop(state);
+        (self.stream, self.grace, self.connecting) = (None, None, None);
+        if connecting {
+            self.connecting = Some(Box::pin(connect(self.wire.target.clone())));
+        }
+    }
+}
+
+async fn at(time: Option<tokio::time::Instant>) {
+    match time {
+        Some(time) => sleep_until(time).await,
+        None => pending().await,
+    }
+}
