@@ -57,11 +57,11 @@ pub(crate) struct Connection {
     hub: Arc<Hub>,
     backoff: Backoff,
     /// Stops, and what confirms them.
-    urgent: VecDeque<Job>,
-    ordinary: VecDeque<Job>,
+    urgent: VecDeque<Box<Job>>,
+    ordinary: VecDeque<Box<Job>>,
     /// Jobs for the next connection: the one that asked for it, and queries that the last one lost. On a connection, what
     /// waits until the controller has said who it is.
-    held: VecDeque<Job>,
+    held: VecDeque<Box<Job>>,
     next_pack_id: u64,
     close_asked: bool,
     phase: Phase,
@@ -127,7 +127,7 @@ impl Connection {
     }
 
     /// Takes a request into its lane. The urgent lane leaves first.
-    pub fn give(&mut self, lane: Lane, job: Job) {
+    pub fn give(&mut self, lane: Lane, job: Box<Job>) {
         if self.is_closed() {
             return job.not_sent(NotSent::Closed);
         }
@@ -375,7 +375,7 @@ impl Connection {
     fn abandon(&mut self, link: Link, reason: LostReason, now: Instant) {
         tracing::info!(controller = self.name, %reason, "connection ended");
         let (again, next_pack_id) = link.abandon(reason, now);
-        let waiting: Vec<Job> = self.held.drain(..).chain(again).collect();
+        let waiting: Vec<Box<Job>> = self.held.drain(..).chain(again).collect();
         waiting.into_iter().for_each(|job| self.hold(job));
         self.next_pack_id = next_pack_id;
     }
@@ -388,7 +388,7 @@ impl Connection {
 
     /// Keeps a job that is worth a new connection, refuses any other: what a command was meant for may have changed.
     /// Stops come first.
-    fn hold(&mut self, job: Job) {
+    fn hold(&mut self, job: Box<Job>) {
         if job.is_moot() {
             return;
         }
@@ -424,7 +424,7 @@ impl Connection {
 }
 
 /// Drops what its callers gave up. A stop that was given up still leaves, but only once.
-fn sweep(lane: &mut VecDeque<Job>) {
+fn sweep(lane: &mut VecDeque<Box<Job>>) {
     let mut given_up = Vec::new();
     lane.retain(|job| {
         let again = job.is_given_up() && given_up.contains(&job.work.sent());
@@ -437,7 +437,7 @@ fn sweep(lane: &mut VecDeque<Job>) {
 
 /// A stop leaves at once, unless the controller has yet to say whether it is the one that is meant; what confirms the stop leaves
 /// behind it.
-fn hand_over_urgent(held: &mut VecDeque<Job>, job: Job, link: &mut Link, hub: &Hub, now: Instant) {
+fn hand_over_urgent(held: &mut VecDeque<Box<Job>>, job: Box<Job>, link: &mut Link, hub: &Hub, now: Instant) {
     if link.holds_stops() {
         held.push_back(job);
         return;
@@ -452,7 +452,7 @@ fn hand_over_urgent(held: &mut VecDeque<Job>, job: Job, link: &mut Link, hub: &H
 
 /// What waited for this connection, or until the controller has said who it is. Stops come first and wait for neither.
 fn hand_over_held(
-    held: &mut VecDeque<Job>,
+    held: &mut VecDeque<Box<Job>>,
     link: &mut Link,
     hub: &Hub,
     settings: &RobotSettings,
@@ -475,8 +475,8 @@ fn hand_over_held(
 /// Holds commands back until the controller has said who it is, and queries for a while. A stop and the answer to a photo leave at once.
 /// The next connection is compared with that identity.
 fn hand_over_once_known(
-    held: &mut VecDeque<Job>,
-    job: Job,
+    held: &mut VecDeque<Box<Job>>,
+    job: Box<Job>,
     link: &mut Link,
     hub: &Hub,
     settings: &RobotSettings,
@@ -505,7 +505,7 @@ fn hand_over_once_known(
 }
 
 /// A command that waited long must not leave as a surprise; a query may.
-fn hand_over_unless_stale(job: Job, link: &mut Link, hub: &Hub, settings: &RobotSettings, now: Instant) {
+fn hand_over_unless_stale(job: Box<Job>, link: &mut Link, hub: &Hub, settings: &RobotSettings, now: Instant) {
     match job.work.sent().effect {
         Effect::Changes | Effect::Moves => {
             let waited = now.since(job.asked_at);
@@ -519,7 +519,7 @@ fn hand_over_unless_stale(job: Job, link: &mut Link, hub: &Hub, settings: &Robot
 }
 
 /// What was meant for one robot is not sent to another, and what was meant for one connection not over another.
-fn hand_over_unless_another(job: Job, link: &mut Link, hub: &Hub, now: Instant) {
+fn hand_over_unless_another(job: Box<Job>, link: &mut Link, hub: &Hub, now: Instant) {
     if job.is_overtaken(hub.stops_asked()) {
         return job.not_sent(NotSent::Overtaken);
     }

@@ -77,7 +77,7 @@ pub(crate) struct Terms {
     pub stops_before: Option<u64>,
 }
 
-/// One request on its way.
+/// One request on its way. In a box: it goes through many hands, and most of it is looked at in few of them.
 #[derive(Debug)]
 pub(crate) struct Job {
     pub work: Work,
@@ -243,8 +243,12 @@ fn effect_of(command: CommandName) -> Effect {
 }
 
 impl Job {
-    pub fn new(work: Work, asked_at: Instant, reply: oneshot::Sender<Result<Answer, RequestError>>) -> Self {
-        Self {
+    pub fn new(
+        work: Work,
+        asked_at: Instant,
+        reply: oneshot::Sender<Result<Answer, RequestError>>,
+    ) -> Box<Self> {
+        Box::new(Self {
             work,
             asked_at,
             leave_by: None,
@@ -256,7 +260,7 @@ impl Job {
             background: false,
             doubt: None,
             reply,
-        }
+        })
     }
 
     /// Whether the caller does not wait for the answer any more.
@@ -280,7 +284,7 @@ impl Job {
     }
 
     /// Gives the answer. A caller that is gone does not need it.
-    pub fn finish(mut self, answer: Result<Answer, RequestError>) {
+    pub fn finish(mut self: Box<Self>, answer: Result<Answer, RequestError>) {
         if let Some(doubt) = self.doubt.take() {
             doubt.settle(&answer);
         }
@@ -288,7 +292,7 @@ impl Job {
     }
 
     /// It did not leave this time; whether it ever did decides what the caller is told.
-    pub fn not_sent(self, error: impl Into<RequestError>) {
+    pub fn not_sent(self: Box<Self>, error: impl Into<RequestError>) {
         let error = match self.lost {
             None => error.into(),
             Some(reason) => OutcomeUnknown::ConnectionLost { request: self.work.sent(), reason }.into(),

@@ -42,7 +42,7 @@ pub(crate) struct Link {
     session: ClientSession,
     in_flight: InFlight,
     /// A job that is done once its bytes have left.
-    leaving: Option<Job>,
+    leaving: Option<Box<Job>>,
     /// Whether any byte of `leaving` was given to the socket.
     leaving_began: bool,
     /// Since when there has been something to write.
@@ -68,7 +68,7 @@ pub(crate) struct Link {
 
 /// The jobs that wait for their replies, the longest waiting first: few, and the first is nearly always the next to be answered.
 #[derive(Debug, Default)]
-struct InFlight(VecDeque<(Ticket, Job)>);
+struct InFlight(VecDeque<(Ticket, Box<Job>)>);
 
 impl InFlight {
     fn len(&self) -> usize {
@@ -79,15 +79,15 @@ impl InFlight {
         self.0.is_empty()
     }
 
-    fn jobs(&self) -> impl Iterator<Item = &(Ticket, Job)> {
+    fn jobs(&self) -> impl Iterator<Item = &(Ticket, Box<Job>)> {
         self.0.iter()
     }
 
-    fn push(&mut self, ticket: Ticket, job: Job) {
+    fn push(&mut self, ticket: Ticket, job: Box<Job>) {
         self.0.push_back((ticket, job));
     }
 
-    fn take(&mut self, ticket: Ticket) -> Option<Job> {
+    fn take(&mut self, ticket: Ticket) -> Option<Box<Job>> {
         let at = self.0.iter().position(|(waiting, _)| *waiting == ticket)?;
         self.0.remove(at).map(|(_, job)| job)
     }
@@ -236,7 +236,7 @@ impl Link {
     }
 
     /// Sends the job's request, or says at once why not.
-    pub fn hand_over(&mut self, mut job: Job, now: Instant) {
+    pub fn hand_over(&mut self, mut job: Box<Job>, now: Instant) {
         if job.is_moot() {
             return;
         }
@@ -454,7 +454,7 @@ impl Link {
     /// The connection ended: what never left says so, queries that left once are handed back, all else is unknown.
     ///
     /// Returns the queries that are to be asked again and the number that the next session's first request has.
-    pub fn abandon(mut self, reason: LostReason, now: Instant) -> (Vec<Job>, u64) {
+    pub fn abandon(mut self, reason: LostReason, now: Instant) -> (Vec<Box<Job>>, u64) {
         let mut again = Vec::new();
         self.session.handle_disconnect();
         while let Some(event) = self.session.poll_event(now) {

@@ -5,6 +5,7 @@ mod memory;
 mod parts;
 pub(crate) mod result;
 
+use std::pin::pin;
 use std::time::Duration;
 
 use r6_proto::address::Address;
@@ -43,7 +44,9 @@ impl Robot {
     /// that answers is not the one that this handle was used with before, its values are not handed out
     /// ([`OutcomeUnknown::AnotherRobot`]).
     pub async fn query(&self, addresses: &[Address]) -> Result<QueryResult, RequestError> {
-        self.drive(self.query_in(Lane::Ordinary, addresses)).await
+        // Pinned here: it is large, and would be moved on its way otherwise.
+        let query = pin!(self.query_in(Lane::Ordinary, addresses));
+        self.drive(query).await
     }
 
     /// The firmware's version (`version`), asked for once per connection; `None` where the controller has none to tell.

@@ -1,7 +1,8 @@
 //! Messages: what is decoded says what serde_json reads in the same text, nothing of it is lost, the fast way and the careful
 //! one agree, and what is encoded again says the same.
 //!
-//! An input is a frame.
+//! An input is a frame; or two lines, of which the first was read just before the second: a repeated reply is read by what it has in
+//! common with the one before.
 
 mod again;
 #[path = "../../r6-proto/tests/common/look.rs"]
@@ -25,6 +26,13 @@ pub fn run(bytes: &[u8]) {
         return;
     }
     let mut decoder = Decoder::new();
+    if let Some(end) = bytes.iter().position(|byte| *byte == b'\n') {
+        let (before, frame) = (&bytes[..end], &bytes[end + 1..]);
+        drop(decoder.decode(before));
+        if frame.is_ascii() {
+            two_ways::check(&mut decoder, frame);
+        }
+    }
     let decoded = decoder.decode(bytes);
     if let Ok(message) = &decoded {
         look_at_everything(message);
