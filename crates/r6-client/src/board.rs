@@ -120,7 +120,7 @@ impl Board {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a subscription; `poll` starts the poller where none runs.
+    /// Adds a subscription; `poll` gives the poller where none runs, and begins nothing yet.
     pub fn add(
         &self,
         addresses: &[Address],
@@ -161,11 +161,15 @@ impl Board {
         let mut shared = self.shared();
         shared.wishes.remove(&id);
         shared.plan_anew(self.time.now());
+        let mut ended = None;
         if shared.wishes.is_empty() {
             shared.failure = None;
-            if let Some(poller) = shared.poller.take() {
-                poller.abort();
-            }
+            ended = shared.poller.take();
+        }
+        drop(shared);
+        // It wakes who drives: not under the lock.
+        if let Some(poller) = ended {
+            poller.abort();
         }
     }
 

@@ -138,9 +138,19 @@ impl Robot {
 
     /// The same, until it is called off.
     pub(crate) fn abortable_errand(&self, errand: impl Future<Output = ()> + Send + 'static) -> AbortHandle {
-        let abort = self.lanes.desk.errands.give_abortable(errand);
-        self.lanes.hand.nudge();
+        let abort = self.unbegun_errand(errand);
+        self.nudge();
         abort
+    }
+
+    /// The same; it begins with the next [`Self::nudge`], which wakes others and so must not be called under a lock.
+    pub(crate) fn unbegun_errand(&self, errand: impl Future<Output = ()> + Send + 'static) -> AbortHandle {
+        self.lanes.desk.errands.give_abortable(errand)
+    }
+
+    /// Something was begun for which nobody waits.
+    pub(crate) fn nudge(&self) {
+        self.lanes.hand.nudge();
     }
 
     /// What time it is.
@@ -181,7 +191,10 @@ impl Robot {
     /// A receiver that lags more than 64 behind misses the oldest and is told how many. It ends when the handle is closed, whatever clones of it live.
     #[must_use]
     pub fn pushed(&self) -> broadcast::Receiver<Pushed> {
-        self.lanes.hub.subscribe_to_pushed()
+        let pushed = self.lanes.hub.subscribe_to_pushed();
+        // From now on what comes is wanted, whether or not a call waits.
+        self.nudge();
+        pushed
     }
 
     /// What the replies so far tell about the firmware's dialect.

@@ -9,6 +9,7 @@
 //!                                               └───────┘ end, something happened meanwhile
 //!  an event while one carries:   it looks again before it ends
 //!  an event while none carries:  who drove last is woken; the keeper too, if there is none, or if others depend on it
+//!  an errand that is given:      who drove last is woken, and the keeper
 //!  a call that leaves unseen:    the next is woken in its place
 //! ```
 
@@ -137,6 +138,12 @@ impl Seats {
         next.wake();
     }
 
+    /// Something was begun that goes on besides the calls that wait.
+    pub fn begun(&self) {
+        self.inner().background = true;
+        self.happened();
+    }
+
     /// Something happened.
     pub fn happened(&self) {
         let mut inner = self.inner();
@@ -159,7 +166,7 @@ impl Wake for Seats {
 
 #[cfg(test)]
 mod tests {
-    //! Every order of the steps of two calls, a keeper and a controller, whatever call is given up or is slow.
+    //! Every order of the steps of two calls, a keeper, a controller and an errand, whatever call is given up or is slow.
 
     use std::cell::RefCell;
     use std::collections::HashSet;
@@ -214,6 +221,15 @@ mod tests {
         unsent: [bool; CALLS],
         /// Whether the socket wakes the seats when something comes.
         registered: bool,
+        errand: Errand,
+    }
+
+    /// What goes on besides the calls that wait.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    enum Errand {
+        None,
+        Given,
+        Begun,
     }
 
     #[derive(Clone, Copy, Debug)]
@@ -222,6 +238,8 @@ mod tests {
         GivesUp(usize),
         TurnsSlow(usize),
         Replies(usize),
+        /// Somebody gives an errand.
+        Gives,
     }
 
     impl World {
@@ -237,6 +255,7 @@ mod tests {
                 answered: [false; CALLS],
                 unsent: [true; CALLS],
                 registered: false,
+                errand: Errand::None,
             }
         }
 
@@ -247,7 +266,8 @@ mod tests {
                 seated.iter().map(|(seat, _)| self.seat.iter().position(|it| *it == Some(*seat))).collect();
             let lead = lead.map(|lead| self.seat.iter().position(|it| *it == Some(lead)));
             let inner = (seats, lead, keeper.is_some(), *carrying, *woken, *background);
-            (inner, self.at, self.woken, self.unread, self.answered, self.unsent, self.registered)
+            let replies = (self.unread, self.answered, self.unsent, self.registered);
+            (inner, self.at, self.woken, replies, self.errand)
         }
 
         fn steps(&self) -> Vec<Step> {
@@ -266,6 +286,9 @@ mod tests {
                 }
             }
             steps.extend((0..CALLS).filter(|call| self.unsent[*call]).map(Step::Replies));
+            if self.errand == Errand::None {
+                steps.push(Step::Gives);
+            }
             steps
         }
 
@@ -280,6 +303,10 @@ mod tests {
                     if std::mem::take(&mut this.registered) {
                         seats.happened();
                     }
+                }
+                Step::Gives => {
+                    this.errand = Errand::Given;
+                    seats.begun();
                 }
                 Step::Goes(who) => this.go(who, &seats),
             }
@@ -309,6 +336,10 @@ mod tests {
                 }
                 At::Begins if seats.begin() => At::Carries,
                 At::Begins => At::Waits,
+                At::Carries if self.errand == Errand::Given => {
+                    self.errand = Errand::Begun;
+                    At::Carries
+                }
                 At::Carries => {
                     match self.unread.iter().position(|unread| *unread) {
                         Some(reply) => {
@@ -323,7 +354,7 @@ mod tests {
                         }
                     }
                 }
-                At::Ends if !seats.end(false) => At::Carries,
+                At::Ends if !seats.end(self.errand != Errand::None) => At::Carries,
                 At::Ends if who != KEEPER && self.answered[who] => At::Leaves,
                 At::Ends => At::Waits,
                 At::Leaves => {
@@ -335,8 +366,9 @@ mod tests {
             };
         }
 
-        /// Nobody goes any further. Then nobody who is not slow may wait for a reply that was sent.
+        /// Nobody goes any further. Then nobody who is not slow may wait for a reply that was sent, and what was given has begun.
         fn assert_settled(&self) {
+            assert_ne!(self.errand, Errand::Given, "nobody begins an errand: {self:?}");
             for call in 0..CALLS {
                 let waits_for_the_controller = self.at[call] != At::Waits || self.unsent[call];
                 assert!(waits_for_the_controller, "a reply is there, and its call waits: {self:?}");
@@ -355,7 +387,8 @@ mod tests {
             }
             let steps = world.steps();
             // To give up and to turn slow are free to happen, and nothing may depend on them.
-            let goes_on = steps.iter().any(|step| matches!(step, Step::Goes(_) | Step::Replies(_)));
+            let goes_on =
+                steps.iter().any(|step| matches!(step, Step::Goes(_) | Step::Replies(_) | Step::Gives));
             if !goes_on {
                 world.assert_settled();
                 ends += 1;

@@ -1,6 +1,6 @@
 //! Stopping: one means after the other until it is proved that the arm stands, and nothing left that could start it again.
 //!
-//! A stop runs in a task of its own: once begun, it goes on to its end, whatever becomes of the caller.
+//! A stop is an errand ([`crate::errands`]): once begun, it goes on to its end, whatever becomes of the caller.
 //!
 //! ```text
 //!  actionStop leaves ──▶ watched over this connection (stop/halt.rs) ──proved──▶ list cleared ──▶ doubts waited out ──▶ report
@@ -17,12 +17,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use r6_proto::OperationMode;
+use r6_proto::message::Command;
 use r6_proto::time::Instant;
 use tokio::sync::{OwnedSemaphorePermit, watch};
 
 use crate::error::{Invalid, NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::job::{Terms, Work};
 use crate::link::Lane;
+use crate::pushed::LostReason;
 use crate::robot::Robot;
 use crate::stop::halt::{Halt, Halted};
 pub use crate::stop::report::{
@@ -100,8 +102,11 @@ impl Robot {
             under_way.end(result.clone());
             result
         });
-        // The errand does not panic; a hand that is gone gives it up.
-        task.await.unwrap_or_else(|_ended| Err(NotSent::NotStopped(Box::new(NotSent::Closed)).into()))
+        // The errand does not panic; a hand that is gone gives it up, and what of it has left by then nobody knows.
+        task.await.unwrap_or_else(|_ended| {
+            let request = Work::Command(Command::ActionStop).sent();
+            Err(OutcomeUnknown::ConnectionLost { request, reason: LostReason::ClosedHere }.into())
+        })
     }
 
     /// The right to stream a path over this connection, and news of every stop from now on. One that is under way is waited for: it

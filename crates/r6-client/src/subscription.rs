@@ -108,8 +108,9 @@ impl Robot {
         if !(SHORTEST_PERIOD..=LONGEST_PERIOD).contains(&every) {
             return Err(NotSubscribed::Period { asked: every });
         }
-        let poll = || self.abortable_errand(poll(self.clone()));
+        let poll = || self.unbegun_errand(poll(self.clone()));
         let (id, news) = self.hub().board.add(addresses, every, poll)?;
+        self.nudge();
         Ok(Subscription { robot: self.clone(), id, addresses: addresses.to_vec(), news })
     }
 }

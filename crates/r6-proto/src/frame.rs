@@ -224,10 +224,10 @@ impl FrameBuffer {
         }
     }
 
-    /// The bytes that wait where a frame may begin; none within a frame or within what is skipped.
+    /// The bytes that wait where a frame may begin, as many as a frame may have; none within a frame or within what is skipped.
     #[inline]
     pub(crate) fn waiting(&self) -> &[u8] {
-        if self.mode == Mode::Between { self.unread(usize::MAX) } else { &[] }
+        if self.mode == Mode::Between { self.unread(self.limits.max_frame_bytes) } else { &[] }
     }
 
     /// Takes so many bytes of [`Self::waiting`], which are known to be a frame.

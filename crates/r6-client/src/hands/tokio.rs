@@ -11,6 +11,7 @@ use std::time::SystemTime;
 use r6_proto::time::Instant;
 use tokio::io::ReadBuf;
 use tokio::runtime::Handle;
+use tokio::task::coop::unconstrained;
 use tokio::time::{Sleep, sleep_until};
 
 use crate::connection::{Connection, Wants};
@@ -298,7 +299,8 @@ impl Io {
         if self.armed && !self.timer.is_elapsed() {
             return false;
         }
-        while self.timer.as_mut().poll(cx).is_ready() {
+        // Whatever the caller's task has used up of its turn: otherwise the timer would wait without knowing whom to wake.
+        while pin!(unconstrained(self.timer.as_mut())).poll(cx).is_ready() {
             if deadline <= self.timer.deadline() {
                 // It is later than it was told.
                 hand.tell_time();
@@ -331,7 +333,7 @@ impl Hand for TokioHand {
     }
 
     fn nudge(&self) {
-        self.seats.happened();
+        self.seats.begun();
     }
 
     fn second(&self, settings: RobotSettings, expected: Option<Identity>) -> Second<'_> {

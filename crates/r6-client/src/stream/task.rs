@@ -1,4 +1,4 @@
-//! The task that streams one motion: it looks, sends what there is room for, and looks again.
+//! The errand that streams one motion: it looks, sends what there is room for, and looks again.
 
 use std::collections::VecDeque;
 use std::future;

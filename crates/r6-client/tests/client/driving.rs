@@ -141,3 +141,39 @@ async fn garbage_without_end_keeps_no_other_task_from_its_turn() {
     assert!(!over.load(Ordering::Relaxed));
     asked.abort();
 }
+
+/// A task of tokio that has been served so often in one turn is put off; that must not put off the timer for good.
+#[tokio::test(start_paused = true)]
+async fn a_caller_that_has_used_up_its_turn_is_told_of_a_time_out_all_the_same() {
+    let reply_timeout = Duration::from_millis(300);
+    for used in [0, 126, 127, 128, 129, 140] {
+        let settings = RobotSettings { reply_timeout, ..settings() };
+        let (_wires, robot, _silent) = Wires::with_robot(settings).await;
+        let (give, mut take) = tokio::sync::mpsc::unbounded_channel();
+        (0..used).for_each(|number| give.send(number).unwrap());
+        tokio::task::yield_now().await;
+        for _ in 0..used {
+            take.recv().await.unwrap();
+        }
+        let begun = Instant::now();
+        soon(robot.query(&[Address::CurMode])).await.unwrap_err();
+        assert!(begun.elapsed() < reply_timeout * 4, "{used}: {:?}", begun.elapsed());
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_subscription_begins_beside_a_call_that_is_polled_once_and_kept() {
+    let (_wires, robot, peer) = Wires::with_robot(settings()).await;
+    tokio::spawn(peer.answer_all(|request| {
+        // The kept call waits for what never comes.
+        let wanted = asked(request) != ["curAlarm"];
+        wanted.then(|| values(request, vec!["1"; asked(request).len()].into()))
+    }));
+    robot.query(&[Address::CurMode]).await.unwrap();
+    let mut kept = pin!(robot.query(&[Address::CurAlarm]));
+    assert!(begun(kept.as_mut()).await);
+    let subscription = robot.subscribe(&[Address::CurMode], Duration::from_millis(100)).unwrap();
+    sleep(Duration::from_millis(500)).await;
+    let latest = subscription.latest();
+    assert!(latest.fresh(Address::CurMode).is_some(), "{:?}", latest.value(Address::CurMode));
+}

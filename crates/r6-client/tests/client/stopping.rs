@@ -162,3 +162,16 @@ async fn a_stop_that_reaches_nobody_is_an_error() {
     let error = soon(robot.stop()).await.unwrap_err();
     assert!(matches!(error, RequestError::NotSent(_)), "{error:?}");
 }
+
+/// What drives the connection is shut down while a stop is under way on another runtime: nobody knows what the controller made of it.
+#[test]
+fn a_stop_whose_runtime_is_shut_down_is_not_said_to_be_unsent() {
+    let runtime = || tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let home = runtime();
+    let (_controller, robot, mut peer) = home.block_on(Controller::with_robot(settings()));
+    let stopping = std::thread::spawn(move || runtime().block_on(soon(robot.stop())));
+    home.block_on(async { while soon(peer.any_frame()).await["cmdData"][0] != "actionStop" {} });
+    drop(home);
+    let error = stopping.join().unwrap().unwrap_err();
+    assert!(matches!(error, RequestError::OutcomeUnknown(_)), "{error:?}");
+}
