@@ -298,6 +298,8 @@ impl StdHand {
         socket.set_time_out(now, until);
         let mut buffer = self.buffer();
         let read = socket.read(buffer.as_mut_slice());
+        // That of the read before is over.
+        TOLD.set(false);
         self.tell_time();
         TOLD.set(true);
         self.note_read();

@@ -195,6 +195,17 @@ fn the_last_handle_closes_the_connection_whatever_drivers_live() {
     assert!(driver.block_on_for(SLICE, pin!(std::future::pending::<()>())).is_none());
 }
 
+/// The first reads who is there, and then its values: two reads of one wait.
+#[test]
+fn every_read_of_a_wait_tells_the_time() {
+    const LATER: Duration = Duration::from_millis(20);
+    let peer = Peer::start(|_| Reply::After(LATER));
+    let (driver, robot) = connect(&peer);
+    let alarm = [Address::CurAlarm];
+    let read = driver.block_on_for(PATIENCE, pin!(robot.query(&alarm))).unwrap().unwrap();
+    assert!(read.took() >= LATER, "{:?}", read.took());
+}
+
 #[test]
 fn an_address_that_is_none_and_a_controller_that_is_away_are_told() {
     let settings = || RobotSettings { connect_timeout: Duration::from_millis(500), ..settings() };
