@@ -51,7 +51,7 @@ impl Driver {
     }
 
     /// Runs a future on this thread for so long, and drives the connection meanwhile; `None` if the future has not ended by then. The
-    /// system may round the time up by some milliseconds.
+    /// system may round the time up by some milliseconds; a signal to this thread may end it early.
     ///
     /// The future may be run on later, by this, by another thread or by any executor; dropping it gives it up. It should wait for this
     /// connection alone: what another connection or executor makes happen is seen with the next reply, or when the time is over.

@@ -37,7 +37,7 @@ use std::time::Duration;
 use r6_proto::time::Instant;
 use tokio::sync::oneshot;
 
-use self::line::{Line, Socket};
+use self::line::{Came, Line, Socket};
 use self::signal::Signal;
 use self::turns::{Now, Plan, Rhythm, Turn, Turns};
 use crate::connection::Wants;
@@ -215,7 +215,8 @@ impl StdHand {
         }
     }
 
-    /// The same for so long; `None` if the future has not ended by then. It can go on later, here or elsewhere.
+    /// The same for so long; `None` if the future has not ended by then, or when a signal came to this thread. It can go on later, here
+    /// or elsewhere.
     pub fn block_on_for<F: Future + ?Sized>(&self, time: Duration, future: Pin<&mut F>) -> Option<F::Output> {
         self.tell_time();
         match self.run(future, Some(self.desk.hub.time.now() + time)) {
@@ -244,7 +245,7 @@ impl StdHand {
         pin!(whole).poll(&mut Context::from_waker(Waker::noop()))
     }
 
-    /// Reads, or waits for the thread that does, until the future of this thread can go on; `false` if that time came first.
+    /// Reads, or waits for the thread that does, until the future of this thread can go on; `false` if that time, or a signal, came first.
     fn wait(&self, me: &Arc<Signal>, until: Option<Instant>) -> bool {
         let mut reads = false;
         let mut sits = false;
@@ -283,8 +284,12 @@ impl StdHand {
                     }
                 }
             }
-            if let Some(socket) = &socket {
-                self.read(socket, now, until);
+            if let Some(socket) = &socket
+                && self.read(socket, now, until)
+                && until.is_some()
+            {
+                // Whoever waits for a while has something else to look after.
+                break;
             }
         }
         if sits {
@@ -293,19 +298,24 @@ impl StdHand {
         me.is_woken()
     }
 
-    /// Waits for bytes, until that time at most, and takes them in. It is this thread's turn.
-    fn read(&self, socket: &Arc<Socket>, now: Now, until: Option<Instant>) {
+    /// Waits for bytes, until that time at most, and takes them in; whether a signal came to this thread instead. It is this thread's turn.
+    fn read(&self, socket: &Arc<Socket>, now: Now, until: Option<Instant>) -> bool {
         socket.set_time_out(now, until);
         let mut buffer = self.buffer();
-        let read = socket.read(buffer.as_mut_slice());
+        let came = socket.read(buffer.as_mut_slice());
         // That of the read before is over.
         TOLD.set(false);
         self.tell_time();
         TOLD.set(true);
         self.note_read();
-        if let Some(read) = read {
-            let read = read.map(|bytes| buffer.get(..bytes).unwrap_or_default());
-            self.serve(Some((socket, read)));
+        match came {
+            Came::Read(read) => {
+                let read = read.map(|bytes| buffer.get(..bytes).unwrap_or_default());
+                self.serve(Some((socket, read)));
+                false
+            }
+            Came::Nothing => false,
+            Came::Signal => true,
         }
     }
 

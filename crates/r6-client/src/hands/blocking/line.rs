@@ -25,6 +25,16 @@ const LONGEST_WRITE: Duration = Duration::from_millis(2);
 /// So long after a peer took nothing it is tried again.
 const WRITE_AGAIN: Duration = Duration::from_millis(20);
 
+/// How waiting for bytes ended.
+pub(super) enum Came {
+    /// So many bytes came, or the connection has ended.
+    Read(io::Result<usize>),
+    /// Nothing came in time.
+    Nothing,
+    /// A signal came to this thread.
+    Signal,
+}
+
 /// A connected socket.
 #[derive(Debug)]
 pub(super) struct Socket {
@@ -67,11 +77,16 @@ impl Socket {
         }
     }
 
-    /// Waits for bytes; `None`: nothing came in time.
-    pub fn read(&self, buffer: &mut [u8]) -> Option<io::Result<usize>> {
-        let read = read_once(&self.stream, buffer);
-        self.was_idle.store(read.is_none(), Ordering::Relaxed);
-        read
+    /// Waits for bytes.
+    pub fn read(&self, buffer: &mut [u8]) -> Came {
+        let came = match (&self.stream).read(buffer) {
+            // Not tried again here: the system would wait for the whole time once more.
+            Err(error) if error.kind() == ErrorKind::Interrupted => Came::Signal,
+            Err(error) if is_time_out(&error) => Came::Nothing,
+            read => Came::Read(read),
+        };
+        self.was_idle.store(matches!(came, Came::Nothing), Ordering::Relaxed);
+        came
     }
 
     /// Reads what is there; `None`: nothing is.
