@@ -21,6 +21,9 @@ use crate::told;
 /// takes a real controller 20 ms, is not disturbed by it.
 pub const SIGNALS_EVERY: Duration = Duration::from_millis(50);
 
+/// The same where the thread reads from a socket: the system may be late by a tick or two, of 4 ms on most.
+const SIGNALS_EVERY_READ: Duration = Duration::from_millis(40);
+
 /// Makes the Python object of a result, with the interpreter at hand.
 pub type Made = Box<dyn for<'py> FnOnce(Python<'py>) -> PyResult<Bound<'py, PyAny>> + Send>;
 
@@ -189,7 +192,7 @@ impl Work {
     ) -> Option<(Made, Back)> {
         let running = &mut self.running;
         let waiting = || match driver {
-            Some(Driver::Threads(driver)) => driver.block_on_for(SIGNALS_EVERY, running.as_mut()),
+            Some(Driver::Threads(driver)) => driver.block_on_for(SIGNALS_EVERY_READ, running.as_mut()),
             Some(Driver::EventLoop(_) | Driver::Engine) | None => {
                 process.engine().block_on(async { timeout(SIGNALS_EVERY, running).await.ok() })
             }

@@ -91,6 +91,25 @@ def test_a_signal_ends_one_call_and_takes_no_reply_from_another(virtual_controll
 
 
 @pytest.mark.usefixtures("alarm")
+def test_a_signal_is_felt_within_50_ms(virtual_controller: r6.Simulator, relay: Relay) -> None:
+    """At any moment of the wait; half of the times, for the machine may have other work."""
+    relay.target = virtual_controller.port
+    felt = []
+    with r6.Robot.connect(relay.address, r6.RobotSettings(reply_timeout=60)) as robot:
+        robot.status()
+        relay.answers.clear()
+        for number in range(15):
+            after = 0.1 + 0.0071 * number
+            begun = time.monotonic()
+            signal.setitimer(signal.ITIMER_REAL, after)
+            with pytest.raises(GivenUp):
+                robot.query("curMode")
+            felt.append(time.monotonic() - begun - after)
+        relay.answers.set()
+    assert sorted(felt)[7] < 0.05, felt
+
+
+@pytest.mark.usefixtures("alarm")
 def test_a_list_whose_call_a_signal_ends_is_sent_once(virtual_controller: r6.Simulator, relay: Relay) -> None:
     relay.target = virtual_controller.port
     with r6.Robot.connect(relay.address, r6.RobotSettings(reply_timeout=60)) as robot:
