@@ -21,6 +21,7 @@
 //! panic where another one runs.
 
 mod cell;
+mod driver;
 mod engine;
 mod motion;
 mod runner;
@@ -37,6 +38,7 @@ use r6_proto::client::LearnedDialect;
 use r6_proto::message::{Command, Instruction, PhotoAnswer};
 use tokio::runtime::Handle;
 
+pub use self::driver::Driver;
 pub use self::engine::Engine;
 pub use self::motion::{MotionHandle, StepHandle};
 use self::runner::Runner;

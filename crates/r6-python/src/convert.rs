@@ -16,7 +16,7 @@ use r6_proto::Reading;
 use r6_proto::axis::AXES;
 
 use crate::errors::Raise;
-use crate::record::{Record, array, class};
+use crate::record::{Record, array, class, query_result_class};
 
 /// Axes and pose components that the client reads.
 const READ_AXES: usize = 6;
@@ -76,7 +76,7 @@ pub fn query_result<'py>(
             }
         }
     }
-    class(py, "QueryResult")?.call1((values, missing, result.took().as_secs_f64()))
+    query_result_class(py)?.call1((values, missing, result.took().as_secs_f64()))
 }
 
 /// A status, with its unmet conditions.

@@ -8,6 +8,7 @@ mod block;
 mod closing;
 mod command;
 mod convert;
+mod driver;
 mod envelope;
 mod errors;
 mod following;

@@ -6,15 +6,17 @@ use std::sync::{Mutex, PoisonError};
 use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyList;
-use r6_client::{RequestError, Robot};
+use r6_client::{NotSent, RequestError, Robot, RobotSettings, blocking};
+use tokio::task::spawn_blocking;
 
 use crate::convert;
+use crate::driver::Driver;
 use crate::errors::Raise;
 use crate::interpreter;
 use crate::operation::Operation;
 use crate::process::{Kept, Process};
 use crate::record::Record;
-use crate::settings::RobotSettings;
+use crate::settings;
 
 /// Waits for a controller that dials: for `Robot.connect`.
 #[pyclass(frozen, module = "r6._r6")]
@@ -69,11 +71,17 @@ impl Target {
         given.extract().map(Self::Address).map_err(wanted)
     }
 
-    /// Connects.
-    pub async fn connect(self, settings: r6_client::RobotSettings) -> Result<Robot, RequestError> {
+    /// Connects, for calls that wait in their threads.
+    pub async fn connect(self, settings: RobotSettings) -> Result<(Driver, Robot), RequestError> {
         match self {
-            Self::Address(address) => Robot::connect(&address, settings).await,
-            Self::Dials(listen) => Robot::connect_with(listen, settings).await,
+            Self::Address(address) => {
+                // Whoever gives up waiting does not wait for this thread. A connection that it still makes is closed.
+                let connecting = spawn_blocking(move || blocking::Driver::connect(&address, settings));
+                let made =
+                    connecting.await.map_err(|error| NotSent::NoEngine { detail: error.to_string() })?;
+                made.map(|(driver, robot)| (Driver::Threads(driver), robot))
+            }
+            Self::Dials(listen) => Ok((Driver::Engine, Robot::connect_with(listen, settings).await?)),
         }
     }
 }
@@ -81,7 +89,7 @@ impl Target {
 /// Asks at these addresses who is there; gives a list of `Discovered`.
 #[pyfunction]
 #[pyo3(signature = (addresses, settings=None))]
-pub fn discovering(addresses: Vec<String>, settings: Option<&RobotSettings>) -> Operation {
+pub fn discovering(addresses: Vec<String>, settings: Option<&settings::RobotSettings>) -> Operation {
     let settings = settings.map(|settings| settings.0.clone()).unwrap_or_default();
     let asking = async move {
         let addresses: Vec<&str> = addresses.iter().map(String::as_str).collect();

@@ -11,14 +11,18 @@ use pyo3::prelude::*;
 use tokio::task::AbortHandle;
 use tokio::time::timeout;
 
+use crate::driver::Driver;
 use crate::interpreter::{self, Back};
-use crate::line::{Calling, Line};
+use crate::line::Calling;
 use crate::process::{Errand, Held, Kept, Owed, Process, Unheard, made_before_the_fork};
 use crate::told;
 
 /// How often a thread that waits asks whether a signal has come. Ctrl-C is felt within this time, and a reply, which
 /// takes a real controller 20 ms, is not disturbed by it.
 pub const SIGNALS_EVERY: Duration = Duration::from_millis(50);
+
+/// The same where the thread reads from a socket: the system may be late by a tick or two, of 4 ms on most.
+const SIGNALS_EVERY_READ: Duration = Duration::from_millis(40);
 
 /// Makes the Python object of a result, with the interpreter at hand.
 pub type Made = Box<dyn for<'py> FnOnce(Python<'py>) -> PyResult<Bound<'py, PyAny>> + Send>;
@@ -32,8 +36,8 @@ pub struct Operation {
     work: Kept<Mutex<Option<Work>>>,
     /// What to tell whoever gives up waiting, where it goes on all the same.
     goes_on: Option<&'static str>,
-    /// The connection over which an event loop can begin it itself.
-    line: Option<Kept<Arc<Line>>>,
+    /// What drives it where that is not the engine.
+    driver: Option<Kept<Driver>>,
 }
 
 /// A stop whose waiting was given up.
@@ -83,13 +87,13 @@ impl Operation {
             made
         };
         let work = Work { running: Box::pin(running), held, owed: None, unheard: None };
-        Self { work: Kept::new(Mutex::new(Some(work))), goes_on: None, line: None }
+        Self { work: Kept::new(Mutex::new(Some(work))), goes_on: None, driver: None }
     }
 
-    /// The same over this connection. It needs no runtime around it.
+    /// The same, driven by this. It waits for that connection alone, and needs no runtime around it.
     #[must_use]
-    pub fn over(self, line: Option<&Arc<Line>>) -> Self {
-        Self { line: line.map(|line| Kept::new(Arc::clone(line))), ..self }
+    pub fn over(self, driver: &Driver) -> Self {
+        Self { driver: Some(Kept::new(driver.clone())), ..self }
     }
 
     /// The same, but once begun it goes on to its end, whoever gives up waiting, and the end of the program waits for it: for what must
@@ -127,9 +131,10 @@ impl Operation {
     pub fn waited<'py>(&self, py: Python<'py>) -> PyResult<Waited<'py>> {
         self.work.here()?;
         let process = Process::current(py)?;
+        let driver = self.driver.as_ref().map(Kept::here).transpose()?;
         let mut work = self.begin(process)?;
         loop {
-            if let Some((made, _back)) = work.some_time(py, process) {
+            if let Some((made, _back)) = work.some_time(py, process, driver) {
                 return Ok(Waited::Made(made(py)));
             }
             let signalled = py.check_signals();
@@ -152,10 +157,11 @@ impl Operation {
     pub fn insist<'py>(&self, py: Python<'py>) -> PyResult<Insisted<'py>> {
         self.work.here()?;
         let process = Process::current(py)?;
+        let driver = self.driver.as_ref().map(Kept::here).transpose()?;
         let mut work = self.begin(process)?;
         let mut raised: Option<PyErr> = None;
         loop {
-            let made = work.some_time(py, process);
+            let made = work.some_time(py, process, driver);
             // Also where it has ended: a signal that waits would come through in the Python code that makes the result.
             let signalled = py.check_signals();
             if !process.is_here(py) {
@@ -178,11 +184,21 @@ impl Operation {
 impl Work {
     /// Waits until it has ended, no longer than signals may wait. The way back is to be held open until the result is made: that runs
     /// Python code.
-    fn some_time(&mut self, py: Python<'_>, process: &Process) -> Option<(Made, Back)> {
+    fn some_time(
+        &mut self,
+        py: Python<'_>,
+        process: &Process,
+        driver: Option<&Driver>,
+    ) -> Option<(Made, Back)> {
         let running = &mut self.running;
-        let waiting = || process.engine().block_on(async { timeout(SIGNALS_EVERY, running).await });
+        let waiting = || match driver {
+            Some(Driver::Threads(driver)) => driver.block_on_for(SIGNALS_EVERY_READ, running.as_mut()),
+            Some(Driver::EventLoop(_) | Driver::Engine) | None => {
+                process.engine().block_on(async { timeout(SIGNALS_EVERY, running).await.ok() })
+            }
+        };
         let (waited, back) = interpreter::released(py, waiting);
-        waited.ok().map(|made| (made, back))
+        waited.map(|made| (made, back))
     }
 }
 
@@ -214,8 +230,8 @@ impl Operation {
         let process = Process::current(py)?;
         if self.goes_on.is_none()
             && let (Some(event_loop), Some(future)) = (event_loop, future)
-            && let Some(line) = &self.line
-            && let line = line.here()?
+            && let Some(driver) = &self.driver
+            && let Driver::EventLoop(line) = driver.here()?
             && line.attach(py, event_loop)?
         {
             let calling = line.begin(py, self.begin(process)?, tell, future);

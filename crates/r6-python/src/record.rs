@@ -7,6 +7,7 @@ use pyo3::{IntoPyObjectExt, intern};
 
 static TYPES: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
 static NUMPY: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
+static QUERY_RESULT: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
 
 fn module<'py>(
     py: Python<'py>,
@@ -19,7 +20,13 @@ fn module<'py>(
 /// Imports them: once there, they are found without a lock that a child of a fork might find held.
 pub fn load(py: Python<'_>) -> PyResult<()> {
     module(py, &TYPES, "r6._types")?;
+    query_result_class(py)?;
     numpy(py).map(drop)
+}
+
+/// `r6._types.QueryResult`: the class that is wanted most often is looked up once.
+pub fn query_result_class(py: Python<'_>) -> PyResult<&Bound<'_, PyAny>> {
+    Ok(QUERY_RESULT.get_or_try_init(py, || class(py, "QueryResult").map(Bound::unbind))?.bind(py))
 }
 
 /// A class of `r6._types`.

@@ -12,6 +12,7 @@ use r6_proto::message::{Command as Sent, PhotoAnswer};
 use crate::closing::{Connection, stopping};
 use crate::command::Command;
 use crate::convert::{self, seconds};
+use crate::driver::Driver;
 use crate::envelope::Envelope;
 use crate::errors::{Raise, raise};
 use crate::following::FollowCore;
@@ -39,14 +40,14 @@ struct Handle {
     robot: Mutex<Option<Robot>>,
     /// `with_guard` shares it.
     connection: Arc<Connection>,
-    /// What an event loop can serve itself; `with_guard` shares it, too.
-    line: Option<Arc<Line>>,
+    /// What drives it; `with_guard` shares it, too.
+    driver: Driver,
 }
 
 impl RobotCore {
-    fn new(robot: Robot, connection: Arc<Connection>, line: Option<Arc<Line>>) -> Self {
+    fn new(robot: Robot, connection: Arc<Connection>, driver: Driver) -> Self {
         let address = robot.address().to_owned();
-        Self { handle: Kept::new(Handle { robot: Mutex::new(Some(robot)), connection, line }), address }
+        Self { handle: Kept::new(Handle { robot: Mutex::new(Some(robot)), connection, driver }), address }
     }
 
     fn robot(&self, py: Python<'_>) -> PyResult<Robot> {
@@ -54,14 +55,14 @@ impl RobotCore {
         robot.ok_or_else(|| RequestError::from(r6_client::NotSent::Closed).exception(py))
     }
 
-    /// An operation that an event loop may run itself: it needs no runtime around it.
+    /// An operation that waits for this connection alone. It needs no runtime around it.
     fn here<T, F, C>(&self, future: F, convert: C) -> PyResult<Operation>
     where
         T: Send + 'static,
         F: Future<Output = T> + Send + 'static,
         C: for<'py> FnOnce(Python<'py>, T) -> PyResult<Bound<'py, PyAny>> + Send + 'static,
     {
-        Ok(Operation::new(future, convert).over(self.handle.here()?.line.as_ref()))
+        Ok(Operation::new(future, convert).over(&self.handle.here()?.driver))
     }
 
     /// A request that the controller accepts or not.
@@ -81,10 +82,10 @@ impl RobotCore {
     fn connect(address: &Bound<'_, PyAny>, settings: Option<&RobotSettings>) -> PyResult<Operation> {
         let settings = settings.map(|settings| settings.0.clone()).unwrap_or_default();
         let connecting = Target::of(address)?.connect(settings);
-        Ok(Operation::new(connecting, |py, robot| {
-            let robot: Robot = raise(py, robot)?;
+        Ok(Operation::new(connecting, |py, made| {
+            let (driver, robot): (Driver, Robot) = raise(py, made)?;
             Process::current(py)?.connected(robot.stops_under_way());
-            Self::new(robot, Arc::default(), None).into_bound_py_any(py)
+            Self::new(robot, Arc::default(), driver).into_bound_py_any(py)
         }))
     }
 
@@ -102,7 +103,7 @@ impl RobotCore {
         Ok(Operation::new(connecting, |py, made| {
             let (line, robot): (Arc<Line>, Robot) = raise(py, made)?;
             Process::current(py)?.connected(robot.stops_under_way());
-            Self::new(robot, Arc::default(), Some(line)).into_bound_py_any(py)
+            Self::new(robot, Arc::default(), Driver::EventLoop(line)).into_bound_py_any(py)
         }))
     }
 
@@ -197,8 +198,9 @@ impl RobotCore {
         options: Option<&RunOptions>,
     ) -> PyResult<Starting> {
         let options = options.map(|options| options.0).unwrap_or_default();
-        let connection = Arc::clone(&self.handle.here()?.connection);
-        Starting::new(py, self.robot(py)?, motion.0.clone(), options, connection)
+        let handle = self.handle.here()?;
+        let connection = Arc::clone(&handle.connection);
+        Starting::new(py, self.robot(py)?, motion.0.clone(), options, connection, &handle.driver)
     }
 
     /// Follows a target; begins at once and gives nothing to wait for.
@@ -257,12 +259,16 @@ impl RobotCore {
     ) -> PyResult<SubscriptionCore> {
         let (names, addresses) = named(py, addresses)?;
         let subscription = self.robot(py)?.subscribe(&addresses, seconds("every", every)?);
-        Ok(SubscriptionCore::new(names, raise(py, subscription)?))
+        let subscription = raise(py, subscription)?;
+        self.handle.here()?.driver.look_after();
+        Ok(SubscriptionCore::new(names, subscription))
     }
 
     fn pushed(&self, py: Python<'_>) -> PyResult<PushedCore> {
-        let closed = self.handle.here()?.connection.closed();
-        Ok(PushedCore::new(self.robot(py)?.pushed(), closed))
+        let handle = self.handle.here()?;
+        let pushed = self.robot(py)?.pushed();
+        handle.driver.look_after();
+        Ok(PushedCore::new(pushed, handle.connection.closed()))
     }
 
     fn answer_photo(&self, py: Python<'_>, cam_id: i64, taken: bool) -> PyResult<Operation> {
@@ -303,7 +309,7 @@ impl RobotCore {
     fn with_guard(&self, py: Python<'_>, envelope: &Envelope) -> PyResult<Self> {
         let handle = self.handle.here()?;
         let guarded = self.robot(py)?.with_guard(envelope.0.clone());
-        Ok(Self::new(guarded, Arc::clone(&handle.connection), handle.line.clone()))
+        Ok(Self::new(guarded, Arc::clone(&handle.connection), handle.driver.clone()))
     }
 }
 

@@ -17,6 +17,7 @@ use tokio::sync::{oneshot, watch};
 
 use crate::closing::{Connection, Unowned, stopped};
 use crate::convert;
+use crate::driver::Driver;
 use crate::errors::raise;
 use crate::handle::MotionCore;
 use crate::operation::{Operation, STOP_GOES_ON};
@@ -120,6 +121,7 @@ impl Starting {
         motion: Motion,
         options: RunOptions,
         connection: Arc<Connection>,
+        driver: &Driver,
     ) -> PyResult<Self> {
         let process = Process::current(py)?;
         let phase = watch::Sender::new(Phase::Begun);
@@ -140,6 +142,10 @@ impl Starting {
         });
         let unowned = Arc::clone(&way);
         let operation = operation.or_unheard(Box::new(move || unowned.stop_unowned()));
+        let operation = match driver {
+            Driver::Threads(_) => operation.over(driver),
+            Driver::EventLoop(_) | Driver::Engine => operation,
+        };
         Ok(Self { operation: Py::new(py, operation)?, way: Kept::new(way) })
     }
 

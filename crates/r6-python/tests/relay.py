@@ -17,6 +17,8 @@ class Relay:
         self.answers = threading.Event()
         """Replies are held back, on all connections, while it is cleared."""
         self.answers.set()
+        self.connections = 0
+        """All that were ever made to it."""
         self.before_reply: Callable[[], None] | None = None
         """Called before each reply is handed on, in a thread of the relay."""
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -52,6 +54,7 @@ class Relay:
             far = socket.create_connection(("127.0.0.1", self.target))
             with self._lock:
                 self._sockets += [near, far]
+                self.connections += 1
             for source, sink, seen in ((near, far, self._request), (far, near, self._reply)):
                 threading.Thread(target=carry, args=(source, sink, seen), daemon=True).start()
 

@@ -37,7 +37,7 @@ use std::time::Duration;
 use r6_proto::time::Instant;
 use tokio::sync::oneshot;
 
-use self::line::{Line, Socket};
+use self::line::{Came, Line, Socket};
 use self::signal::Signal;
 use self::turns::{Now, Plan, Rhythm, Turn, Turns};
 use crate::connection::Wants;
@@ -207,33 +207,46 @@ impl StdHand {
     /// Runs a future to its end on this thread, and drives the connection meanwhile.
     pub fn block_on<F: Future>(&self, future: F) -> F::Output {
         let mut future = pin!(future);
-        // Where a runtime runs: its way to give other tasks a turn would let this thread wait for ever.
-        let whole = tokio::task::unconstrained(poll_fn(|_| Poll::Ready(self.run(future.as_mut()))));
-        let mut whole = pin!(whole);
         loop {
             // It waits within.
-            if let Poll::Ready(output) = whole.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+            if let Poll::Ready(output) = self.run(future.as_mut(), None) {
                 return output;
             }
         }
     }
 
-    fn run<F: Future>(&self, mut future: Pin<&mut F>) -> F::Output {
-        let _here = Here::begin(self);
-        Signal::with(|me, waker| {
-            loop {
-                me.begin_poll();
-                if let Poll::Ready(output) = future.as_mut().poll(&mut Context::from_waker(waker)) {
-                    return output;
-                }
-                TOLD.set(false);
-                self.wait(me);
-            }
-        })
+    /// The same for so long; `None` if the future has not ended by then, or when a signal came to this thread. It can go on later, here
+    /// or elsewhere.
+    pub fn block_on_for<F: Future + ?Sized>(&self, time: Duration, future: Pin<&mut F>) -> Option<F::Output> {
+        self.tell_time();
+        match self.run(future, Some(self.desk.hub.time.now() + time)) {
+            Poll::Ready(output) => Some(output),
+            Poll::Pending => None,
+        }
     }
 
-    /// Reads, or waits for the thread that does, until the future of this thread can go on.
-    fn wait(&self, me: &Arc<Signal>) {
+    fn run<F: Future + ?Sized>(&self, mut future: Pin<&mut F>, until: Option<Instant>) -> Poll<F::Output> {
+        let _here = Here::begin(self);
+        // Where a runtime runs: its way to give other tasks a turn would let this thread wait for ever.
+        let whole = tokio::task::unconstrained(poll_fn(|_| {
+            Signal::with(|me, waker| {
+                loop {
+                    me.begin_poll();
+                    if let Poll::Ready(output) = future.as_mut().poll(&mut Context::from_waker(waker)) {
+                        return Poll::Ready(output);
+                    }
+                    TOLD.set(false);
+                    if !self.wait(me, until) {
+                        return Poll::Pending;
+                    }
+                }
+            })
+        }));
+        pin!(whole).poll(&mut Context::from_waker(Waker::noop()))
+    }
+
+    /// Reads, or waits for the thread that does, until the future of this thread can go on; `false` if that time, or a signal, came first.
+    fn wait(&self, me: &Arc<Signal>, until: Option<Instant>) -> bool {
         let mut reads = false;
         let mut sits = false;
         while !me.is_woken() {
@@ -241,14 +254,17 @@ impl StdHand {
                 continue;
             }
             let now = self.now();
+            if until.is_some_and(|until| until <= now.at) {
+                break;
+            }
             if now.due.is_some_and(|due| due <= now.at) {
                 self.tick(reads);
                 continue;
             }
             let socket = self.line().socket().filter(|_| now.lets_read()).cloned();
-            let until = socket.as_ref().map(|socket| socket.reads_until(now));
-            match (reads, until) {
-                (true, Some(until)) => self.turns.read_on(until, now.due),
+            let reads_until = socket.as_ref().map(|socket| socket.reads_until(now, until));
+            match (reads, reads_until) {
+                (true, Some(reads_until)) => self.turns.read_on(reads_until, now.due),
                 (true, None) => {
                     // There is no connection, or a deadline is near that a read would miss. This thread can be called then.
                     reads = false;
@@ -258,35 +274,48 @@ impl StdHand {
             }
             if !reads {
                 sits = true;
-                match self.turns.sit(me, until, now.due) {
+                match self.turns.sit(me, reads_until, now.due) {
                     Turn::Read => reads = true,
-                    Turn::Park(until) => {
-                        me.park(until.map(|until| until.since(now.at)));
+                    Turn::Park(called_by) => {
+                        let called_by = [called_by, until].into_iter().flatten().min();
+                        me.park(called_by.map(|time| time.since(now.at)));
                         self.tell_time();
                         continue;
                     }
                 }
             }
-            if let Some(socket) = &socket {
-                self.read(socket, now);
+            if let Some(socket) = &socket
+                && self.read(socket, now, until)
+                && until.is_some()
+            {
+                // Whoever waits for a while has something else to look after.
+                break;
             }
         }
         if sits {
             self.turns.stand(me, reads, self.now());
         }
+        me.is_woken()
     }
 
-    /// Waits for bytes, and takes them in. It is this thread's turn.
-    fn read(&self, socket: &Arc<Socket>, now: Now) {
-        socket.set_time_out(now);
+    /// Waits for bytes, until that time at most, and takes them in; whether a signal came to this thread instead. It is this thread's turn.
+    fn read(&self, socket: &Arc<Socket>, now: Now, until: Option<Instant>) -> bool {
+        socket.set_time_out(now, until);
         let mut buffer = self.buffer();
-        let read = socket.read(buffer.as_mut_slice());
+        let came = socket.read(buffer.as_mut_slice());
+        // That of the read before is over.
+        TOLD.set(false);
         self.tell_time();
         TOLD.set(true);
         self.note_read();
-        if let Some(read) = read {
-            let read = read.map(|bytes| buffer.get(..bytes).unwrap_or_default());
-            self.serve(Some((socket, read)));
+        match came {
+            Came::Read(read) => {
+                let read = read.map(|bytes| buffer.get(..bytes).unwrap_or_default());
+                self.serve(Some((socket, read)));
+                false
+            }
+            Came::Nothing => false,
+            Came::Signal => true,
         }
     }
 
@@ -448,10 +477,10 @@ impl StdHand {
             }
             let now = Now { busy: now.busy || self.desk.hub.is_watched(), ..now };
             let socket = self.line().socket().filter(|_| now.lets_read()).cloned();
-            let until = socket.as_ref().map(|socket| socket.reads_until(now));
+            let until = socket.as_ref().map(|socket| socket.reads_until(now, None));
             match (self.turns.plan(&mut rhythm, until, now), &socket) {
                 (Plan::Read, Some(socket)) => {
-                    self.read(socket, now);
+                    self.read(socket, now, None);
                     self.turns.stop_reading(self.now());
                 }
                 (Plan::Look, Some(_)) => {

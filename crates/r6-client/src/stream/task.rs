@@ -110,11 +110,13 @@ impl Task {
         turn: OwnedSemaphorePermit,
         lists: OwnedMutexGuard<()>,
     ) -> Ended {
-        let (robot, number) = (self.robot.clone(), self.number);
+        let (robot, number, progress) = (self.robot.clone(), self.number, self.progress.clone());
         let ended = self.run_and_stop(ended, stops, lists).await;
         // Stored before the turn is given back, so that the next motion finds this result.
         robot.motions().end(number, &ended.result);
         drop(turn);
+        // Another thread that waits for this may begin the next motion at once.
+        drop(progress);
         ended
     }
 

@@ -3,6 +3,7 @@
 
 mod losses;
 mod peer;
+mod slices;
 
 use std::future::{Future, poll_fn};
 use std::pin::pin;

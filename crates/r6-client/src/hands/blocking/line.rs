@@ -25,6 +25,16 @@ const LONGEST_WRITE: Duration = Duration::from_millis(2);
 /// So long after a peer took nothing it is tried again.
 const WRITE_AGAIN: Duration = Duration::from_millis(20);
 
+/// How waiting for bytes ended.
+pub(super) enum Came {
+    /// So many bytes came, or the connection has ended.
+    Read(io::Result<usize>),
+    /// Nothing came in time.
+    Nothing,
+    /// A signal came to this thread.
+    Signal,
+}
+
 /// A connected socket.
 #[derive(Debug)]
 pub(super) struct Socket {
@@ -36,15 +46,15 @@ pub(super) struct Socket {
 }
 
 impl Socket {
-    /// Until when the next read may wait.
-    pub fn reads_until(&self, now: Now) -> Instant {
-        let until = now.at + Duration::from_millis(self.next_ms(now));
+    /// Until when the next read may wait. `latest`: when the thread that reads wants to be back.
+    pub fn reads_until(&self, now: Now, latest: Option<Instant>) -> Instant {
+        let until = now.at + Duration::from_millis(self.next_ms(now, latest));
         now.due.map_or(until, |due| due.min(until))
     }
 
     /// Sets the time-out of the next read to that.
-    pub fn set_time_out(&self, now: Now) {
-        let ms = self.next_ms(now);
+    pub fn set_time_out(&self, now: Now, latest: Option<Instant>) {
+        let ms = self.next_ms(now, latest);
         if ms != self.read_ms.load(Ordering::Relaxed) {
             // If that is refused, it stays as it was: the thread comes back later.
             self.stream.set_read_timeout(Some(Duration::from_millis(ms))).ok();
@@ -53,10 +63,11 @@ impl Socket {
     }
 
     /// Between quick replies it is made shorter in a few big steps, and never longer; exactly as long as it may be once nothing comes.
-    fn next_ms(&self, now: Now) -> u64 {
+    fn next_ms(&self, now: Now, latest: Option<Instant>) -> u64 {
         let left = now.due.map_or(LONGEST_READ, |due| due.since(now.at));
         // Where no answer is due, the thread is back before the deadline and waits for it in a way that keeps it.
         let left = if now.awaits { left } else { left.saturating_sub(READ_SLACK) };
+        let left = latest.map_or(left, |latest| latest.since(now.at).min(left));
         let left = millis(left.min(LONGEST_READ));
         let is_set = self.read_ms.load(Ordering::Relaxed);
         match self.was_idle.load(Ordering::Relaxed) {
@@ -66,11 +77,16 @@ impl Socket {
         }
     }
 
-    /// Waits for bytes; `None`: nothing came in time.
-    pub fn read(&self, buffer: &mut [u8]) -> Option<io::Result<usize>> {
-        let read = read_once(&self.stream, buffer);
-        self.was_idle.store(read.is_none(), Ordering::Relaxed);
-        read
+    /// Waits for bytes.
+    pub fn read(&self, buffer: &mut [u8]) -> Came {
+        let came = match (&self.stream).read(buffer) {
+            // Not tried again here: the system would wait for the whole time once more.
+            Err(error) if error.kind() == ErrorKind::Interrupted => Came::Signal,
+            Err(error) if is_time_out(&error) => Came::Nothing,
+            read => Came::Read(read),
+        };
+        self.was_idle.store(matches!(came, Came::Nothing), Ordering::Relaxed);
+        came
     }
 
     /// Reads what is there; `None`: nothing is.

@@ -77,13 +77,15 @@ impl Now {
 #[derive(Debug)]
 pub(super) struct Rhythm {
     entries: u64,
+    /// When it last found that a thread had sat down.
+    heard_at: Option<Instant>,
     pause: Duration,
     look_at: Instant,
 }
 
 impl Rhythm {
     pub fn begin(now: Instant) -> Self {
-        Self { entries: 0, pause: FIRST_PAUSE, look_at: now + LOOK_EVERY }
+        Self { entries: 0, heard_at: None, pause: FIRST_PAUSE, look_at: now + LOOK_EVERY }
     }
 }
 
@@ -314,8 +316,11 @@ impl Turns {
     /// What the keeper has to do next. `reads`: as in [`Self::sit`].
     pub fn plan(&self, rhythm: &mut Rhythm, reads: Option<Instant>, now: Now) -> Plan {
         let mut inner = self.inner();
-        let quiet = rhythm.entries == inner.entries;
-        rhythm.entries = inner.entries;
+        if rhythm.entries != inner.entries {
+            (rhythm.entries, rhythm.heard_at) = (inner.entries, Some(now.at));
+        }
+        // It may be called any time, also by itself: that it looks again says nothing.
+        let quiet = rhythm.heard_at.is_none_or(|at| now.at.since(at) >= FIRST_PAUSE);
         let alone = inner.reader.is_none() && inner.parked.is_empty();
         if inner.reader.is_none()
             && now.awaits
@@ -487,6 +492,11 @@ mod tests {
         assert!(matches!(turns.sit(&thread, Some(at(60)), None), Turn::Park(_)));
         turns.stop_reading(wanted(4));
         assert!(thread.is_called(), "a call that waits reads by itself");
+        turns.stand(&thread, false, wanted(4));
+        // However often it looks.
+        assert!(matches!(turns.plan(&mut rhythm, Some(at(50)), wanted(4)), Plan::Park(_)));
+        assert!(matches!(turns.plan(&mut rhythm, Some(at(50)), wanted(4)), Plan::Park(_)));
+        assert_eq!(turns.plan(&mut rhythm, Some(at(50)), wanted(5)), Plan::Read);
     }
 
     #[test]
