@@ -24,6 +24,8 @@ mod cell;
 mod engine;
 mod motion;
 mod runner;
+#[doc(hidden)]
+pub mod simulated;
 mod watch;
 
 use std::fmt;

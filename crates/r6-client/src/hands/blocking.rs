@@ -21,6 +21,7 @@
 
 mod line;
 mod signal;
+pub(crate) mod system;
 mod turns;
 
 use std::cell::Cell;
@@ -39,6 +40,7 @@ use tokio::sync::oneshot;
 
 use self::line::{Line, Socket};
 use self::signal::Signal;
+use self::system::{Std, Stream, System};
 use self::turns::{Now, Plan, Rhythm, Turn, Turns};
 use crate::connection::Wants;
 use crate::drive::{Desk, Driven, Hand, Second};
@@ -70,7 +72,7 @@ const NEVER: u64 = u64::MAX;
 pub(crate) struct StdHand {
     me: Weak<Self>,
     desk: Arc<Desk>,
-    clock: Clock,
+    system: Arc<dyn System>,
     target: Tcp,
     turns: Turns,
     line: Mutex<Line>,
@@ -85,16 +87,6 @@ pub(crate) struct StdHand {
     awaits: AtomicBool,
     /// When somebody last read.
     read_at: AtomicU64,
-}
-
-/// Nanoseconds since this was made.
-#[derive(Clone, Copy, Debug)]
-struct Clock(std::time::Instant);
-
-impl Clock {
-    fn now(self) -> Instant {
-        Instant::ORIGIN + self.0.elapsed()
-    }
 }
 
 impl fmt::Debug for StdHand {
@@ -165,30 +157,38 @@ impl Drop for Carrying<'_> {
 impl StdHand {
     /// Connects, on this thread.
     pub fn connect(address: &str, settings: RobotSettings) -> Result<(Robot, Arc<Self>), RequestError> {
+        Self::connect_in(Arc::new(Std::start()), address, settings)
+    }
+
+    /// The same in another system.
+    pub fn connect_in(
+        system: Arc<dyn System>,
+        address: &str,
+        settings: RobotSettings,
+    ) -> Result<(Robot, Arc<Self>), RequestError> {
         let target = Tcp::parse(address)?;
-        let stream = line::dial_within(&target, settings.connect_timeout)?;
+        let stream = line::dial_within(&system, &target, settings.connect_timeout)?;
         tracing::info!(controller = %target, "connected");
-        let clock = Clock(std::time::Instant::now());
-        let (driven, hand) = Self::start(target, stream, &settings, None, clock)?;
+        let (driven, hand) = Self::start(target, stream, &settings, None, system)?;
         Ok((Robot::on(driven, settings), hand))
     }
 
     fn start(
         target: Tcp,
-        stream: std::net::TcpStream,
+        stream: Box<dyn Stream>,
         settings: &RobotSettings,
         expected: Option<Identity>,
-        clock: Clock,
+        system: Arc<dyn System>,
     ) -> Result<(Driven, Arc<Self>), NotSent> {
-        let now = clock.now();
+        let now = Instant::ORIGIN + system.now();
         let desk = Desk::open((target.to_string(), false), settings, expected, now, seed_from_clock);
         let hand = Arc::new_cyclic(|me: &Weak<Self>| Self {
             me: Weak::clone(me),
             desk: Arc::clone(&desk),
-            clock,
+            system: Arc::clone(&system),
             target: target.clone(),
             turns: Turns::default(),
-            line: Mutex::new(Line::new(target, stream, settings.connect_timeout)),
+            line: Mutex::new(Line::new(target, Arc::clone(&system), stream, settings.connect_timeout)),
             buffer: Mutex::new(Box::new([0; READ_BUFFER])),
             errands: Mutex::default(),
             waker: Waker::from(Arc::new(Summons(Weak::clone(me)))),
@@ -200,7 +200,7 @@ impl StdHand {
         // The first heartbeat leaves before anything else does.
         hand.serve(None);
         let keeper = Arc::clone(&hand);
-        line::spawn("r6-keeper", move || keeper.keep())?;
+        line::spawn(&*system, "r6-keeper", move || keeper.keep())?;
         Ok((Driven { desk, hand: Arc::clone(&hand) as Arc<dyn Hand> }, hand))
     }
 
@@ -220,7 +220,7 @@ impl StdHand {
 
     fn run<F: Future>(&self, mut future: Pin<&mut F>) -> F::Output {
         let _here = Here::begin(self);
-        Signal::with(|me, waker| {
+        Signal::with(&*self.system, |me, waker| {
             loop {
                 me.begin_poll();
                 if let Poll::Ready(output) = future.as_mut().poll(&mut Context::from_waker(waker)) {
@@ -326,7 +326,7 @@ impl StdHand {
             self.glance();
             self.turns.stop_reading(self.now());
         } else {
-            std::thread::sleep(READER_FIRST);
+            self.system.sleep(READER_FIRST);
         }
         self.serve(None);
     }
@@ -431,7 +431,7 @@ impl StdHand {
     /// The keeper's thread. It ends with the connection.
     fn keep(&self) {
         let _here = Here::begin(self);
-        let me = Signal::here();
+        let me = Signal::here(&*self.system);
         self.turns.keeper_came(&me);
         self.turns.note();
         let mut rhythm = Rhythm::begin(self.desk.hub.time.now());
@@ -491,6 +491,10 @@ impl StdHand {
         Now { at: time.now(), due, busy, awaits }
     }
 
+    fn clock(&self) -> Instant {
+        Instant::ORIGIN + self.system.now()
+    }
+
     fn note_read(&self) {
         self.read_at.store(self.desk.hub.time.now().as_nanos(), Ordering::Relaxed);
     }
@@ -513,7 +517,7 @@ impl Hand for StdHand {
     fn tell_time(&self) {
         // The one who has just read has told it.
         if !(TOLD.take() && self.is_here()) {
-            self.desk.hub.time.pass(self.clock.now());
+            self.desk.hub.time.pass(self.clock());
         }
     }
 
@@ -552,18 +556,20 @@ impl Hand for StdHand {
         Box::pin(async move {
             let (tell, told) = oneshot::channel();
             let (target, within) = (self.target.clone(), settings.connect_timeout);
-            line::spawn("r6-connect", move || {
+            let system = Arc::clone(&self.system);
+            line::spawn(&*self.system, "r6-connect", move || {
                 // Nobody waits any more: it is closed.
-                tell.send(line::dial(&target, within)).ok();
+                tell.send(line::dial(&*system, &target, within)).ok();
             })?;
             let over = NotSent::ConnectTimedOut { address: self.target.to_string(), after: within };
             let time = &self.desk.hub.time;
-            let stream = match time.timeout_at(self.clock.now() + within, told).await {
+            let stream = match time.timeout_at(self.clock() + within, told).await {
                 Ok(Ok(made)) => made?,
                 Ok(Err(_)) | Err(_) => return Err(over),
             };
             tracing::info!(controller = %self.target, "second connection");
-            let (driven, _hand) = Self::start(self.target.clone(), stream, &settings, expected, self.clock)?;
+            let system = Arc::clone(&self.system);
+            let (driven, _hand) = Self::start(self.target.clone(), stream, &settings, expected, system)?;
             Ok(driven)
         })
     }
