@@ -113,7 +113,7 @@ impl Wake for Summons {
 thread_local! {
     /// The hand that this thread drives now. It looks at what it makes happen there by itself.
     static HERE: Cell<*const StdHand> = const { Cell::new(ptr::null()) };
-    /// Whether this thread has just told the time.
+    /// Whether this thread has just told the time, and polls its future next.
     static TOLD: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -262,7 +262,7 @@ impl StdHand {
                     Turn::Read => reads = true,
                     Turn::Park(until) => {
                         me.park(until.map(|until| until.since(now.at)));
-                        self.tell_time();
+                        self.pass_time();
                         continue;
                     }
                 }
@@ -281,7 +281,7 @@ impl StdHand {
         socket.set_time_out(now);
         let mut buffer = self.buffer();
         let read = socket.read(buffer.as_mut_slice());
-        self.tell_time();
+        self.pass_time();
         TOLD.set(true);
         self.note_read();
         if let Some(read) = read {
@@ -319,7 +319,7 @@ impl StdHand {
 
     /// A deadline is over. What has come by then counts first.
     fn tick(&self, reads: bool) {
-        self.tell_time();
+        self.pass_time();
         if reads {
             self.glance();
         } else if self.turns.glance(self.desk.hub.time.now()) {
@@ -436,7 +436,7 @@ impl StdHand {
         self.turns.note();
         let mut rhythm = Rhythm::begin(self.desk.hub.time.now());
         loop {
-            self.tell_time();
+            self.pass_time();
             self.attend_if_needed();
             if self.desk.connection().is_closed() && !self.turns.is_wanted(false) {
                 break;
@@ -495,6 +495,12 @@ impl StdHand {
         Instant::ORIGIN + self.system.now()
     }
 
+    /// Tells the time, for this thread has waited.
+    fn pass_time(&self) {
+        TOLD.set(false);
+        self.desk.hub.time.pass(self.clock());
+    }
+
     fn note_read(&self) {
         self.read_at.store(self.desk.hub.time.now().as_nanos(), Ordering::Relaxed);
     }
@@ -517,7 +523,7 @@ impl Hand for StdHand {
     fn tell_time(&self) {
         // The one who has just read has told it.
         if !(TOLD.take() && self.is_here()) {
-            self.desk.hub.time.pass(self.clock());
+            self.pass_time();
         }
     }
 
