@@ -81,6 +81,31 @@ macro_rules! on_every_hand {
 }
 pub(crate) use on_every_hand;
 
+/// Each of these functions for each hand, which it is told: `name::tokio`, `name::callback`, `name::blocking`.
+macro_rules! for_every_hand {
+    ($($test:ident,)+) => {$(
+        mod $test {
+            use $crate::hands::On;
+
+            #[test]
+            fn tokio() {
+                super::$test(On::Tokio);
+            }
+
+            #[test]
+            fn callback() {
+                super::$test(On::Callback);
+            }
+
+            #[test]
+            fn blocking() {
+                super::$test(On::Blocking);
+            }
+        }
+    )+};
+}
+pub(crate) use for_every_hand;
+
 /// What a thread knows of the test that it runs.
 #[derive(Clone)]
 struct Here {

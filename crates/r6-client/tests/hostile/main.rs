@@ -5,7 +5,7 @@ mod cable;
 mod ended;
 mod first;
 mod fresh;
-#[allow(dead_code, reason = "it has more than these tests need")]
+#[allow(dead_code, unused_imports, unused_macros, reason = "it has more than these tests need")]
 #[path = "../hands/hands.rs"]
 mod hands;
 mod odd_lists;
