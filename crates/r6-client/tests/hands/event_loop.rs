@@ -23,6 +23,8 @@ const MOST_READS: usize = 16;
 struct Line {
     begun: Instant,
     dialler: Arc<dyn Dial>,
+    /// How long an attempt to connect may take.
+    within: Duration,
     /// Wakes the task that serves this line.
     task: Mutex<Option<Waker>>,
     own: Mutex<Own>,
@@ -49,11 +51,12 @@ fn reason(read: io::Result<usize>) -> LostReason {
 }
 
 impl Line {
-    fn over(stream: Box<dyn Carrier>, dialler: Arc<dyn Dial>, begun: Instant) -> Arc<Self> {
+    fn over(stream: Box<dyn Carrier>, dialler: Arc<dyn Dial>, within: Duration, begun: Instant) -> Arc<Self> {
         let own = Own { stream: Some(stream), ..Own::default() };
         Arc::new(Self {
             begun,
             dialler,
+            within,
             task: Mutex::default(),
             own: Mutex::new(own),
             soon: Mutex::default(),
@@ -181,8 +184,7 @@ fn turn(line: &Arc<Line>, hand: &CallbackHand, timer: &mut Pin<&mut Sleep>, cx: 
     }
     let others = std::mem::take(&mut line.own().others);
     for another in others {
-        let (dialler, begun) = (Arc::clone(&line.dialler), line.begun);
-        tokio::spawn(serve_another(another, dialler, begun));
+        tokio::spawn(serve_another(another, Arc::clone(&line.dialler), line.within, line.begun));
     }
     let call_at = line.own().call_at;
     timer.as_mut().reset(call_at.unwrap_or_else(|| Instant::now() + FAR));
@@ -237,15 +239,16 @@ async fn serve(line: Arc<Line>, hand: Arc<CallbackHand>) {
     .await;
 }
 
-async fn serve_another(another: Another, dialler: Arc<dyn Dial>, begun: Instant) {
-    match Arc::clone(&dialler).dial().await {
-        Ok(stream) => {
-            let line = Line::over(stream, dialler, begun);
+async fn serve_another(another: Another, dialler: Arc<dyn Dial>, within: Duration, begun: Instant) {
+    match timeout(within, Arc::clone(&dialler).dial()).await {
+        Ok(Ok(stream)) => {
+            let line = Line::over(stream, dialler, within, begun);
             if let Some(hand) = another.connected(Arc::clone(&line) as Arc<dyn EventLoop>) {
                 serve(line, Arc::new(hand)).await;
             }
         }
-        Err(error) => another.not_connected(&error),
+        Ok(Err(error)) => another.not_connected(&error),
+        Err(_elapsed) => another.not_connected(&io::ErrorKind::TimedOut.into()),
     }
 }
 
@@ -265,7 +268,7 @@ pub async fn connect(
         }
         Err(_elapsed) => return Err(NotSent::ConnectTimedOut { address: name, after: within }.into()),
     };
-    let line = Line::over(stream, dialler, begun);
+    let line = Line::over(stream, dialler, within, begun);
     let (hand, robot) = CallbackHand::start(&name, settings, Arc::clone(&line) as Arc<dyn EventLoop>);
     let hand = Arc::new(hand);
     tokio::spawn(serve(line, Arc::clone(&hand)));
