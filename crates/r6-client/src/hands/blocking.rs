@@ -117,6 +117,13 @@ thread_local! {
     static TOLD: Cell<bool> = const { Cell::new(false) };
 }
 
+/// Which connection of a robot one is.
+enum Which {
+    First,
+    /// Made by a stop beside the first, and not made anew. It may know who has to be at its other end.
+    Second(Option<Identity>),
+}
+
 /// Until this thread drives what it drove before.
 struct Here<'h> {
     hand: &'h StdHand,
@@ -169,7 +176,7 @@ impl StdHand {
         let target = Tcp::parse(address)?;
         let stream = line::dial_within(&system, &target, settings.connect_timeout)?;
         tracing::info!(controller = %target, "connected");
-        let (driven, hand) = Self::start(target, stream, &settings, None, system)?;
+        let (driven, hand) = Self::start(target, stream, &settings, Which::First, system)?;
         Ok((Robot::on(driven, settings), hand))
     }
 
@@ -177,10 +184,14 @@ impl StdHand {
         target: Tcp,
         stream: Box<dyn Stream>,
         settings: &RobotSettings,
-        expected: Option<Identity>,
+        which: Which,
         system: Arc<dyn System>,
     ) -> Result<(Driven, Arc<Self>), NotSent> {
         let now = Instant::ORIGIN + system.now();
+        let (expected, only_once) = match which {
+            Which::First => (None, false),
+            Which::Second(expected) => (expected, true),
+        };
         let desk = Desk::open((target.to_string(), false), settings, expected, now, seed_from_clock);
         let hand = Arc::new_cyclic(|me: &Weak<Self>| Self {
             me: Weak::clone(me),
@@ -188,7 +199,13 @@ impl StdHand {
             system: Arc::clone(&system),
             target: target.clone(),
             turns: Turns::default(),
-            line: Mutex::new(Line::new(target, Arc::clone(&system), stream, settings.connect_timeout)),
+            line: Mutex::new(Line::new(
+                target,
+                Arc::clone(&system),
+                stream,
+                settings.connect_timeout,
+                only_once,
+            )),
             buffer: Mutex::new(Box::new([0; READ_BUFFER])),
             errands: Mutex::default(),
             waker: Waker::from(Arc::new(Summons(Weak::clone(me)))),
@@ -575,7 +592,8 @@ impl Hand for StdHand {
             };
             tracing::info!(controller = %self.target, "second connection");
             let system = Arc::clone(&self.system);
-            let (driven, _hand) = Self::start(self.target.clone(), stream, &settings, expected, system)?;
+            let which = Which::Second(expected);
+            let (driven, _hand) = Self::start(self.target.clone(), stream, &settings, which, system)?;
             Ok(driven)
         })
     }

@@ -9,13 +9,13 @@ use r6_client::{
 use r6_client::{RequestError, RobotSettings, StopReport};
 use r6_testkit::hostile::serve::HostileController;
 use r6_testkit::hostile::{
-    Cabinet, Character, Deaf, Delays, Effect, Kind, Late, Links, Lost, Program, Reaction, Stops,
+    Cabinet, Character, Deaf, Delays, Did, Effect, Entry, Kind, Late, Links, Lost, Program, Reaction, Stops,
 };
 use r6_testkit::hostile::{Swap, SwapWhen};
 use serde_json::json;
 use tokio::time::{Instant, sleep};
 
-use crate::hands::{on_every_hand, pause};
+use crate::hands::{on_every_hand, pause, spawn};
 use crate::{robot_at, robot_with, there_and_on};
 
 on_every_hand! {
@@ -26,6 +26,7 @@ on_every_hand! {
     a2_a_stop_whose_answers_get_lost_is_judged_by_the_state,
     a3_a_stop_behind_a_deaf_link_goes_over_another_connection,
     a3_a_second_connection_to_another_robot_stops_nobody,
+    a3_a_second_connection_that_ends_is_not_made_anew,
     a4_a_list_that_is_taken_late_is_cleared_again,
     b7_a_stop_is_neither_sent_to_nor_confirmed_by_another_robot,
     a_stop_goes_on_to_its_end_when_its_caller_gives_up,
@@ -349,4 +350,28 @@ async fn a3_a_link_that_goes_deaf_after_the_first_answer_gets_a_second_connectio
         assert_eq!(report.second, Some(SecondConnection::Used), "deaf after {deaf_after} ms: {report}");
         assert_true(&controller, &stopped).await;
     }
+}
+
+/// A stop opens one second connection. If that ends, none takes its place: a controller has few of them.
+async fn a3_a_second_connection_that_ends_is_not_made_anew() {
+    let (controller, robot) =
+        under_way(Character { stops: deaf_to_every_means(NO_EFFECT), ..Character::default() }).await;
+    controller.arm(|arm, _| {
+        arm.character_mut().deaf.push(Deaf { connection: Some(1), ..Deaf::default() });
+    });
+    let opened = || {
+        let opened = |entry: &&Entry| entry.did == Did::Opened;
+        controller.arm(|arm, _| arm.log().iter().filter(opened).map(|entry| entry.at).collect::<Vec<_>>())
+    };
+    let stopping = spawn(async move { robot.stop().await });
+    while opened().len() < 2 {
+        pause(Duration::from_millis(10)).await;
+    }
+    pause(Duration::from_millis(50)).await;
+    controller.arm(|arm, now| arm.close(now, 2));
+    let stopped = stopping.await.unwrap();
+    assert!(!matches!(&stopped, Ok(report) if report.confirmed), "{stopped:?}");
+    // The first one is given up after some time-outs, and made anew.
+    let opened = opened();
+    assert!(opened.len() == 3 && opened[2] > Duration::from_secs(2), "{opened:?}");
 }

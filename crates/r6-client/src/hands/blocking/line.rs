@@ -111,6 +111,8 @@ pub(super) struct Line {
     target: Tcp,
     system: Arc<dyn System>,
     connect_timeout: Duration,
+    /// A second connection is not made anew.
+    only_once: bool,
     socket: Option<Arc<Socket>>,
     /// Whether our side of the connection was ended.
     shut: bool,
@@ -130,11 +132,13 @@ impl Line {
         system: Arc<dyn System>,
         stream: Box<dyn Stream>,
         connect_timeout: Duration,
+        only_once: bool,
     ) -> Self {
         let mut this = Self {
             target,
             system,
             connect_timeout,
+            only_once,
             socket: None,
             shut: false,
             again_at: None,
@@ -225,6 +229,10 @@ impl Line {
 
     /// Goes on with an attempt to connect; what came of it. `done`: called by the thread that tries, at its end.
     pub fn connect(&mut self, now: Instant, done: impl FnOnce() + Send + 'static) -> Option<Made> {
+        if self.only_once {
+            let once = io::Error::new(ErrorKind::NotConnected, "this connection is not made anew");
+            return Some(Err(unreachable(&self.target, &once)));
+        }
         let until = *self.attempt.get_or_insert(now + self.connect_timeout);
         if self.trying.is_none() {
             let made = Arc::<Mutex<Option<Made>>>::default();
@@ -294,11 +302,14 @@ pub(super) fn dial_within(system: &Arc<dyn System>, target: &Tcp, within: Durati
 pub(super) fn dial(system: &dyn System, target: &Tcp, within: Duration) -> Made {
     let begun = system.now();
     system.connect(target.host(), target.port(), within).map_err(|error| {
-        let address = target.to_string();
         if system.now().saturating_sub(begun) >= within {
-            NotSent::ConnectTimedOut { address, after: within }
+            NotSent::ConnectTimedOut { address: target.to_string(), after: within }
         } else {
-            NotSent::Unreachable { address, kind: error.kind(), detail: error.to_string() }
+            unreachable(target, &error)
         }
     })
+}
+
+fn unreachable(target: &Tcp, error: &io::Error) -> NotSent {
+    NotSent::Unreachable { address: target.to_string(), kind: error.kind(), detail: error.to_string() }
 }
