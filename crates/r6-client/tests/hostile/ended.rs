@@ -246,7 +246,7 @@ async fn d19_a_power_cut_in_the_middle_of_a_motion_is_told_as_such() {
 async fn d19_a_power_cut_while_a_target_is_followed_is_told_as_such() {
     let (controller, robot) = robot_at(Character::default()).await;
     let (target, targets) = TargetSender::new();
-    let source = async {
+    let source = spawn(async move {
         for n in 0..200 {
             target.send(AxisPosition::degrees([f64::from(n)]));
             if n == 10 {
@@ -255,13 +255,12 @@ async fn d19_a_power_cut_while_a_target_is_followed_is_told_as_such() {
                     arm.reboot(now);
                 });
             }
-            sleep(Duration::from_millis(50)).await;
+            pause(Duration::from_millis(50)).await;
         }
-    };
-    let following = robot.follow(targets, FollowOptions::default());
-    let error =
-        tokio::select! { result = following => result.unwrap_err(), () = source => panic!("it went on") };
+    });
+    let error = robot.follow(targets, FollowOptions::default()).await.unwrap_err();
     assert!(matches!(error.cause, Cause::Restarted(_)), "{error}");
+    source.abort();
 }
 
 /// A cable that was pulled and put back is no power cut.
