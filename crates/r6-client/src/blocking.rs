@@ -25,6 +25,8 @@ mod driver;
 mod engine;
 mod motion;
 mod runner;
+#[doc(hidden)]
+pub mod simulated;
 mod watch;
 
 use std::fmt;

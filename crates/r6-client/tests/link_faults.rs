@@ -1,5 +1,9 @@
 //! The client over a link that is broken on purpose: it knows what it does not know, and it finds its way back.
 
+#[allow(dead_code, unused_imports, unused_macros, reason = "it has more than these tests need")]
+#[path = "hands/hands.rs"]
+mod hands;
+
 use std::time::Duration;
 
 use r6_client::{NotSent, OutcomeUnknown, Reconnect, RequestError, Robot, RobotSettings};
@@ -8,6 +12,21 @@ use r6_controller::fault::{LinkFault, LinkFaultNow};
 use r6_proto::{Address, Command, RegisterIndex};
 use r6_sim::VirtualController;
 use tokio::time::timeout;
+
+use hands::on_every_hand;
+
+on_every_hand! { in Real:
+    a_reply_that_breaks_off_is_no_reply,
+    a_link_that_says_nothing_is_noticed,
+    a_refusal_is_told_and_ends,
+    late_cut_and_gathered_replies_are_still_replies,
+    a_time_out_tells_what_came,
+}
+
+#[cfg(target_os = "linux")]
+on_every_hand! { in Real:
+    a_black_hole_is_given_up_in_time,
+}
 
 /// Long enough for a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -27,7 +46,7 @@ fn settings() -> RobotSettings {
 
 async fn cell() -> (VirtualController, Robot) {
     let controller = VirtualController::start().await.unwrap();
-    let robot = Robot::connect(&controller.address().to_string(), settings()).await.unwrap();
+    let robot = hands::connect(&controller.address().to_string(), settings()).await.unwrap();
     robot.status().await.unwrap();
     (controller, robot)
 }
@@ -64,7 +83,6 @@ async fn write(robot: &Robot, value: i64) -> Result<(), RequestError> {
     robot.command(Command::RewriteData { register, savable: false, value }).await.map(|_| ())
 }
 
-#[tokio::test]
 async fn a_reply_that_breaks_off_is_no_reply() {
     for fault in [LinkFault::ResetMidFrame { after: None }, LinkFault::CloseBeforeReply] {
         let (controller, robot) = cell().await;
@@ -78,7 +96,6 @@ async fn a_reply_that_breaks_off_is_no_reply() {
     }
 }
 
-#[tokio::test]
 async fn a_link_that_says_nothing_is_noticed() {
     let (controller, robot) = cell().await;
     set(&controller, &[LinkFault::HalfOpen]);
@@ -87,11 +104,10 @@ async fn a_link_that_says_nothing_is_noticed() {
     assert_finds_its_way_back(&robot).await;
 }
 
-#[tokio::test]
 async fn a_refusal_is_told_and_ends() {
     let (controller, robot) = cell().await;
     told(&controller, &[LinkFault::Refuse], "refused").await;
-    let other = Robot::connect(&controller.address().to_string(), settings()).await.unwrap_err();
+    let other = hands::connect(&controller.address().to_string(), settings()).await.unwrap_err();
     assert!(matches!(other, RequestError::NotSent(NotSent::Unreachable { .. })), "{other}");
     // Who is connected does not notice, until the connection is lost, too.
     write(&robot, 1).await.unwrap();
@@ -103,20 +119,18 @@ async fn a_refusal_is_told_and_ends() {
 }
 
 #[cfg(target_os = "linux")]
-#[tokio::test]
 async fn a_black_hole_is_given_up_in_time() {
     let (controller, robot) = cell().await;
     told(&controller, &[LinkFault::BlackHole], "no answer").await;
-    let other = Robot::connect(&controller.address().to_string(), settings()).await.unwrap_err();
+    let other = hands::connect(&controller.address().to_string(), settings()).await.unwrap_err();
     assert!(matches!(other, RequestError::NotSent(NotSent::ConnectTimedOut { .. })), "{other}");
     write(&robot, 1).await.unwrap();
     told(&controller, &[], "taken again").await;
-    let other = Robot::connect(&controller.address().to_string(), settings()).await.unwrap();
+    let other = hands::connect(&controller.address().to_string(), settings()).await.unwrap();
     write(&other, 2).await.unwrap();
     write(&robot, 3).await.unwrap();
 }
 
-#[tokio::test]
 async fn late_cut_and_gathered_replies_are_still_replies() {
     let (controller, robot) = cell().await;
     let ms = Duration::from_millis;
@@ -144,7 +158,6 @@ async fn late_cut_and_gathered_replies_are_still_replies() {
 }
 
 /// A time-out says what came in place of the reply: a broken cable and a firmware that answers nonsense are not the same.
-#[tokio::test]
 async fn a_time_out_tells_what_came() {
     for (fault, heard) in [
         ("task-dead\"", None),
@@ -154,7 +167,7 @@ async fn a_time_out_tells_what_came() {
     ] {
         let scenario = Scenario::read(&format!("[[fault]]\nfault = \"{fault}")).unwrap();
         let controller = VirtualController::builder().scenario(scenario).start().await.unwrap();
-        let robot = Robot::connect(&controller.address().to_string(), settings()).await.unwrap();
+        let robot = hands::connect(&controller.address().to_string(), settings()).await.unwrap();
         let error = robot.query(&[Address::CurMode]).await.unwrap_err();
         let RequestError::OutcomeUnknown(OutcomeUnknown::TimedOut { heard: told, .. }) = &error else {
             panic!("{fault}: {error}")

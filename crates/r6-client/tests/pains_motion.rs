@@ -1,14 +1,32 @@
 //! The pains of people who move these arms, each by its number in docs/PAINS.md, and what answers it: tried on a virtual controller.
 
+#[allow(dead_code, unused_imports, unused_macros, reason = "it has more than these tests need")]
+#[path = "hands/hands.rs"]
+mod hands;
+
+use std::fmt;
+use std::io;
 use std::time::Duration;
 
 use r6_client::units::{AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Percent, Pose};
 use r6_client::{
-    Address, AxisIndex, Cause, Command, Heartbeat, Motion, Robot, RobotSettings, RunOptions, Unmet,
+    Address, AxisIndex, Cause, Command, Connect, Heartbeat, Motion, Robot, RobotSettings, RunOptions, Unmet,
 };
 use r6_controller::{PanelAction, Profile, Scenario, StartState};
-use r6_sim::{Builder, VirtualController};
-use tokio::time::{sleep, timeout};
+use r6_sim::{Builder, ControllerHandle, MemoryStream, VirtualController};
+use tokio::time::timeout;
+
+use hands::{on_every_hand, pause};
+
+on_every_hand! {
+    pain_01_it_does_not_move_and_says_why,
+    pain_04_ok_is_no_proof_and_state_is,
+    pain_05_a_stop_is_seen_and_nothing_is_left_to_start_again,
+    pain_07_a_long_path_is_cut_into_lists_that_are_answered,
+    pain_08_a_speed_has_its_unit_and_its_scale,
+    pain_10_an_angle_is_told_as_the_near_one,
+    pain_14_no_watchdog_is_armed_unless_it_is_fed,
+}
 
 /// Whatever has not happened after this long never will. The clock of these tests jumps to what is next.
 const PATIENCE: Duration = Duration::from_secs(600);
@@ -18,9 +36,26 @@ async fn cell(builder: Builder) -> (VirtualController, Robot) {
 }
 
 async fn cell_with(builder: Builder, settings: RobotSettings) -> (VirtualController, Robot) {
-    let controller = builder.start().await.unwrap();
-    let robot = Robot::connect(&controller.address().to_string(), settings).await.unwrap();
+    let controller = builder.start_in_memory().await.unwrap();
+    let robot = hands::connect_with(Wires(controller.handle().clone()), settings).await.unwrap();
     (controller, robot)
+}
+
+/// Makes connections in memory.
+struct Wires(ControllerHandle);
+
+impl fmt::Display for Wires {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the controller")
+    }
+}
+
+impl Connect for Wires {
+    type Stream = MemoryStream;
+
+    async fn connect(&mut self) -> io::Result<MemoryStream> {
+        self.0.dial().await
+    }
 }
 
 fn profile(text: &str) -> Builder {
@@ -47,7 +82,6 @@ async fn moves(robot: &Robot, motion: &Motion) {
     timeout(PATIENCE, handle.finished()).await.unwrap().unwrap();
 }
 
-#[tokio::test(start_paused = true)]
 async fn pain_01_it_does_not_move_and_says_why() {
     let there = to([10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     for start in [StartState::Manual, StartState::Auto, StartState::Stopped] {
@@ -79,7 +113,6 @@ async fn pain_01_it_does_not_move_and_says_why() {
     drop(controller);
 }
 
-#[tokio::test(start_paused = true)]
 async fn pain_04_ok_is_no_proof_and_state_is() {
     // Ok, and not executed.
     let scenario = Scenario::read("[[fault]]\nfault = \"not-executed\"\nfrom = 0\nfor = 600").unwrap();
@@ -98,13 +131,12 @@ async fn pain_04_ok_is_no_proof_and_state_is() {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn pain_05_a_stop_is_seen_and_nothing_is_left_to_start_again() {
     for firmware in ["base = \"hc1\"", "action_stop_mode = \"stop\"\naction_stop_alarm = 42"] {
         let (controller, robot) = cell(profile(firmware)).await;
         let list = to([150.0, 0.0, 0.0, 0.0, 0.0, 0.0]).axis_move(AxisPosition::degrees([0.0]), percent(5.0));
         let handle = robot.run(&list, RunOptions::default()).await.unwrap();
-        sleep(Duration::from_secs(1)).await;
+        pause(Duration::from_secs(1)).await;
         let report = handle.stop().await.unwrap();
         assert!(report.confirmed && report.moving == Some(false), "{report}");
         assert_eq!(report.list_length, Some(0));
@@ -116,12 +148,11 @@ async fn pain_05_a_stop_is_seen_and_nothing_is_left_to_start_again() {
         handle.operate(&PanelAction::TurnKey(r6_controller::Key::Auto)).ok();
         robot.command(Command::StartButton).await.unwrap();
         assert!(robot.status().await.unwrap().is_ready(), "{firmware}: {:?}", robot.status().await);
-        sleep(Duration::from_secs(60)).await;
+        pause(Duration::from_secs(60)).await;
         assert_eq!(handle.snapshot().axes, stopped_at, "{firmware}");
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn pain_07_a_long_path_is_cut_into_lists_that_are_answered() {
     let (controller, robot) = cell(VirtualController::builder()).await;
     let mut log = controller.handle().log();
@@ -143,7 +174,6 @@ async fn pain_07_a_long_path_is_cut_into_lists_that_are_answered() {
     assert!(taken.iter().all(|list| *list <= 8), "{taken:?}");
 }
 
-#[tokio::test(start_paused = true)]
 async fn pain_08_a_speed_has_its_unit_and_its_scale() {
     let (controller, robot) = cell(VirtualController::builder()).await;
     // 5 percent is "50" on the wire: the caller never sees that.
@@ -162,7 +192,6 @@ async fn pain_08_a_speed_has_its_unit_and_its_scale() {
     assert!(MillimetresPerSecond::new(0).is_err() && Percent::new(120.0).is_err());
 }
 
-#[tokio::test(start_paused = true)]
 async fn pain_10_an_angle_is_told_as_the_near_one() {
     let (controller, robot) = cell(profile("turning = \"as-told\"")).await;
     moves(&robot, &to([0.0, 10.0, -20.0, 0.0, -80.0, 0.0])).await;
@@ -183,24 +212,23 @@ async fn pain_10_an_angle_is_told_as_the_near_one() {
     assert!(matches!(alarm, Cause::AlarmRaised { .. }), "{alarm}");
 }
 
-#[tokio::test(start_paused = true)]
 async fn pain_14_no_watchdog_is_armed_unless_it_is_fed() {
     let minute = Duration::from_secs(60);
     let (controller, robot) = cell(VirtualController::builder()).await;
     robot.status().await.unwrap();
-    sleep(minute).await;
+    pause(minute).await;
     assert_eq!(controller.handle().snapshot().alarm, 0, "off: nothing was armed");
 
     let every = Duration::from_secs(2);
     let settings = RobotSettings { heartbeat: Heartbeat::Managed { every }, ..RobotSettings::default() };
     let (controller, robot) = cell_with(VirtualController::builder(), settings).await;
-    sleep(minute).await;
+    pause(minute).await;
     assert_eq!(controller.handle().snapshot().alarm, 0, "managed: it is fed");
     let read = robot.query(&[Address::Axis(AxisIndex::ALL[0])]).await.unwrap();
     assert_eq!(read.rows().len(), 1);
     robot.close().await;
-    sleep(Duration::from_secs(9)).await;
+    pause(Duration::from_secs(9)).await;
     assert_eq!(controller.handle().snapshot().alarm, 0);
-    sleep(Duration::from_secs(4)).await;
+    pause(Duration::from_secs(4)).await;
     assert_eq!(controller.handle().snapshot().alarm, 9, "whoever armed it and left is noticed");
 }

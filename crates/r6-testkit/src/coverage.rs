@@ -148,7 +148,7 @@ pub fn items(rows: &[Row], group: &str) -> Vec<String> {
 /// What the table promises and the sources do not hold: rows without a test, and tests that do not exist.
 ///
 /// A test exists where its file has a function of that name under `#[test]` or `#[tokio::test]` that is not ignored, or
-/// has the name in a `vectors! { .. }` block.
+/// has the name in a `vectors! { .. }`, `on_every_hand! { .. }` or `for_every_hand! { .. }` block.
 pub fn missing_tests(rows: &[Row]) -> Vec<String> {
     let mut sources = BTreeMap::new();
     missing_in(rows, |test| {

@@ -21,6 +21,7 @@
 
 mod line;
 mod signal;
+pub(crate) mod system;
 mod turns;
 
 use std::cell::Cell;
@@ -39,6 +40,7 @@ use tokio::sync::oneshot;
 
 use self::line::{Came, Line, Socket};
 use self::signal::Signal;
+use self::system::{Std, Stream, System};
 use self::turns::{Now, Plan, Rhythm, Turn, Turns};
 use crate::connection::Wants;
 use crate::drive::{Desk, Driven, Hand, Second};
@@ -70,7 +72,7 @@ const NEVER: u64 = u64::MAX;
 pub(crate) struct StdHand {
     me: Weak<Self>,
     desk: Arc<Desk>,
-    clock: Clock,
+    system: Arc<dyn System>,
     target: Tcp,
     turns: Turns,
     line: Mutex<Line>,
@@ -85,16 +87,6 @@ pub(crate) struct StdHand {
     awaits: AtomicBool,
     /// When somebody last read.
     read_at: AtomicU64,
-}
-
-/// Nanoseconds since this was made.
-#[derive(Clone, Copy, Debug)]
-struct Clock(std::time::Instant);
-
-impl Clock {
-    fn now(self) -> Instant {
-        Instant::ORIGIN + self.0.elapsed()
-    }
 }
 
 impl fmt::Debug for StdHand {
@@ -121,8 +113,15 @@ impl Wake for Summons {
 thread_local! {
     /// The hand that this thread drives now. It looks at what it makes happen there by itself.
     static HERE: Cell<*const StdHand> = const { Cell::new(ptr::null()) };
-    /// Whether this thread has just told the time.
+    /// Whether this thread has just told the time, and polls its future next.
     static TOLD: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Which connection of a robot one is.
+enum Which {
+    First,
+    /// Made by a stop beside the first, and not made anew. It may know who has to be at its other end.
+    Second(Option<Identity>),
 }
 
 /// Until this thread drives what it drove before.
@@ -165,30 +164,48 @@ impl Drop for Carrying<'_> {
 impl StdHand {
     /// Connects, on this thread.
     pub fn connect(address: &str, settings: RobotSettings) -> Result<(Robot, Arc<Self>), RequestError> {
+        Self::connect_in(Arc::new(Std::start()), address, settings)
+    }
+
+    /// The same in another system.
+    pub fn connect_in(
+        system: Arc<dyn System>,
+        address: &str,
+        settings: RobotSettings,
+    ) -> Result<(Robot, Arc<Self>), RequestError> {
         let target = Tcp::parse(address)?;
-        let stream = line::dial_within(&target, settings.connect_timeout)?;
+        let stream = line::dial_within(&system, &target, settings.connect_timeout)?;
         tracing::info!(controller = %target, "connected");
-        let clock = Clock(std::time::Instant::now());
-        let (driven, hand) = Self::start(target, stream, &settings, None, clock)?;
+        let (driven, hand) = Self::start(target, stream, &settings, Which::First, system)?;
         Ok((Robot::on(driven, settings), hand))
     }
 
     fn start(
         target: Tcp,
-        stream: std::net::TcpStream,
+        stream: Box<dyn Stream>,
         settings: &RobotSettings,
-        expected: Option<Identity>,
-        clock: Clock,
+        which: Which,
+        system: Arc<dyn System>,
     ) -> Result<(Driven, Arc<Self>), NotSent> {
-        let now = clock.now();
+        let now = Instant::ORIGIN + system.now();
+        let (expected, only_once) = match which {
+            Which::First => (None, false),
+            Which::Second(expected) => (expected, true),
+        };
         let desk = Desk::open((target.to_string(), false), settings, expected, now, seed_from_clock);
         let hand = Arc::new_cyclic(|me: &Weak<Self>| Self {
             me: Weak::clone(me),
             desk: Arc::clone(&desk),
-            clock,
+            system: Arc::clone(&system),
             target: target.clone(),
             turns: Turns::default(),
-            line: Mutex::new(Line::new(target, stream, settings.connect_timeout)),
+            line: Mutex::new(Line::new(
+                target,
+                Arc::clone(&system),
+                stream,
+                settings.connect_timeout,
+                only_once,
+            )),
             buffer: Mutex::new(Box::new([0; READ_BUFFER])),
             errands: Mutex::default(),
             waker: Waker::from(Arc::new(Summons(Weak::clone(me)))),
@@ -200,7 +217,7 @@ impl StdHand {
         // The first heartbeat leaves before anything else does.
         hand.serve(None);
         let keeper = Arc::clone(&hand);
-        line::spawn("r6-keeper", move || keeper.keep())?;
+        line::spawn(&*system, "r6-keeper", move || keeper.keep())?;
         Ok((Driven { desk, hand: Arc::clone(&hand) as Arc<dyn Hand> }, hand))
     }
 
@@ -229,7 +246,7 @@ impl StdHand {
         let _here = Here::begin(self);
         // Where a runtime runs: its way to give other tasks a turn would let this thread wait for ever.
         let whole = tokio::task::unconstrained(poll_fn(|_| {
-            Signal::with(|me, waker| {
+            Signal::with(&*self.system, |me, waker| {
                 loop {
                     me.begin_poll();
                     if let Poll::Ready(output) = future.as_mut().poll(&mut Context::from_waker(waker)) {
@@ -279,7 +296,7 @@ impl StdHand {
                     Turn::Park(called_by) => {
                         let called_by = [called_by, until].into_iter().flatten().min();
                         me.park(called_by.map(|time| time.since(now.at)));
-                        self.tell_time();
+                        self.pass_time();
                         continue;
                     }
                 }
@@ -303,9 +320,7 @@ impl StdHand {
         socket.set_time_out(now, until);
         let mut buffer = self.buffer();
         let came = socket.read(buffer.as_mut_slice());
-        // That of the read before is over.
-        TOLD.set(false);
-        self.tell_time();
+        self.pass_time();
         TOLD.set(true);
         self.note_read();
         match came {
@@ -348,14 +363,14 @@ impl StdHand {
 
     /// A deadline is over. What has come by then counts first.
     fn tick(&self, reads: bool) {
-        self.tell_time();
+        self.pass_time();
         if reads {
             self.glance();
         } else if self.turns.glance(self.desk.hub.time.now()) {
             self.glance();
             self.turns.stop_reading(self.now());
         } else {
-            std::thread::sleep(READER_FIRST);
+            self.system.sleep(READER_FIRST);
         }
         self.serve(None);
     }
@@ -460,12 +475,12 @@ impl StdHand {
     /// The keeper's thread. It ends with the connection.
     fn keep(&self) {
         let _here = Here::begin(self);
-        let me = Signal::here();
+        let me = Signal::here(&*self.system);
         self.turns.keeper_came(&me);
         self.turns.note();
         let mut rhythm = Rhythm::begin(self.desk.hub.time.now());
         loop {
-            self.tell_time();
+            self.pass_time();
             self.attend_if_needed();
             if self.desk.connection().is_closed() && !self.turns.is_wanted(false) {
                 break;
@@ -520,6 +535,16 @@ impl StdHand {
         Now { at: time.now(), due, busy, awaits }
     }
 
+    fn clock(&self) -> Instant {
+        Instant::ORIGIN + self.system.now()
+    }
+
+    /// Tells the time, for this thread has waited.
+    fn pass_time(&self) {
+        TOLD.set(false);
+        self.desk.hub.time.pass(self.clock());
+    }
+
     fn note_read(&self) {
         self.read_at.store(self.desk.hub.time.now().as_nanos(), Ordering::Relaxed);
     }
@@ -542,7 +567,7 @@ impl Hand for StdHand {
     fn tell_time(&self) {
         // The one who has just read has told it.
         if !(TOLD.take() && self.is_here()) {
-            self.desk.hub.time.pass(self.clock.now());
+            self.pass_time();
         }
     }
 
@@ -581,18 +606,21 @@ impl Hand for StdHand {
         Box::pin(async move {
             let (tell, told) = oneshot::channel();
             let (target, within) = (self.target.clone(), settings.connect_timeout);
-            line::spawn("r6-connect", move || {
+            let system = Arc::clone(&self.system);
+            line::spawn(&*self.system, "r6-connect", move || {
                 // Nobody waits any more: it is closed.
-                tell.send(line::dial(&target, within)).ok();
+                tell.send(line::dial(&*system, &target, within)).ok();
             })?;
             let over = NotSent::ConnectTimedOut { address: self.target.to_string(), after: within };
             let time = &self.desk.hub.time;
-            let stream = match time.timeout_at(self.clock.now() + within, told).await {
+            let stream = match time.timeout_at(self.clock() + within, told).await {
                 Ok(Ok(made)) => made?,
                 Ok(Err(_)) | Err(_) => return Err(over),
             };
             tracing::info!(controller = %self.target, "second connection");
-            let (driven, _hand) = Self::start(self.target.clone(), stream, &settings, expected, self.clock)?;
+            let system = Arc::clone(&self.system);
+            let which = Which::Second(expected);
+            let (driven, _hand) = Self::start(self.target.clone(), stream, &settings, which, system)?;
             Ok(driven)
         })
     }

@@ -12,11 +12,12 @@ use r6_controller::Scenario;
 use r6_proto::message::{PhotoAnswer, Point};
 use r6_proto::{Address, Command, RegisterIndex};
 use r6_sim::VirtualController;
-use tokio::time::{Instant, sleep, timeout};
+use tokio::time::{Instant, timeout};
 
 use crate::floor::{Floor, thousandths};
+use crate::hands::{self, On, Time, for_every_hand, pause, run, tasks};
 use crate::tap::{Dialler, Tap};
-use crate::world::{LONGEST_CALL, WRITTEN, connect, controller, ms, runtime};
+use crate::world::{LONGEST_CALL, WRITTEN, connect, controller, ms};
 
 /// The link takes its time, so that there is something to wait for, and replies come in two parts.
 const SLOW: &str = "[[fault]]\nfault = \"latency\"\nto_controller = 0.003\nto_client = 0.004\n\
@@ -148,7 +149,7 @@ const CALLS: [(&str, Call); 19] = [
             begun: Instant::now(),
         };
         Box::pin(async move {
-            let other = Robot::connect_with(dialler, RobotSettings::default()).await.unwrap();
+            let other = hands::connect_with(dialler, RobotSettings::default()).await.unwrap();
             drop(other.status().await);
         })
     }),
@@ -207,7 +208,7 @@ enum When {
 }
 
 /// Drops a call, and finds all in order afterwards. Whether the call came to its end before.
-async fn drop_and_look(call: Call, name: &str, when: When) -> bool {
+async fn drop_and_look(call: Call, name: &'static str, when: When) -> bool {
     let scenario = Scenario::read(SLOW).unwrap();
     let (virtual_controller, floor) = controller("hc1", 1, &scenario).await;
     let (robot, tap) = connect(virtual_controller.handle(), &RobotSettings::default(), None).await;
@@ -220,7 +221,7 @@ async fn drop_and_look(call: Call, name: &str, when: When) -> bool {
         When::After(time) => timeout(time, inner).await.is_ok(),
     };
     // An arm finishes what is in its list.
-    sleep(Duration::from_secs(6)).await;
+    pause(Duration::from_secs(6)).await;
     let robot = if name == "close" {
         let (robot, _) = connect(cell.controller.handle(), &RobotSettings::default(), None).await;
         robot
@@ -258,15 +259,15 @@ async fn drop_and_look(call: Call, name: &str, when: When) -> bool {
     ended
 }
 
-fn tasks() -> usize {
-    tokio::runtime::Handle::current().metrics().num_alive_tasks()
+for_every_hand! {
+    k1_a_future_dropped_wherever_it_waits_leaves_all_in_order,
+    k1_a_future_dropped_after_any_time_leaves_all_in_order,
 }
 
-#[test]
-fn k1_a_future_dropped_wherever_it_waits_leaves_all_in_order() {
+fn k1_a_future_dropped_wherever_it_waits_leaves_all_in_order(on: On) {
     for (name, call) in CALLS {
         let mut polls = 0;
-        while !runtime().block_on(drop_and_look(call, name, When::Polled(polls))) {
+        while !run(on, Time::Paused, move || drop_and_look(call, name, When::Polled(polls))) {
             polls += 1;
             assert!(polls < MOST_POLLS, "{name} never ends");
         }
@@ -275,12 +276,14 @@ fn k1_a_future_dropped_wherever_it_waits_leaves_all_in_order() {
     }
 }
 
-#[test]
-fn k1_a_future_dropped_after_any_time_leaves_all_in_order() {
+fn k1_a_future_dropped_after_any_time_leaves_all_in_order(on: On) {
+    // What the hands share meets every time on one of them.
+    let step = if on == On::Tokio { 2 } else { 7 };
     for (name, call) in CALLS {
-        let ends = (0..400)
-            .map(|time| ms(time * 2))
-            .find(|time| runtime().block_on(drop_and_look(call, name, When::After(*time))));
+        let ends = (0..800).step_by(step).map(ms).find(|time| {
+            let when = When::After(*time);
+            run(on, Time::Paused, move || drop_and_look(call, name, when))
+        });
         println!("{name}: dropped within {ends:?}");
     }
 }

@@ -8,7 +8,7 @@ use std::process::{Child, Command as Process, Stdio};
 use std::time::Duration;
 
 use r6_client::units::{AxisPosition, Percent};
-use r6_client::{Heartbeat, Motion, OperationMode, Robot, RobotSettings, RunOptions};
+use r6_client::{Heartbeat, Motion, OperationMode, RobotSettings, RunOptions};
 use r6_controller::{Controller, Profile};
 use r6_proto::Command;
 use r6_sim::{Clock, VirtualController};
@@ -16,12 +16,13 @@ use tokio::sync::watch;
 use tokio::time::timeout;
 
 use crate::floor::{Floor, thousandths};
+use crate::hands::{self, On, Time, for_every_hand};
 
-/// Tells the test that it is the client: where the controller is, and how it is to move.
+/// Tells the test that it is the client: where the controller is, how it is to move, and on which hand.
 const CHILD: &str = "R6_TEST_KILLED_CLIENT";
 
 /// The test that is run once more.
-const TEST: &str = "killed::k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends";
+const TEST: &str = "killed::k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends::tokio";
 
 /// Steps of the motion that is killed, and how far each goes, degrees.
 const STEPS: usize = 10;
@@ -60,10 +61,15 @@ fn client(told: &str) {
         "heartbeat" => Heartbeat::Managed { every: Duration::from_millis(100) },
         _ => Heartbeat::Off,
     };
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-    runtime.block_on(async {
+    let on = match told.next().unwrap() {
+        "Callback" => On::Callback,
+        "Blocking" => On::Blocking,
+        _ => On::Tokio,
+    };
+    let address = address.to_owned();
+    hands::run(on, Time::Real, move || async move {
         let settings = RobotSettings { heartbeat, ..RobotSettings::default() };
-        let robot = Robot::connect(address, settings).await.unwrap();
+        let robot = hands::connect(&address, settings).await.unwrap();
         let options = RunOptions {
             frame_instructions: 2,
             room: 4,
@@ -81,10 +87,10 @@ fn client(told: &str) {
 struct Client(Child);
 
 impl Client {
-    fn start(address: &str, percent: f64, heartbeat: &str) -> Self {
+    fn start(on: On, address: &str, percent: f64, heartbeat: &str) -> Self {
         let mut process = Process::new(env::current_exe().unwrap());
         process.args(["--exact", TEST, "--nocapture"]);
-        process.env(CHILD, format!("{address} {percent} {heartbeat}"));
+        process.env(CHILD, format!("{address} {percent} {heartbeat} {on:?}"));
         Self(process.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
     }
 
@@ -139,7 +145,7 @@ impl Cell {
     /// What a client that comes afterwards finds, and does.
     async fn assert_another_takes_over(&self, killed_after: usize) {
         let address = self.address();
-        let robot = timeout(PATIENCE, Robot::connect(&address, RobotSettings::default()));
+        let robot = timeout(PATIENCE, hands::connect(&address, RobotSettings::default()));
         let robot = robot.await.expect("at once").expect("it is let in");
         let status = robot.status().await.unwrap();
         let snapshot = self.controller.handle().snapshot();
@@ -188,19 +194,21 @@ fn target(step: &r6_client::Instruction) -> Option<i64> {
     }
 }
 
-fn in_real_time(test: impl Future<Output = ()>) {
-    tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(test);
+for_every_hand! {
+    k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends,
+    k2_with_a_heartbeat_the_watchdog_stops_what_a_killed_client_left,
 }
 
-#[test]
-fn k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends() {
+fn k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends(on: On) {
     if let Ok(told) = env::var(CHILD) {
         return client(&told);
     }
-    in_real_time(async {
-        for killed_after in 0..=STEPS {
+    hands::run(on, Time::Real, move || async move {
+        // What the hands share meets every instruction on one of them.
+        let every = if on == On::Tokio { 1 } else { 4 };
+        for killed_after in (0..=STEPS).step_by(every) {
             let mut cell = Cell::start(Clock::Times(4.0), Profile::hc1()).await;
-            let client = Client::start(&cell.address(), 60.0, "none");
+            let client = Client::start(on, &cell.address(), 60.0, "none");
             let begun = |done: &Done| done.instructions > 0 || done.left > 0;
             cell.wait_for("it begins", begun).await;
             let wanted = u64::try_from(killed_after).unwrap();
@@ -218,15 +226,15 @@ fn k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends() {
     });
 }
 
-#[test]
-fn k2_with_a_heartbeat_the_watchdog_stops_what_a_killed_client_left() {
-    in_real_time(async {
-        for killed_after in 0..3 {
+fn k2_with_a_heartbeat_the_watchdog_stops_what_a_killed_client_left(on: On) {
+    hands::run(on, Time::Real, move || async move {
+        let most = if on == On::Tokio { 3 } else { 1 };
+        for killed_after in 0..most {
             // A list that lasts longer than the watchdog waits; that is not ten seconds here, and long enough for a client on a
             // loaded machine to send twenty heartbeats.
             let profile = Profile { heartbeat_timeout: Duration::from_secs(2), ..Profile::hc1() };
             let mut cell = Cell::start(Clock::Real, profile).await;
-            let client = Client::start(&cell.address(), SLOW, "heartbeat");
+            let client = Client::start(on, &cell.address(), SLOW, "heartbeat");
             cell.wait_for("it begins", |done| done.moving).await;
             let wanted = u64::try_from(killed_after).unwrap();
             cell.wait_for("its turn", |done| done.instructions >= wanted).await;

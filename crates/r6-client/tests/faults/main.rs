@@ -1,12 +1,15 @@
 //! A client at work while the link, the replies and the controller are broken on purpose: nothing hangs, nothing is carried out
 //! twice, nothing is shown that is not true, and all is well again as soon as the fault is over.
 //!
-//! Everything runs in one process on a clock that nobody waits for; the seed says everything that is drawn.
+//! Everything runs in one process on a clock that nobody waits for, on each hand (`tests/hands`); the seed says everything that is drawn.
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
 
 mod cancelled;
 mod cases;
 mod floor;
+#[allow(dead_code, unused_imports, unused_macros, reason = "it has more than these tests need")]
+#[path = "../hands/hands.rs"]
+mod hands;
 mod killed;
 mod tap;
 mod work;
@@ -19,6 +22,7 @@ use r6_controller::Scenario;
 use r6_controller::scenario::Happening;
 
 use cases::{CASES, Case, Text};
+use hands::{On, for_every_hand};
 use work::Fate;
 use world::{Outcome, Setup, ms};
 
@@ -66,7 +70,7 @@ fn later(mut scenario: Scenario, by: Duration) -> Scenario {
 }
 
 /// Runs a case: each seed on another firmware, and at another time.
-fn run(case: &Case, setup: Setup) -> Outcome {
+fn run(on: On, case: &Case, setup: Setup) -> Outcome {
     let scenario = later(scenario(case), ms(setup.seed * 377 % 1000));
     let turn = usize::try_from(setup.seed).unwrap() % PROFILES.len();
     let setup = Setup {
@@ -79,26 +83,31 @@ fn run(case: &Case, setup: Setup) -> Outcome {
         rewrite: case.rewrite,
         ..setup
     };
-    let _told = Told(format!("{}, {setup:?}", case.name));
-    world::run(&scenario, &setup)
+    let _told = Told(format!("{}, {on:?}, {setup:?}", case.name));
+    world::run(on, &scenario, &setup)
 }
 
-/// Seeds of each case, with each of the two setups.
-const SEEDS: u64 = 16;
+/// Seeds of each case, with each of the two setups. What the hands share meets all of them on one hand, and each firmware on the others.
+fn seeds(on: On) -> Vec<u64> {
+    match on {
+        On::Tokio => (0..16).collect(),
+        On::Callback | On::Blocking => vec![0, 2, 4, 6],
+    }
+}
 
 /// By how much earlier than due something may be asked for: so much later than one period the next answer may be.
 const RIDES_ALONG: Duration = Duration::from_millis(50);
 
 /// Runs all cases of a fault. Whoever waits no longer than he must has an answer again within one period of his subscription; whoever
 /// has the usual patience waits for the time-outs of what the fault swallowed besides.
-fn holds(fault: &str) {
+fn holds(on: On, fault: &str) {
     let cases: Vec<_> = CASES.iter().filter(|case| case.fault() == fault).collect();
     assert!(!cases.is_empty(), "no case of {fault}");
     for case in cases {
-        for seed in 0..SEEDS {
+        for seed in seeds(on) {
             let setup = Setup::prompt(seed);
             let most = setup.every + RIDES_ALONG;
-            let seen = run(case, setup);
+            let seen = run(on, case, setup);
             assert!(
                 seen.recovered <= most,
                 "{}, seed {seed}: recovered after {:?}",
@@ -114,7 +123,7 @@ fn holds(fault: &str) {
             );
             let setup = Setup::usual(seed);
             let most = setup.every + setup.settings.reply_timeout * 2;
-            let seen = run(case, setup);
+            let seen = run(on, case, setup);
             assert!(
                 seen.recovered <= most,
                 "{}, seed {seed}: recovered after {:?}",
@@ -125,10 +134,12 @@ fn holds(fault: &str) {
     }
 }
 
-/// One test for each fault, so that they run side by side and a failure names it.
+/// One test for each fault and hand, so that they run side by side and a failure names it.
 macro_rules! faults {
     ($($test:ident: $fault:literal;)+) => {
-        $(#[test] fn $test() { holds($fault); })+
+        $(fn $test(on: On) { holds(on, $fault); })+
+
+        for_every_hand! { $($test,)+ }
 
         const TESTED: &[&str] = &[$($fault),+];
     };
@@ -173,12 +184,11 @@ fn every_fault_has_a_case_and_a_test() {
 }
 
 /// Nothing is felt where nothing is broken: no case passes because of what happens anyway.
-#[test]
-fn without_a_fault_nobody_feels_any() {
+fn without_a_fault_nobody_feels_any(on: On) {
     let nothing = cases::nothing();
-    for seed in 0..8 {
+    for seed in seeds(on).into_iter().filter(|seed| *seed < 8) {
         for setup in [Setup::prompt(seed), Setup::usual(seed)] {
-            let seen = run(&nothing, setup);
+            let seen = run(on, &nothing, setup);
             let usual = |case: &&Case| (case.felt)(&seen);
             let felt: Vec<_> = CASES.iter().filter(usual).map(|case| case.name).collect();
             // Firmware without numbers has none in any case.
@@ -195,12 +205,11 @@ fn without_a_fault_nobody_feels_any() {
 }
 
 /// The same seed gives the same bytes, at the same times, and another one others.
-#[test]
-fn a_seed_says_everything() {
+fn a_seed_says_everything(on: On) {
     for name in ["T4-and-latency", "P1-bad-json", "P3-bad-pack-id", "T9-slow"] {
         let case = CASES.iter().find(|case| case.name == name).unwrap();
         let said = |seed| {
-            let seen = run(case, Setup::usual(seed));
+            let seen = run(on, case, Setup::usual(seed));
             (
                 seen.line.text(),
                 seen.log,
@@ -210,4 +219,9 @@ fn a_seed_says_everything() {
         assert!(said(3) == said(3), "{name}: the same seed says something else");
         assert!(said(3) != said(5), "{name}: another seed says the same");
     }
+}
+
+for_every_hand! {
+    without_a_fault_nobody_feels_any,
+    a_seed_says_everything,
 }

@@ -11,9 +11,10 @@ use r6_client::{
     StepState, Unmet,
 };
 use r6_proto::{Address, Command, Reading, RegisterIndex};
-use tokio::time::{Instant, sleep, timeout};
+use tokio::time::{Instant, timeout};
 
 use crate::floor::{Floor, thousandths};
+use crate::hands::pause;
 use crate::tap::Line;
 use crate::world::{FIRST, REGISTERS, Setup, WRITTEN, bounded, controller_time, ms, value_of};
 
@@ -185,7 +186,7 @@ impl Work {
             if let Some(at) = found {
                 return at - back;
             }
-            sleep(ms(5)).await;
+            pause(ms(5)).await;
         }
     }
 
@@ -212,7 +213,7 @@ impl Work {
                 }
             }
             round += 1;
-            sleep(ms(90)).await;
+            pause(ms(90)).await;
         }
     }
 
@@ -227,7 +228,7 @@ impl Work {
                 // After a reconnect somebody has to look before a command leaves.
                 drop(bounded("a look", self.robot.query(&[Address::CurMode, Address::CurAlarm])).await);
             }
-            sleep(ms(130)).await;
+            pause(ms(130)).await;
         }
     }
 
@@ -259,7 +260,7 @@ impl Work {
             if sent.is_err() {
                 drop(bounded("a look", self.robot.query(&[Address::CurMode, Address::CurAlarm])).await);
             }
-            sleep(ms(170)).await;
+            pause(ms(170)).await;
         }
     }
 
@@ -269,7 +270,7 @@ impl Work {
         while !self.is_over() {
             self.move_once(number).await;
             number += 1;
-            sleep(ms(60)).await;
+            pause(ms(60)).await;
         }
     }
 
@@ -330,7 +331,7 @@ impl Work {
         let steps: Vec<_> = (1..=targets.len()).filter_map(|step| handle.step(step)).collect();
         // Every fourth motion is stopped on its way.
         let (error, stopped) = if number % 4 == 3 {
-            sleep(ms(40 * (self.setup.seed % 7 + 1))).await;
+            pause(ms(40 * (self.setup.seed % 7 + 1))).await;
             let stopped = bounded("a stop", handle.stop()).await;
             (Some(None), Some(stopped))
         } else {
@@ -347,7 +348,7 @@ impl Work {
             if confirmed == Some(true) && self.setup.alone {
                 self.floor.halt();
                 // Long enough to see that it stands, and that it goes on standing.
-                sleep(ms(1200)).await;
+                pause(ms(1200)).await;
             }
             self.note(|notes| notes.stops.push(confirmed));
         }

@@ -11,9 +11,10 @@ use r6_proto::client::LearnedDialect;
 use r6_proto::time::Instant as ControllerTime;
 use r6_proto::{Command, RegisterIndex};
 use r6_sim::{ControllerHandle, VirtualController};
-use tokio::time::{Instant, sleep, sleep_until, timeout};
+use tokio::time::{Instant, timeout};
 
 use crate::floor::Floor;
+use crate::hands::{self, On, Task, Time, pause, spawn, tasks};
 use crate::tap::{Dialler, Line, Rewrite, Tap};
 use crate::work::{Notes, Work};
 
@@ -102,7 +103,7 @@ pub struct Outcome {
 }
 
 /// Runs a scenario to its end and beyond.
-pub fn run(scenario: &Scenario, setup: &Setup) -> Outcome {
+pub fn run(on: On, scenario: &Scenario, setup: &Setup) -> Outcome {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
         let told = std::panic::take_hook();
@@ -112,13 +113,10 @@ pub fn run(scenario: &Scenario, setup: &Setup) -> Outcome {
         }));
     });
     let before = PANICS.load(Ordering::SeqCst);
-    let outcome = runtime().block_on(work(scenario, setup));
+    let (scenario, setup) = (scenario.clone(), setup.clone());
+    let outcome = hands::run(on, Time::Paused, move || work(scenario, setup));
     assert_eq!(PANICS.load(Ordering::SeqCst), before, "a task has panicked");
     outcome
-}
-
-pub fn runtime() -> tokio::runtime::Runtime {
-    tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap()
 }
 
 /// A controller in memory and who stands beside it.
@@ -137,28 +135,22 @@ pub async fn connect(
     let tap = Tap::default();
     let begun = Instant::now();
     let dialler = Dialler { controller: controller.clone(), tap: Arc::clone(&tap), rewrite, begun };
-    (Robot::connect_with(dialler, settings.clone()).await.unwrap(), tap)
+    (hands::connect_with(dialler, settings.clone()).await.unwrap(), tap)
 }
 
 /// Somebody else, with a connection of his own, who asks, commands and sends a move now and then; and counts from 1, too.
-async fn another(controller: &ControllerHandle, work: &Work) -> tokio::task::JoinHandle<()> {
+async fn another(controller: &ControllerHandle, work: &Work) -> [Task<()>; 2] {
     let (robot, _) = connect(controller, &work.setup.settings, None).await;
     let notes = Arc::new(Mutex::new(Notes::default()));
     let work = Work { robot, notes, ..work.clone() };
-    tokio::spawn(async move {
-        tokio::join!(work.clone().ask(), work.interfere());
-    })
+    [spawn(work.clone().ask()), spawn(work.interfere())]
 }
 
-fn tasks() -> usize {
-    tokio::runtime::Handle::current().metrics().num_alive_tasks()
-}
-
-async fn work(scenario: &Scenario, setup: &Setup) -> Outcome {
+async fn work(scenario: Scenario, setup: Setup) -> Outcome {
     let begun = Instant::now();
-    let (controller, floor) = controller(setup.profile, setup.seed, scenario).await;
+    let (controller, floor) = controller(setup.profile, setup.seed, &scenario).await;
     let handle = controller.handle().clone();
-    tokio::task::yield_now().await;
+    hands::yield_now().await;
     let idle = tasks();
     let (robot, tap) = connect(&handle, &setup.settings, setup.rewrite).await;
     let first = RegisterIndex::new(FIRST).unwrap();
@@ -175,31 +167,31 @@ async fn work(scenario: &Scenario, setup: &Setup) -> Outcome {
         begun,
         setup: setup.clone(),
     };
-    let watching = tokio::spawn(common.clone().watch());
-    let asking = tokio::spawn(common.clone().ask());
-    let commanding = tokio::spawn(common.clone().command());
-    let moving = tokio::spawn(common.clone().move_and_stop());
+    let watching = spawn(common.clone().watch());
+    let asking = spawn(common.clone().ask());
+    let commanding = spawn(common.clone().command());
+    let moving = spawn(common.clone().move_and_stop());
     let other = if setup.another { Some(another(&handle, &common).await) } else { None };
     // Tasks of the handle, of the motion, and of each connection: none of them grows with what goes wrong.
     let most = idle + 40;
     let end = begun + setup.over;
     while Instant::now() < end {
-        sleep_until(end.min(Instant::now() + ms(250))).await;
+        pause(ms(250).min(end - Instant::now())).await;
         assert!(tasks() < most, "{} tasks, {idle} at rest", tasks());
     }
     let recovered = timeout(LONGEST_CALL, common.first_answer_since(end)).await;
     let recovered = recovered.expect("the subscription does not come back");
     make_ready(&handle);
     floor.release();
-    sleep(AFTERWARDS).await;
+    pause(AFTERWARDS).await;
     over.store(true, Ordering::SeqCst);
     let finished = timeout(LONGEST_CALL * 2, async {
         watching.await.unwrap();
         asking.await.unwrap();
         commanding.await.unwrap();
         moving.await.unwrap();
-        if let Some(other) = other {
-            other.await.unwrap();
+        for task in other.into_iter().flatten() {
+            task.await.unwrap();
         }
     });
     finished.await.expect("a task hangs");
@@ -210,7 +202,7 @@ async fn work(scenario: &Scenario, setup: &Setup) -> Outcome {
     drop(common);
     timeout(LONGEST_CALL, robot.close()).await.expect("closing hangs");
     // A connection that has gone deaf does not notice the end; all others are gone.
-    sleep(Duration::from_secs(3)).await;
+    pause(Duration::from_secs(3)).await;
     let deaf = handle.snapshot().connections;
     assert!(tasks() <= idle + deaf, "{} tasks are left, {idle} at rest", tasks());
 

@@ -14,7 +14,34 @@ use r6_testkit::hostile::{
 use serde_json::json;
 use tokio::time::{Instant, sleep};
 
+use crate::hands::{on_every_hand, pause, spawn};
 use crate::{robot_at, there_and_on, to_j1};
+
+on_every_hand! {
+    a5_steps_that_another_client_cleared_are_not_told_as_done,
+    a5_steps_that_another_client_cleared_in_the_middle_are_not_told_as_done,
+    a5_a_path_that_comes_by_its_end_is_not_told_as_done_when_it_was_cleared,
+    a5_waits_that_were_cleared_are_not_told_as_done,
+    a5_a_list_that_was_accepted_and_never_executed_is_not_done,
+    a5_what_proves_the_end_is_told,
+    a5_firmware_without_the_length_of_its_list_proves_one_move_of_another_tool_only,
+    a6_a_motion_whose_handle_was_dropped_is_carried_to_its_end,
+    a6_a_dropped_motion_that_failed_is_told_by_the_next_one_before_it_sends_anything,
+    a6_a_motion_that_was_stopped_on_purpose_does_not_hold_up_the_next_one,
+    b8_waiting_is_not_over_because_the_controller_was_switched_off_and_on,
+    d19_a_power_cut_in_the_middle_of_a_motion_is_told_as_such,
+    d19_a_power_cut_while_a_target_is_followed_is_told_as_such,
+    d19_a_connection_that_was_lost_alone_is_no_power_cut,
+    b8_waiting_is_not_over_because_another_robot_stands,
+    b8_the_end_of_a_list_is_not_looked_for_on_the_next_connection,
+    b10_a_target_ages_from_when_it_was_told,
+    b10_no_step_is_put_on_somebody_elses_list,
+    b10_a_target_of_an_axis_that_the_robot_does_not_have_is_refused,
+    b7_what_is_done_on_one_connection_is_not_said_from_the_next,
+    a6_all_who_wait_for_a_motion_that_failed_are_told,
+    d19_a_cable_that_is_pulled_after_the_end_is_no_power_cut,
+    b10_following_ends_when_the_handle_is_closed,
+}
 
 fn fast() -> Percent {
     Percent::new(50.0).unwrap()
@@ -37,7 +64,6 @@ async fn result_of(character: Character, motion: &Motion) -> Result<Done, Motion
     robot.run(motion, RunOptions::default()).await.unwrap().finished().await
 }
 
-#[tokio::test(start_paused = true)]
 async fn a5_steps_that_another_client_cleared_are_not_told_as_done() {
     let clears = Foreign { at: Duration::from_millis(400), replace: true, instructions: Vec::new() };
     let (controller, robot) = robot_at(Character { foreign: vec![clears], ..Character::default() }).await;
@@ -53,7 +79,6 @@ async fn a5_steps_that_another_client_cleared_are_not_told_as_done() {
 }
 
 /// Another client clears the list, and this one appends before it looks again.
-#[tokio::test(start_paused = true)]
 async fn a5_steps_that_another_client_cleared_in_the_middle_are_not_told_as_done() {
     let options = RunOptions { frame_instructions: 1, room: 6, ..RunOptions::default() };
     let mut cleared = 0;
@@ -69,7 +94,6 @@ async fn a5_steps_that_another_client_cleared_in_the_middle_are_not_told_as_done
 }
 
 /// The path comes by its end again and again, so that the arm may stand there in the middle of it.
-#[tokio::test(start_paused = true)]
 async fn a5_a_path_that_comes_by_its_end_is_not_told_as_done_when_it_was_cleared() {
     let to = |j1: f64| AxisPosition::degrees([j1, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let motion = (0..15)
@@ -94,7 +118,6 @@ async fn a5_a_path_that_comes_by_its_end_is_not_told_as_done_when_it_was_cleared
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn a5_waits_that_were_cleared_are_not_told_as_done() {
     // The controller keeps the one that is under way.
     let wait = Duration::from_secs(5);
@@ -105,7 +128,6 @@ async fn a5_waits_that_were_cleared_are_not_told_as_done() {
     assert_eq!(result_of(Character::default(), &motion).await.unwrap().proof, EndProof::AtRest);
 }
 
-#[tokio::test(start_paused = true)]
 async fn a5_a_list_that_was_accepted_and_never_executed_is_not_done() {
     let never = |what| Character { never_executed: Some(what), ..Character::default() };
     let tool = Motion::new().linear_move(at_x(600.0), fast()).tool(1);
@@ -123,7 +145,6 @@ async fn a5_a_list_that_was_accepted_and_never_executed_is_not_done() {
     assert_eq!(error.cause, Cause::NotSeen, "{error}");
 }
 
-#[tokio::test(start_paused = true)]
 async fn a5_what_proves_the_end_is_told() {
     for (motion, proof) in [
         (there_and_on(5), EndProof::Reached),
@@ -137,7 +158,6 @@ async fn a5_what_proves_the_end_is_told() {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn a5_firmware_without_the_length_of_its_list_proves_one_move_of_another_tool_only() {
     let old = || Character { list_length: ListLength::Absent, ..Character::default() };
     let one = Motion::new().linear_move(at_x(600.0), fast()).tool(1);
@@ -147,7 +167,6 @@ async fn a5_firmware_without_the_length_of_its_list_proves_one_move_of_another_t
     assert_eq!(result_of(old(), &there_and_on(4)).await.unwrap().proof, EndProof::Reached);
 }
 
-#[tokio::test(start_paused = true)]
 async fn a6_a_motion_whose_handle_was_dropped_is_carried_to_its_end() {
     let (controller, robot) = robot_at(Character::default()).await;
     let handle = robot.run(&there_and_on(60), RunOptions::default()).await.unwrap();
@@ -157,12 +176,11 @@ async fn a6_a_motion_whose_handle_was_dropped_is_carried_to_its_end() {
     controller.arm(|arm, _| assert_eq!(arm.carried(1).len(), 60));
 }
 
-#[tokio::test(start_paused = true)]
 async fn a6_a_dropped_motion_that_failed_is_told_by_the_next_one_before_it_sends_anything() {
     let clears = Foreign { at: Duration::from_millis(700), replace: true, instructions: Vec::new() };
     let (controller, robot) = robot_at(Character { foreign: vec![clears], ..Character::default() }).await;
     drop(robot.run(&there_and_on(20), RunOptions::default()).await.unwrap());
-    sleep(Duration::from_secs(10)).await;
+    pause(Duration::from_secs(10)).await;
     let lists = || controller.arm(|arm, _| arm.log().iter().filter(|it| it.kind == Kind::List).count());
     let before = lists();
     let error = robot.run(&to_j1(0.0), RunOptions::default()).await.unwrap_err();
@@ -175,11 +193,10 @@ async fn a6_a_dropped_motion_that_failed_is_told_by_the_next_one_before_it_sends
     assert!(matches!(again.unwrap_err().cause, Cause::NotReady(_)));
 }
 
-#[tokio::test(start_paused = true)]
 async fn a6_a_motion_that_was_stopped_on_purpose_does_not_hold_up_the_next_one() {
     let (_controller, robot) = robot_at(Character::default()).await;
     drop(robot.run(&there_and_on(20), RunOptions::default()).await.unwrap());
-    sleep(Duration::from_millis(500)).await;
+    pause(Duration::from_millis(500)).await;
     assert!(robot.stop().await.unwrap().confirmed);
     robot.command(Command::ClearAlarm).await.unwrap();
     robot.command(Command::StartButton).await.unwrap();
@@ -187,13 +204,12 @@ async fn a6_a_motion_that_was_stopped_on_purpose_does_not_hold_up_the_next_one()
     assert_eq!(handle.finished().await.unwrap().axes[0], Some(0.0));
 }
 
-#[tokio::test(start_paused = true)]
 async fn b8_waiting_is_not_over_because_the_controller_was_switched_off_and_on() {
     for listed in [false, true] {
         let (controller, robot) = robot_at(Character::default()).await;
         let list = there_and_on(3).instructions().unwrap().to_vec();
         robot.add_rcc(true, list).await.unwrap();
-        sleep(Duration::from_millis(300)).await;
+        pause(Duration::from_millis(300)).await;
         let reboot = Reboot { mode: if listed { 7 } else { 3 }, ..Reboot::default() };
         controller.arm(|arm, now| {
             arm.character_mut().reboot = Some(reboot);
@@ -210,7 +226,6 @@ async fn b8_waiting_is_not_over_because_the_controller_was_switched_off_and_on()
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn d19_a_power_cut_in_the_middle_of_a_motion_is_told_as_such() {
     for homed in [false, true] {
         let (controller, robot) = robot_at(Character::default()).await;
@@ -228,11 +243,10 @@ async fn d19_a_power_cut_in_the_middle_of_a_motion_is_told_as_such() {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn d19_a_power_cut_while_a_target_is_followed_is_told_as_such() {
     let (controller, robot) = robot_at(Character::default()).await;
     let (target, targets) = TargetSender::new();
-    let source = async {
+    let source = spawn(async move {
         for n in 0..200 {
             target.send(AxisPosition::degrees([f64::from(n)]));
             if n == 10 {
@@ -241,17 +255,15 @@ async fn d19_a_power_cut_while_a_target_is_followed_is_told_as_such() {
                     arm.reboot(now);
                 });
             }
-            sleep(Duration::from_millis(50)).await;
+            pause(Duration::from_millis(50)).await;
         }
-    };
-    let following = robot.follow(targets, FollowOptions::default());
-    let error =
-        tokio::select! { result = following => result.unwrap_err(), () = source => panic!("it went on") };
+    });
+    let error = robot.follow(targets, FollowOptions::default()).await.unwrap_err();
     assert!(matches!(error.cause, Cause::Restarted(_)), "{error}");
+    source.abort();
 }
 
 /// A cable that was pulled and put back is no power cut.
-#[tokio::test(start_paused = true)]
 async fn d19_a_connection_that_was_lost_alone_is_no_power_cut() {
     let (controller, robot) = robot_at(Character::default()).await;
     let handle = robot.run(&there_and_on(20), RunOptions::default()).await.unwrap();
@@ -261,7 +273,6 @@ async fn d19_a_connection_that_was_lost_alone_is_no_power_cut() {
     assert!(!matches!(error.cause, Cause::Restarted(_)), "{error}");
 }
 
-#[tokio::test(start_paused = true)]
 async fn b8_waiting_is_not_over_because_another_robot_stands() {
     let (controller, robot) = robot_at(Character::default()).await;
     robot.add_rcc(true, there_and_on(3).instructions().unwrap().to_vec()).await.unwrap();
@@ -274,14 +285,13 @@ async fn b8_waiting_is_not_over_because_another_robot_stands() {
     assert!(matches!(error, WaitError::Request(_) | WaitError::AnotherConnection), "{error:?}");
 }
 
-#[tokio::test(start_paused = true)]
 async fn b8_the_end_of_a_list_is_not_looked_for_on_the_next_connection() {
     let (controller, robot) = robot_at(Character::default()).await;
     robot.add_rcc(true, there_and_on(3).instructions().unwrap().to_vec()).await.unwrap();
     controller.arm(|arm, now| arm.reboot(now));
     // Somebody reads in between, which connects anew.
     while robot.status().await.is_err() {
-        sleep(Duration::from_millis(200)).await;
+        pause(Duration::from_millis(200)).await;
     }
     let error = robot.wait_until_done(WaitOptions::default()).await.unwrap_err();
     assert!(matches!(error, WaitError::Restarted(_)), "{error:?}");
@@ -292,7 +302,7 @@ async fn told_before(age: Duration) -> r6_client::Followed {
     let (_controller, robot) = robot_at(Character::default()).await;
     let (target, targets) = TargetSender::new();
     target.send(AxisPosition::degrees([75.0]));
-    sleep(age).await;
+    pause(age).await;
     let source = async move {
         sleep(Duration::from_secs(3)).await;
         drop(target);
@@ -301,7 +311,6 @@ async fn told_before(age: Duration) -> r6_client::Followed {
     tokio::join!(following, source).0.unwrap()
 }
 
-#[tokio::test(start_paused = true)]
 async fn b10_a_target_ages_from_when_it_was_told() {
     let followed = told_before(Duration::from_secs(4)).await;
     assert_eq!(followed.steps, 0, "{followed:?}");
@@ -309,7 +318,6 @@ async fn b10_a_target_ages_from_when_it_was_told() {
     assert!(told_before(Duration::ZERO).await.steps > 0);
 }
 
-#[tokio::test(start_paused = true)]
 async fn b10_no_step_is_put_on_somebody_elses_list() {
     let step =
         |j1: &str| json!({ "oneshot": "1", "action": "4", "m0": j1, "ckStatus": "0x3F", "speed": "10" });
@@ -341,7 +349,6 @@ async fn b10_no_step_is_put_on_somebody_elses_list() {
     assert_eq!(ours, 0);
 }
 
-#[tokio::test(start_paused = true)]
 async fn b10_a_target_of_an_axis_that_the_robot_does_not_have_is_refused() {
     let four = Cabinet { axis_count: 4, ..Cabinet::default() };
     let (_controller, robot) = robot_at(Character { cabinet: four, ..Character::default() }).await;
@@ -352,7 +359,6 @@ async fn b10_a_target_of_an_axis_that_the_robot_does_not_have_is_refused() {
     drop(target);
 }
 
-#[tokio::test(start_paused = true)]
 async fn b7_what_is_done_on_one_connection_is_not_said_from_the_next() {
     let (controller, robot) = robot_at(Character::default()).await;
     let handle = robot.run(&there_and_on(4), RunOptions::default()).await.unwrap();
@@ -363,7 +369,6 @@ async fn b7_what_is_done_on_one_connection_is_not_said_from_the_next() {
     assert_eq!(error.cause, Cause::Unreadable(lost), "{error}");
 }
 
-#[tokio::test(start_paused = true)]
 async fn a6_all_who_wait_for_a_motion_that_failed_are_told() {
     let never = Character { never_executed: Some(NeverExecuted::Always), ..Character::default() };
     let (_controller, robot) = robot_at(never).await;
@@ -377,7 +382,6 @@ async fn a6_all_who_wait_for_a_motion_that_failed_are_told() {
 }
 
 /// What was told to be done is not told to have been cut short by what happens later.
-#[tokio::test(start_paused = true)]
 async fn d19_a_cable_that_is_pulled_after_the_end_is_no_power_cut() {
     for stops in [false, true] {
         let (controller, robot) = robot_at(Character::default()).await;
@@ -387,7 +391,7 @@ async fn d19_a_cable_that_is_pulled_after_the_end_is_no_power_cut() {
         }
         controller.arm(|arm, now| arm.break_links(now));
         while robot.status().await.is_err() {
-            sleep(Duration::from_millis(200)).await;
+            pause(Duration::from_millis(200)).await;
         }
         let told = robot.wait_until_done(WaitOptions::default()).await;
         let is_true = match &told {
@@ -399,19 +403,18 @@ async fn d19_a_cable_that_is_pulled_after_the_end_is_no_power_cut() {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn b10_following_ends_when_the_handle_is_closed() {
     let (controller, robot) = robot_at(Character::default()).await;
     let (target, targets) = TargetSender::new();
     let clone = robot.clone();
-    let following = tokio::spawn(async move { clone.follow(targets, FollowOptions::default()).await });
+    let following = spawn(async move { clone.follow(targets, FollowOptions::default()).await });
     let told = tokio::spawn(async move {
         for n in 0..400 {
             target.send(AxisPosition::degrees([f64::from(n)]));
             sleep(Duration::from_millis(50)).await;
         }
     });
-    sleep(Duration::from_secs(2)).await;
+    pause(Duration::from_secs(2)).await;
     let begun = Instant::now();
     robot.close().await;
     assert!(begun.elapsed() < Duration::from_secs(1), "{:?}", begun.elapsed());
@@ -419,7 +422,7 @@ async fn b10_following_ends_when_the_handle_is_closed() {
         controller.arm(|arm, _| arm.carried(1).len())
     };
     let left = lists(&controller);
-    sleep(Duration::from_secs(5)).await;
+    pause(Duration::from_secs(5)).await;
     assert!(lists(&controller) <= left + 1, "the step that was under way at most");
     let error = following.await.unwrap().unwrap_err();
     assert_eq!(error.cause, Cause::Closed, "{error}");

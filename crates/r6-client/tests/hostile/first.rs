@@ -9,7 +9,22 @@ use r6_testkit::hostile::serve::HostileController;
 use r6_testkit::hostile::{Cabinet, Character, Kind, Links, Lost, Swap, SwapWhen};
 use tokio::time::{Instant, sleep};
 
+use crate::hands::{self, On, on, on_every_hand, pause, spawn};
 use crate::robot_at;
+
+on_every_hand! {
+    a_handle_that_only_read_one_value_knows_that_another_robot_answers,
+    a_stop_right_after_the_swap_does_not_stop_the_other_robot,
+    a_stop_that_leaves_while_the_robots_are_swapped_does_not_stop_the_other_robot,
+    a_subscription_alone_knows_that_another_robot_answers,
+    who_is_there_is_asked_once_and_before_the_first_query,
+    a_controller_that_does_not_say_who_it_is_answers_all_else_as_before,
+    a_stop_does_not_wait_on_the_first_connection,
+    where_values_were_read_of_nobody_a_stop_on_the_next_connection_proves_nothing,
+    one_query_never_mixes_the_values_of_two_robots,
+    where_no_question_fits_into_a_frame_a_query_is_refused_at_once,
+    a_robot_whose_name_cannot_be_read_is_not_taken_for_the_one_before,
+}
 
 const J1: Address = Address::Axis(AxisIndex::ALL[0]);
 
@@ -50,12 +65,11 @@ async fn another_is_told(robot: &Robot) {
             Err(RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. })) => told = true,
             Err(_connecting) => {}
         }
-        sleep(Duration::from_millis(50)).await;
+        pause(Duration::from_millis(50)).await;
     }
     assert!(told, "it is told that another robot answers");
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_handle_that_only_read_one_value_knows_that_another_robot_answers() {
     let (controller, robot) = robot_at(two()).await;
     assert_eq!(robot.query(&[J1]).await.unwrap().decimal(J1), Some(0.0));
@@ -67,32 +81,32 @@ async fn a_handle_that_only_read_one_value_knows_that_another_robot_answers() {
     assert_eq!(told_to_the_second(&controller), Vec::<String>::new());
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_stop_right_after_the_swap_does_not_stop_the_other_robot() {
     let (controller, robot) = robot_at(two()).await;
     robot.query(&[J1]).await.unwrap();
     controller.arm(|arm, now| arm.swap(now));
     // The end of the link is there.
-    sleep(Duration::from_millis(1)).await;
+    pause(Duration::from_millis(1)).await;
     let refused = robot.stop().await.unwrap_err();
     assert!(matches!(refused, RequestError::NotSent(NotSent::NotStopped(_))), "{refused:?}");
     assert_eq!(told_to_the_second(&controller), Vec::<String>::new());
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_stop_that_leaves_while_the_robots_are_swapped_does_not_stop_the_other_robot() {
     let (controller, robot) = robot_at(two()).await;
     robot.query(&[J1]).await.unwrap();
     controller.arm(|arm, now| arm.swap(now));
     let refused = robot.stop().await.unwrap_err();
-    assert!(
-        matches!(refused, RequestError::OutcomeUnknown(OutcomeUnknown::ConnectionLost { .. })),
-        "{refused:?}"
-    );
+    let as_told = match &refused {
+        RequestError::OutcomeUnknown(OutcomeUnknown::ConnectionLost { .. }) => on() != On::Callback,
+        // An event loop has its turn before the stop leaves, and then sees that the link has ended.
+        RequestError::NotSent(NotSent::NotStopped(_)) => on() == On::Callback,
+        _ => false,
+    };
+    assert!(as_told, "{refused:?}");
     assert_eq!(told_to_the_second(&controller), Vec::<String>::new());
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_subscription_alone_knows_that_another_robot_answers() {
     let (controller, robot) = robot_at(two()).await;
     let mut seen = robot.subscribe(&[J1], Duration::from_millis(100)).unwrap();
@@ -107,12 +121,11 @@ async fn a_subscription_alone_knows_that_another_robot_answers() {
             matches!(error, RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. }))
         };
         told |= snapshot.failure().is_some_and(another);
-        sleep(Duration::from_millis(20)).await;
+        pause(Duration::from_millis(20)).await;
     }
     assert!(told);
 }
 
-#[tokio::test(start_paused = true)]
 async fn who_is_there_is_asked_once_and_before_the_first_query() {
     let (controller, robot) = robot_at(two()).await;
     let begun = Instant::now();
@@ -125,19 +138,18 @@ async fn who_is_there_is_asked_once_and_before_the_first_query() {
     assert_eq!(robot.identity().unwrap().machine_name.as_deref(), Some("cell 4"));
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_controller_that_does_not_say_who_it_is_answers_all_else_as_before() {
     // The second query is the caller's own.
     let (controller, robot) = robot_at(losing(&[1, 3])).await;
     let begun = Instant::now();
     assert_eq!(robot.query(&[J1]).await.unwrap().decimal(J1), Some(0.0));
     assert!(begun.elapsed() < Duration::from_millis(600), "{:?}", begun.elapsed());
-    sleep(Duration::from_millis(1800)).await;
+    pause(Duration::from_millis(1800)).await;
     for _ in 0..20 {
         let begun = Instant::now();
         robot.query(&[J1]).await.unwrap();
         assert!(begun.elapsed() < Duration::from_millis(100), "{:?}", begun.elapsed());
-        sleep(Duration::from_millis(200)).await;
+        pause(Duration::from_millis(200)).await;
     }
     assert_eq!(asked(&controller).iter().filter(|asked| asked.contains("version")).count(), 2);
     // A command asks again, and leaves over the same connection.
@@ -146,16 +158,14 @@ async fn a_controller_that_does_not_say_who_it_is_answers_all_else_as_before() {
     assert!(controller.arm(|arm, _| arm.log().iter().all(|entry| entry.connection <= 1)));
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_stop_does_not_wait_on_the_first_connection() {
     let (controller, robot) = robot_at(losing(&[1])).await;
     let begun = controller.now();
-    let (read, stopped) = tokio::join!(robot.query(&[J1]), async {
-        sleep(Duration::from_millis(5)).await;
-        robot.stop().await
-    });
-    read.unwrap();
-    assert!(stopped.unwrap().confirmed);
+    let reader = robot.clone();
+    let read = spawn(async move { reader.query(&[J1]).await });
+    pause(Duration::from_millis(5)).await;
+    assert!(robot.stop().await.unwrap().confirmed);
+    read.await.unwrap().unwrap();
     let left = controller.arm(|arm, _| {
         let stop = arm.log().iter().find(|entry| entry.frame.to_string().contains("actionStop"));
         stop.unwrap().at - begun
@@ -163,14 +173,13 @@ async fn a_stop_does_not_wait_on_the_first_connection() {
     assert!(left < Duration::from_millis(20), "{left:?}");
 }
 
-#[tokio::test(start_paused = true)]
 async fn where_values_were_read_of_nobody_a_stop_on_the_next_connection_proves_nothing() {
     for looked in [false, true] {
         let (controller, robot) = robot_at(losing(&[1])).await;
         assert_eq!(robot.query(&[J1]).await.unwrap().decimal(J1), Some(0.0));
         assert_eq!(robot.identity(), None);
         controller.arm(|arm, now| arm.swap(now));
-        sleep(Duration::from_millis(10)).await;
+        pause(Duration::from_millis(10)).await;
         if looked {
             // The caller sees who is there now: that robot is meant.
             robot.status().await.unwrap();
@@ -188,7 +197,6 @@ fn all_axes() -> Vec<Address> {
     first.chain(axes().map(Address::World)).chain(last).collect()
 }
 
-#[tokio::test(start_paused = true)]
 async fn one_query_never_mixes_the_values_of_two_robots() {
     let mut cut = 0;
     for known in [true, false] {
@@ -199,7 +207,7 @@ async fn one_query_never_mixes_the_values_of_two_robots() {
             // Six or so addresses in a frame.
             let settings = RobotSettings { max_frame_bytes: 260, ..RobotSettings::default() };
             let cable = crate::cable::Cable(std::sync::Arc::clone(&controller));
-            let robot = Robot::connect_with(cable, settings).await.unwrap();
+            let robot = hands::connect_with(cable, settings).await.unwrap();
             if known {
                 robot.status().await.unwrap();
             }
@@ -226,17 +234,15 @@ async fn one_query_never_mixes_the_values_of_two_robots() {
     assert!(cut > 12, "a query is cut in parts: {cut}");
 }
 
-#[tokio::test(start_paused = true)]
 async fn where_no_question_fits_into_a_frame_a_query_is_refused_at_once() {
     let cable = crate::cable::Cable(HostileController::new(two()));
     let settings = RobotSettings { max_frame_bytes: 60, ..RobotSettings::default() };
-    let robot = Robot::connect_with(cable, settings).await.unwrap();
+    let robot = hands::connect_with(cable, settings).await.unwrap();
     let refused = tokio::time::timeout(Duration::from_secs(60), robot.query(&[J1])).await;
     assert!(matches!(refused, Ok(Err(RequestError::Invalid(_)))), "{refused:?}");
 }
 
 /// A robot of the same model and firmware, of which only the name would tell that it is another.
-#[tokio::test(start_paused = true)]
 async fn a_robot_whose_name_cannot_be_read_is_not_taken_for_the_one_before() {
     let mut character = two();
     if let Some(swap) = &mut character.swap {

@@ -4,9 +4,14 @@ use std::time::Duration;
 
 use r6_client::{Address, OutcomeUnknown, Quality, RequestError};
 use r6_testkit::hostile::{Cabinet, Character, Links, Swap, SwapWhen};
-use tokio::time::sleep;
 
+use crate::hands::{on_every_hand, pause};
 use crate::robot_at;
+
+on_every_hand! {
+    b8_a_query_does_not_hand_out_the_values_of_another_robot,
+    b9_no_value_of_an_earlier_connection_is_fresh,
+}
 
 fn another() -> Swap {
     let to = Cabinet { name: "cell 5".to_owned(), axes: [77.0; 8], ..Cabinet::default() };
@@ -15,7 +20,6 @@ fn another() -> Swap {
 
 const J1: Address = Address::Axis(r6_client::AxisIndex::ALL[0]);
 
-#[tokio::test(start_paused = true)]
 async fn b8_a_query_does_not_hand_out_the_values_of_another_robot() {
     let (controller, robot) = robot_at(Character { swap: Some(another()), ..Character::default() }).await;
     robot.status().await.unwrap();
@@ -29,7 +33,7 @@ async fn b8_a_query_does_not_hand_out_the_values_of_another_robot() {
             }
             Err(_connecting) => {}
         }
-        sleep(Duration::from_millis(50)).await;
+        pause(Duration::from_millis(50)).await;
     }
     let found = told.expect("it is told who is there instead");
     // The one that is meant from now on is read again.
@@ -37,7 +41,6 @@ async fn b8_a_query_does_not_hand_out_the_values_of_another_robot() {
     assert_eq!(robot.query(&[J1]).await.unwrap().decimal(J1), Some(77.0));
 }
 
-#[tokio::test(start_paused = true)]
 async fn b9_no_value_of_an_earlier_connection_is_fresh() {
     for swapped in [false, true] {
         let swap = swapped.then(another);
@@ -66,7 +69,7 @@ async fn b9_no_value_of_an_earlier_connection_is_fresh() {
                     "{snapshot:?}"
                 );
             }
-            sleep(Duration::from_millis(5)).await;
+            pause(Duration::from_millis(5)).await;
         }
         if !swapped {
             assert!(seen.latest().fresh(J1).is_some(), "it is read again on the next connection");

@@ -1,10 +1,13 @@
-//! The client at a controller that misbehaves on purpose (`r6_testkit::hostile`).
+//! The client at a controller that misbehaves on purpose (`r6_testkit::hostile`), on each hand (`tests/hands`).
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
 
 mod cable;
 mod ended;
 mod first;
 mod fresh;
+#[allow(dead_code, unused_imports, unused_macros, reason = "it has more than these tests need")]
+#[path = "../hands/hands.rs"]
+mod hands;
 mod odd_lists;
 mod overtaken;
 mod standing;
@@ -22,6 +25,19 @@ use r6_testkit::hostile::serve::HostileController;
 use r6_testkit::hostile::{Cabinet, Character, Effect, Reaction, Stops, Swap, SwapWhen};
 use tokio::net::TcpListener;
 
+use hands::on_every_hand;
+
+on_every_hand! {
+    one_that_behaves_is_ready_and_moves_where_it_is_sent,
+    a_stop_that_is_answered_ok_may_have_no_effect,
+    another_robot_may_answer_on_the_next_connection,
+    what_is_pushed_ends_when_the_handle_is_closed_although_a_clone_lives,
+}
+
+on_every_hand! { in Real:
+    it_is_reached_over_tcp_too,
+}
+
 /// A robot behind wires in memory, and the controller at their other end.
 async fn robot_at(character: Character) -> (Arc<HostileController>, Robot) {
     robot_with(character, RobotSettings::default()).await
@@ -30,7 +46,7 @@ async fn robot_at(character: Character) -> (Arc<HostileController>, Robot) {
 /// The same, talked to with these settings.
 async fn robot_with(character: Character, settings: RobotSettings) -> (Arc<HostileController>, Robot) {
     let controller = HostileController::new(character);
-    let robot = Robot::connect_with(Cable(Arc::clone(&controller)), settings).await.unwrap();
+    let robot = hands::connect_with(Cable(Arc::clone(&controller)), settings).await.unwrap();
     (controller, robot)
 }
 
@@ -46,7 +62,6 @@ fn there_and_on(steps: u32) -> Motion {
     (1..=steps).fold(Motion::new(), |motion, n| motion.axis_move(to(n), slow))
 }
 
-#[tokio::test(start_paused = true)]
 async fn one_that_behaves_is_ready_and_moves_where_it_is_sent() {
     let (controller, robot) = robot_at(Character::default()).await;
     let status = robot.status().await.unwrap();
@@ -60,7 +75,6 @@ async fn one_that_behaves_is_ready_and_moves_where_it_is_sent() {
     });
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_stop_that_is_answered_ok_may_have_no_effect() {
     let no_effect = Reaction { effect: Effect::NoEffect, ..Reaction::default() };
     let stops = Stops { action_stop: no_effect, ..Stops::default() };
@@ -69,13 +83,12 @@ async fn a_stop_that_is_answered_ok_may_have_no_effect() {
     assert!(handle.step(1).unwrap().started().await);
     robot.command(Command::ActionStop).await.unwrap();
     let told = controller.now();
-    tokio::time::sleep(Duration::from_secs(1)).await;
+    hands::pause(Duration::from_secs(1)).await;
     let path = controller.arm(|arm, _| arm.path_since(1, told));
     assert!((29.0..31.0).contains(&path[0]), "it moves on, 30 degrees a second: {path:?}");
     drop(handle);
 }
 
-#[tokio::test(start_paused = true)]
 async fn another_robot_may_answer_on_the_next_connection() {
     let to = Cabinet { name: "cell 5".to_owned(), ..Cabinet::default() };
     let swap = Swap { when: SwapWhen::Told, links: r6_testkit::hostile::Links::End, to };
@@ -90,30 +103,28 @@ async fn another_robot_may_answer_on_the_next_connection() {
             told = found.machine_name;
             break;
         }
-        tokio::time::sleep(Duration::from_millis(100)).await;
+        hands::pause(Duration::from_millis(100)).await;
     }
     assert_eq!(told.as_deref(), Some("cell 5"));
 }
 
-#[tokio::test]
 async fn it_is_reached_over_tcp_too() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let controller = HostileController::new(Character::default());
     let served = tokio::spawn(Arc::clone(&controller).listen(listener));
-    let robot = Robot::connect(&address, RobotSettings::default()).await.unwrap();
+    let robot = hands::connect(&address, RobotSettings::default()).await.unwrap();
     robot.run(&to_j1(3.0), RunOptions::default()).await.unwrap().finished().await.unwrap();
     let waited = robot.wait_until_done(WaitOptions::default()).await.unwrap();
     assert_eq!(waited.axes[0], Some(3.0));
     served.abort();
 }
 
-#[tokio::test(start_paused = true)]
 async fn what_is_pushed_ends_when_the_handle_is_closed_although_a_clone_lives() {
     let (_controller, robot) = robot_at(Character::default()).await;
     let clone = robot.clone();
     let mut pushed = robot.pushed();
-    let listens = tokio::spawn(async move { while pushed.recv().await.is_ok() {} });
+    let listens = hands::spawn(async move { while pushed.recv().await.is_ok() {} });
     robot.close().await;
     tokio::time::timeout(std::time::Duration::from_secs(1), listens).await.unwrap().unwrap();
     assert!(clone.pushed().recv().await.is_err());

@@ -17,7 +17,16 @@ use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
 use tokio::time::{Instant, sleep};
 
+use crate::hands::{self, on_every_hand, pause};
 use crate::{there_and_on, to_j1};
+
+on_every_hand! {
+    a_stop_is_confirmed_in_time_over_one_connection,
+    motions_and_waiting_hold,
+    following_holds,
+    a_subscription_is_fresh_and_commands_are_not_held_up,
+    odd_queries_end,
+}
 
 /// Connections on which each list of values has its last value twice.
 struct Bent {
@@ -80,11 +89,10 @@ async fn robot_bent(character: Character) -> (Arc<HostileController>, Robot, Arc
     let controller = HostileController::new(character);
     let made = Arc::new(AtomicUsize::new(0));
     let bent = Bent { controller: Arc::clone(&controller), made: Arc::clone(&made) };
-    let robot = Robot::connect_with(bent, RobotSettings::default()).await.unwrap();
+    let robot = hands::connect_with(bent, RobotSettings::default()).await.unwrap();
     (controller, robot, made)
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_stop_is_confirmed_in_time_over_one_connection() {
     for (ms, absent) in [(18, false), (26, false), (18, true), (60, false)] {
         let wait = Duration::from_millis(ms);
@@ -95,7 +103,7 @@ async fn a_stop_is_confirmed_in_time_over_one_connection() {
         }
         let (controller, robot, made) = robot_bent(character).await;
         let handle = robot.run(&there_and_on(20), RunOptions::default()).await.unwrap();
-        sleep(Duration::from_secs(1)).await;
+        pause(Duration::from_secs(1)).await;
         let (begun, told) = (Instant::now(), controller.now());
         let report = robot.stop().await.unwrap();
         let took = begun.elapsed();
@@ -114,7 +122,6 @@ async fn a_stop_is_confirmed_in_time_over_one_connection() {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn motions_and_waiting_hold() {
     let (_controller, robot, _) = robot_bent(Character::default()).await;
     let status = robot.status().await.unwrap();
@@ -124,7 +131,6 @@ async fn motions_and_waiting_hold() {
     robot.wait_until_done(WaitOptions::default()).await.unwrap();
 }
 
-#[tokio::test(start_paused = true)]
 async fn following_holds() {
     let (_controller, robot, _) = robot_bent(Character::default()).await;
     let (target, targets) = TargetSender::new();
@@ -142,7 +148,6 @@ async fn following_holds() {
     assert!(followed.is_ok());
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_subscription_is_fresh_and_commands_are_not_held_up() {
     for count in [10, 40, 90] {
         let (_controller, robot, _) = robot_bent(Character::default()).await;
@@ -168,7 +173,6 @@ async fn a_subscription_is_fresh_and_commands_are_not_held_up() {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn odd_queries_end() {
     let (_controller, robot, _) = robot_bent(Character::default()).await;
     assert!(robot.query(&[]).await.unwrap().rows().is_empty());

@@ -5,9 +5,14 @@ use std::time::Duration;
 use r6_client::{Address, AxisIndex, Command, NotSent, RequestError};
 use r6_testkit::hostile::{Character, Delays, Effect, Program, Reaction, Stops};
 use serde_json::json;
-use tokio::time::sleep;
 
+use crate::hands::{on_every_hand, pause, spawn, yield_now};
 use crate::{robot_at, to_j1};
+
+on_every_hand! {
+    what_waits_behind_queries_does_not_leave_after_a_stop,
+    a_list_that_waits_for_another_does_not_leave_after_a_stop,
+}
 
 /// A controller that takes lists and the start button again right after a stop, and answers slowly.
 fn ready_again(delay: u64) -> Character {
@@ -23,7 +28,6 @@ fn ready_again(delay: u64) -> Character {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn what_waits_behind_queries_does_not_leave_after_a_stop() {
     for queries in [1, 5, 15, 60] {
         for list in [false, true] {
@@ -31,22 +35,22 @@ async fn what_waits_behind_queries_does_not_leave_after_a_stop() {
             robot.status().await.unwrap();
             for _ in 0..queries {
                 let reader = robot.clone();
-                tokio::spawn(async move { reader.query(&[Address::Axis(AxisIndex::ALL[0])]).await.ok() });
+                spawn(async move { reader.query(&[Address::Axis(AxisIndex::ALL[0])]).await.ok() });
             }
-            tokio::task::yield_now().await;
+            yield_now().await;
             let mover = robot.clone();
-            let asked = tokio::spawn(async move {
+            let asked = spawn(async move {
                 if list {
                     mover.add_motion(true, &to_j1(60.0)).await.err()
                 } else {
                     mover.command(Command::StartButton).await.err()
                 }
             });
-            sleep(Duration::from_millis(5)).await;
+            pause(Duration::from_millis(5)).await;
             let report = robot.stop().await.unwrap();
             let told = controller.now();
             let answer = asked.await.unwrap();
-            sleep(Duration::from_secs(5)).await;
+            pause(Duration::from_secs(5)).await;
             let path = controller.arm(|arm, _| arm.path_since(1, told)[0]);
             assert!(
                 !report.confirmed || path == 0.0,
@@ -57,22 +61,21 @@ async fn what_waits_behind_queries_does_not_leave_after_a_stop() {
 }
 
 /// Lists wait for each other; a stop that is asked for meanwhile takes back those that wait.
-#[tokio::test(start_paused = true)]
 async fn a_list_that_waits_for_another_does_not_leave_after_a_stop() {
     let (controller, robot) = robot_at(ready_again(500)).await;
     robot.status().await.unwrap();
     let (one, other) = (robot.clone(), robot.clone());
-    let first = tokio::spawn(async move { one.add_motion(true, &to_j1(1.0)).await });
-    sleep(Duration::from_millis(10)).await;
-    let second = tokio::spawn(async move { other.add_motion(false, &to_j1(60.0)).await });
-    sleep(Duration::from_millis(10)).await;
+    let first = spawn(async move { one.add_motion(true, &to_j1(1.0)).await });
+    pause(Duration::from_millis(10)).await;
+    let second = spawn(async move { other.add_motion(false, &to_j1(60.0)).await });
+    pause(Duration::from_millis(10)).await;
     let report = robot.stop().await.unwrap();
     let told = controller.now();
     first.await.unwrap().ok();
     let error = second.await.unwrap().unwrap_err();
     assert_eq!(error, RequestError::NotSent(NotSent::Overtaken));
     assert!(error.to_string().contains("a stop was asked for"), "{error}");
-    sleep(Duration::from_secs(5)).await;
+    pause(Duration::from_secs(5)).await;
     let path = controller.arm(|arm, _| arm.path_since(1, told)[0]);
     assert!(report.confirmed && path == 0.0, "moved {path} after {report}");
     // What is asked for after the stop leaves.

@@ -9,13 +9,33 @@ use r6_client::{
 use r6_client::{RequestError, RobotSettings, StopReport};
 use r6_testkit::hostile::serve::HostileController;
 use r6_testkit::hostile::{
-    Cabinet, Character, Deaf, Delays, Effect, Kind, Late, Links, Lost, Program, Reaction, Stops,
+    Cabinet, Character, Deaf, Delays, Did, Effect, Entry, Kind, Late, Links, Lost, Program, Reaction, Stops,
 };
 use r6_testkit::hostile::{Swap, SwapWhen};
 use serde_json::json;
 use tokio::time::{Instant, sleep};
 
+use crate::hands::{on_every_hand, pause, spawn};
 use crate::{robot_at, robot_with, there_and_on};
+
+on_every_hand! {
+    a1_a_dwell_is_no_standstill,
+    a1_a_program_that_waits_for_an_input_is_no_standstill,
+    a1_the_means_are_tried_in_turn_and_the_one_that_worked_is_told,
+    a1_firmware_that_stays_in_mode_7_is_told_to_stand_after_a_long_rest_with_an_empty_list,
+    a2_a_stop_whose_answers_get_lost_is_judged_by_the_state,
+    a3_a_stop_behind_a_deaf_link_goes_over_another_connection,
+    a3_a_second_connection_to_another_robot_stops_nobody,
+    a3_a_second_connection_that_ends_is_not_made_anew,
+    a4_a_list_that_is_taken_late_is_cleared_again,
+    b7_a_stop_is_neither_sent_to_nor_confirmed_by_another_robot,
+    a_stop_goes_on_to_its_end_when_its_caller_gives_up,
+    the_first_answer_that_is_lost_alone_opens_no_wrong_confirmation,
+    a4_a_stop_ends_within_its_time_whatever_gets_lost,
+    a1_what_was_proved_is_not_told_of_a_machine_that_runs_again,
+    a_stop_over_a_healthy_link_takes_effect_within_150_ms,
+    a3_a_link_that_goes_deaf_after_the_first_answer_gets_a_second_connection_too,
+}
 
 const REFUSED: Reaction = reaction(Effect::Refused);
 const NO_EFFECT: Reaction = reaction(Effect::NoEffect);
@@ -32,7 +52,7 @@ fn deaf_to_every_means(reaction: Reaction) -> Stops {
 /// How far J1 goes in the ten seconds after now.
 async fn moves_on(controller: &HostileController) -> f64 {
     let told = controller.now();
-    sleep(Duration::from_secs(10)).await;
+    pause(Duration::from_secs(10)).await;
     controller.arm(|arm, _| arm.path_since(1, told)[0])
 }
 
@@ -64,7 +84,6 @@ async fn assert_true(controller: &HostileController, stopped: &Result<StopReport
     assert!(!says_so || path == 0.0, "told to stand, and moved {path} degrees on: {stopped:?}");
 }
 
-#[tokio::test(start_paused = true)]
 async fn a1_a_dwell_is_no_standstill() {
     for told_empty in [false, true] {
         for means in [REFUSED, NO_EFFECT] {
@@ -85,7 +104,6 @@ async fn a1_a_dwell_is_no_standstill() {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn a1_a_program_that_waits_for_an_input_is_no_standstill() {
     // The list is cleared, and the program runs on.
     let clears = Stops { clear: reaction(Effect::Works), ..deaf_to_every_means(REFUSED) };
@@ -114,7 +132,6 @@ async fn a1_a_program_that_waits_for_an_input_is_no_standstill() {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn a1_the_means_are_tried_in_turn_and_the_one_that_worked_is_told() {
     let pauses = Reaction { mode: Some(2), ..reaction(Effect::Works) };
     let presses = Reaction { mode: Some(3), ..reaction(Effect::Works) };
@@ -133,7 +150,6 @@ async fn a1_the_means_are_tried_in_turn_and_the_one_that_worked_is_told() {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn a1_firmware_that_stays_in_mode_7_is_told_to_stand_after_a_long_rest_with_an_empty_list() {
     let stays = reaction(Effect::Works);
     let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
@@ -150,7 +166,6 @@ async fn a1_firmware_that_stays_in_mode_7_is_told_to_stand_after_a_long_rest_wit
     assert_true(&controller, &stopped).await;
 }
 
-#[tokio::test(start_paused = true)]
 async fn a2_a_stop_whose_answers_get_lost_is_judged_by_the_state() {
     let unanswered = Reaction { mode: Some(3), alarm: Some(42), ..reaction(Effect::WorksUnanswered) };
     let stops = Stops { action_stop: unanswered, ..Stops::default() };
@@ -163,7 +178,6 @@ async fn a2_a_stop_whose_answers_get_lost_is_judged_by_the_state() {
     assert_true(&controller, &stopped).await;
 }
 
-#[tokio::test(start_paused = true)]
 async fn a3_a_stop_behind_a_deaf_link_goes_over_another_connection() {
     let (controller, robot) = under_way(Character::default()).await;
     let deaf = Deaf { connection: Some(1), ..Deaf::default() };
@@ -176,7 +190,6 @@ async fn a3_a_stop_behind_a_deaf_link_goes_over_another_connection() {
     assert_true(&controller, &stopped).await;
 }
 
-#[tokio::test(start_paused = true)]
 async fn a3_a_second_connection_to_another_robot_stops_nobody() {
     let to = Cabinet { name: "cell 5".to_owned(), ..Cabinet::default() };
     let swap = Swap { when: SwapWhen::Connection(2), links: Links::End, to };
@@ -191,7 +204,6 @@ async fn a3_a_second_connection_to_another_robot_stops_nobody() {
     assert!(!reached, "cell 5 was only asked who it is");
 }
 
-#[tokio::test(start_paused = true)]
 async fn a4_a_list_that_is_taken_late_is_cleared_again() {
     for (taken_after, answered_after) in [(1000, Some(1200)), (2500, None)] {
         let late = Late {
@@ -201,7 +213,7 @@ async fn a4_a_list_that_is_taken_late_is_cleared_again() {
         };
         let (controller, robot) = takes_lists_after_a_stop(late).await;
         let handle = robot.run(&there_and_on(6), RunOptions::default()).await.unwrap();
-        sleep(Duration::from_millis(200)).await;
+        pause(Duration::from_millis(200)).await;
         let stopped = robot.stop().await;
         let report = stopped.as_ref().unwrap();
         let doubt = report.doubt.clone().expect("a list was unanswered");
@@ -214,7 +226,6 @@ async fn a4_a_list_that_is_taken_late_is_cleared_again() {
     }
 }
 
-#[tokio::test(start_paused = true)]
 async fn b7_a_stop_is_neither_sent_to_nor_confirmed_by_another_robot() {
     let (controller, robot) = under_way(Character::default()).await;
     let to = Cabinet { name: "cell 5".to_owned(), mode: 3, ..Cabinet::default() };
@@ -223,7 +234,7 @@ async fn b7_a_stop_is_neither_sent_to_nor_confirmed_by_another_robot() {
         arm.swap(now);
     });
     // The end of the link is there.
-    sleep(Duration::from_millis(1)).await;
+    pause(Duration::from_millis(1)).await;
     let stopped = robot.stop().await;
     assert!(!matches!(&stopped, Ok(report) if report.confirmed), "{stopped:?}");
     let text = stopped.unwrap_err().to_string();
@@ -234,7 +245,6 @@ async fn b7_a_stop_is_neither_sent_to_nor_confirmed_by_another_robot() {
     assert!(!reached, "cell 5 was only asked who it is");
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_stop_goes_on_to_its_end_when_its_caller_gives_up() {
     let slow = Delays { command: Duration::from_millis(200), ..Delays::default() };
     let (controller, robot) = under_way(Character { delays: slow, ..Character::default() }).await;
@@ -248,7 +258,6 @@ async fn a_stop_goes_on_to_its_end_when_its_caller_gives_up() {
     assert_eq!(moves_on(&controller).await, 0.0);
 }
 
-#[tokio::test(start_paused = true)]
 async fn the_first_answer_that_is_lost_alone_opens_no_wrong_confirmation() {
     let lost = vec![Lost { kind: Kind::Command, nth: 1 }];
     let (controller, robot) = under_way(Character { lost, ..Character::default() }).await;
@@ -258,13 +267,12 @@ async fn the_first_answer_that_is_lost_alone_opens_no_wrong_confirmation() {
 }
 
 /// Every answer is lost from the proof on, while a list is in doubt.
-#[tokio::test(start_paused = true)]
 async fn a4_a_stop_ends_within_its_time_whatever_gets_lost() {
     for deaf_after in [100, 400, 1000, 2500, 4500, 6000, 9000] {
         let late = Late { nth: None, taken_after: Duration::from_millis(3500), answered_after: None };
         let (controller, robot) = takes_lists_after_a_stop(late).await;
         let handle = robot.run(&there_and_on(6), RunOptions::default()).await.unwrap();
-        sleep(Duration::from_millis(200)).await;
+        pause(Duration::from_millis(200)).await;
         controller.arm(|arm, now| {
             let at = now + Duration::from_millis(deaf_after);
             arm.character_mut().deaf.push(Deaf { at, ..Deaf::default() });
@@ -279,7 +287,6 @@ async fn a4_a_stop_ends_within_its_time_whatever_gets_lost() {
 }
 
 /// Somebody else's list starts the machine again right after the standstill was proved.
-#[tokio::test(start_paused = true)]
 async fn a1_what_was_proved_is_not_told_of_a_machine_that_runs_again() {
     let step = json!({ "oneshot": "1", "action": "4", "m0": "80", "ckStatus": "0x3F", "speed": "10" });
     let mut disproved = 0;
@@ -304,7 +311,6 @@ async fn a1_what_was_proved_is_not_told_of_a_machine_that_runs_again() {
     assert!(disproved > 0, "no list came between the proof and the last look");
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_stop_over_a_healthy_link_takes_effect_within_150_ms() {
     // The slowest answers of a real controller that were published: 26 ms.
     let slow =
@@ -314,7 +320,7 @@ async fn a_stop_over_a_healthy_link_takes_effect_within_150_ms() {
         let (controller, robot) = robot_at(Character { delays: slow, ..Character::default() }).await;
         let handle = robot.run(&there_and_on(12), RunOptions::default()).await.unwrap();
         assert!(handle.step(1).unwrap().started().await);
-        sleep(Duration::from_millis(after * 7)).await;
+        pause(Duration::from_millis(after * 7)).await;
         let asked = controller.now();
         robot.stop().await.unwrap();
         let path = controller.arm(|arm, _| arm.path_since(1, asked)[0]);
@@ -327,7 +333,6 @@ async fn a_stop_over_a_healthy_link_takes_effect_within_150_ms() {
 }
 
 /// The first look gets through, then the link is deaf.
-#[tokio::test(start_paused = true)]
 async fn a3_a_link_that_goes_deaf_after_the_first_answer_gets_a_second_connection_too() {
     for deaf_after in (0..500).step_by(20) {
         // The first two means do nothing, so that the link is deaf before the arm stands.
@@ -345,4 +350,28 @@ async fn a3_a_link_that_goes_deaf_after_the_first_answer_gets_a_second_connectio
         assert_eq!(report.second, Some(SecondConnection::Used), "deaf after {deaf_after} ms: {report}");
         assert_true(&controller, &stopped).await;
     }
+}
+
+/// A stop opens one second connection. If that ends, none takes its place: a controller has few of them.
+async fn a3_a_second_connection_that_ends_is_not_made_anew() {
+    let (controller, robot) =
+        under_way(Character { stops: deaf_to_every_means(NO_EFFECT), ..Character::default() }).await;
+    controller.arm(|arm, _| {
+        arm.character_mut().deaf.push(Deaf { connection: Some(1), ..Deaf::default() });
+    });
+    let opened = || {
+        let opened = |entry: &&Entry| entry.did == Did::Opened;
+        controller.arm(|arm, _| arm.log().iter().filter(opened).map(|entry| entry.at).collect::<Vec<_>>())
+    };
+    let stopping = spawn(async move { robot.stop().await });
+    while opened().len() < 2 {
+        pause(Duration::from_millis(10)).await;
+    }
+    pause(Duration::from_millis(50)).await;
+    controller.arm(|arm, now| arm.close(now, 2));
+    let stopped = stopping.await.unwrap();
+    assert!(!matches!(&stopped, Ok(report) if report.confirmed), "{stopped:?}");
+    // The first one is given up after some time-outs, and made anew.
+    let opened = opened();
+    assert!(opened.len() == 3 && opened[2] > Duration::from_secs(2), "{opened:?}");
 }

@@ -5,26 +5,31 @@ use std::time::Duration;
 use r6_client::units::AxisPosition;
 use r6_client::{Cause, Command, FollowOptions, Robot, RunOptions, TargetSender, WaitError, WaitOptions};
 use r6_testkit::hostile::{Character, Foreign};
-use tokio::time::sleep;
 
+use crate::hands::{on_every_hand, pause};
 use crate::{robot_at, there_and_on, to_j1};
+
+on_every_hand! {
+    one_of_two_clones_is_told,
+    a_cleared_list_and_a_stop_do_not_hide_it_and_follow_tells_it,
+    who_waited_is_not_told_again,
+}
 
 /// A motion that somebody else cleared, and whose handle was dropped.
 async fn failed() -> (std::sync::Arc<r6_testkit::hostile::serve::HostileController>, Robot) {
     let clears = Foreign { at: Duration::from_millis(700), replace: true, instructions: Vec::new() };
     let (controller, robot) = robot_at(Character { foreign: vec![clears], ..Character::default() }).await;
     drop(robot.run(&there_and_on(20), RunOptions::default()).await.unwrap());
-    sleep(Duration::from_secs(10)).await;
+    pause(Duration::from_secs(10)).await;
     (controller, robot)
 }
 
 async fn ready_again(robot: &Robot) {
     robot.command(Command::ClearAlarm).await.unwrap();
     robot.command(Command::StartButton).await.unwrap();
-    sleep(Duration::from_millis(200)).await;
+    pause(Duration::from_millis(200)).await;
 }
 
-#[tokio::test(start_paused = true)]
 async fn one_of_two_clones_is_told() {
     let (_controller, robot) = failed().await;
     ready_again(&robot).await;
@@ -39,7 +44,6 @@ async fn one_of_two_clones_is_told() {
     assert_eq!(told, 1);
 }
 
-#[tokio::test(start_paused = true)]
 async fn a_cleared_list_and_a_stop_do_not_hide_it_and_follow_tells_it() {
     let (_controller, robot) = failed().await;
     ready_again(&robot).await;
@@ -55,7 +59,6 @@ async fn a_cleared_list_and_a_stop_do_not_hide_it_and_follow_tells_it() {
     robot.run(&to_j1(0.0), RunOptions::default()).await.unwrap().finished().await.unwrap();
 }
 
-#[tokio::test(start_paused = true)]
 async fn who_waited_is_not_told_again() {
     let (_controller, robot) = failed().await;
     assert!(matches!(robot.wait_until_done(WaitOptions::default()).await, Err(WaitError::Motion(_))));

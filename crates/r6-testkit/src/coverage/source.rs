@@ -1,8 +1,11 @@
 //! Finds tests in the text of a Rust file.
 
-/// Whether `source` holds a test called `function`, as a function or as a line of a `vectors! { .. }` block.
+/// The macros that make a test of each line.
+const LISTS: [&str; 3] = ["vectors! {", "on_every_hand! {", "for_every_hand! {"];
+
+/// Whether `source` holds a test called `function`, as a function or as a line of one of the [`LISTS`].
 pub(super) fn has_test(source: &str, function: &str) -> bool {
-    has_test_function(source, function) || names_in_vector_lists(source).contains(&function)
+    has_test_function(source, function) || names_in_lists(source).contains(&function)
 }
 
 fn has_test_function(source: &str, function: &str) -> bool {
@@ -23,8 +26,8 @@ fn is_marked_as_test(lines: &[&str]) -> bool {
         && !attributes().any(|line| line.starts_with("#[ignore"))
 }
 
-/// The word at the beginning of each line inside the `vectors! { .. }` blocks.
-fn names_in_vector_lists(source: &str) -> Vec<&str> {
+/// The word at the beginning of each line inside the [`LISTS`].
+fn names_in_lists(source: &str) -> Vec<&str> {
     let mut names = Vec::new();
     let mut depth = 0_i64;
     for line in source.lines().map(str::trim).filter(|line| !line.starts_with("//")) {
@@ -33,7 +36,7 @@ fn names_in_vector_lists(source: &str) -> Vec<&str> {
                 .find(|symbol: char| !symbol.is_ascii_alphanumeric() && symbol != '_')
                 .unwrap_or(line.len());
             names.extend(Some(&line[..end]).filter(|name| !name.is_empty()));
-        } else if !line.starts_with("vectors! {") {
+        } else if !LISTS.iter().any(|list| line.starts_with(list)) {
             continue;
         }
         let braces = |brace| i64::try_from(line.matches(brace).count()).unwrap_or(i64::MAX);
@@ -65,7 +68,15 @@ mod tests {
     fn a_vector_list_names_one_test_a_line() {
         let source = "macro_rules! vectors {\n  outside => {}\n}\nvectors! {\n  plain,\n  // comment,\n  nested => {\n    \
                       inner,\n  }\n  last: \"x\"\n}\nafter,\n";
-        assert_eq!(names_in_vector_lists(source), ["plain", "nested", "inner", "last"]);
+        assert_eq!(names_in_lists(source), ["plain", "nested", "inner", "last"]);
         assert!(has_test(source, "plain") && !has_test(source, "after") && !has_test(source, "comment"));
+    }
+
+    #[test]
+    fn a_list_of_every_hand_names_one_test_a_line() {
+        let source =
+            "on_every_hand! {\n  stop,\n}\non_every_hand! { in Real:\n  go,\n}\nasync fn wait() {}\n";
+        assert_eq!(names_in_lists(source), ["stop", "go"]);
+        assert!(!has_test(source, "wait"));
     }
 }

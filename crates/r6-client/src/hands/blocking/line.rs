@@ -1,14 +1,14 @@
 //! The socket of a blocking connection, and the attempts to make a new one.
 
-use std::io::{self, ErrorKind, Read, Write};
-use std::net::{IpAddr, Shutdown, TcpStream, ToSocketAddrs};
+use std::io::{self, ErrorKind};
+use std::net::{IpAddr, Shutdown};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
-use std::thread;
 use std::time::Duration;
 
 use r6_proto::time::Instant;
 
+use super::system::{Stream, System};
 use super::turns::{Now, READ_SLACK};
 use crate::connection::{Connection, Wants};
 use crate::error::NotSent;
@@ -38,7 +38,7 @@ pub(super) enum Came {
 /// A connected socket.
 #[derive(Debug)]
 pub(super) struct Socket {
-    stream: TcpStream,
+    stream: Box<dyn Stream>,
     /// The time-out of a read as it is set, milliseconds.
     read_ms: AtomicU64,
     /// Whether the last read ended by it.
@@ -57,7 +57,7 @@ impl Socket {
         let ms = self.next_ms(now, latest);
         if ms != self.read_ms.load(Ordering::Relaxed) {
             // If that is refused, it stays as it was: the thread comes back later.
-            self.stream.set_read_timeout(Some(Duration::from_millis(ms))).ok();
+            self.stream.set_read_timeout(Duration::from_millis(ms)).ok();
             self.read_ms.store(ms, Ordering::Relaxed);
         }
     }
@@ -79,7 +79,7 @@ impl Socket {
 
     /// Waits for bytes.
     pub fn read(&self, buffer: &mut [u8]) -> Came {
-        let came = match (&self.stream).read(buffer) {
+        let came = match self.stream.read(buffer) {
             // Not tried again here: the system would wait for the whole time once more.
             Err(error) if error.kind() == ErrorKind::Interrupted => Came::Signal,
             Err(error) if is_time_out(&error) => Came::Nothing,
@@ -91,14 +91,7 @@ impl Socket {
 
     /// Reads what is there; `None`: nothing is.
     fn read_now(&self, buffer: &mut [u8]) -> Option<io::Result<usize>> {
-        if let Err(error) = self.stream.set_nonblocking(true) {
-            return Some(Err(error));
-        }
-        let read = read_once(&self.stream, buffer);
-        match self.stream.set_nonblocking(false) {
-            Ok(()) => read,
-            Err(error) => Some(Err(error)),
-        }
+        unless_nothing_came(|| self.stream.read_now(buffer))
     }
 }
 
@@ -107,9 +100,10 @@ fn millis(time: Duration) -> u64 {
     u64::try_from(time.as_micros().div_ceil(1000)).unwrap_or(u64::MAX).max(1)
 }
 
-fn read_once(mut stream: &TcpStream, buffer: &mut [u8]) -> Option<io::Result<usize>> {
+/// What came of reading; `None`: nothing came.
+fn unless_nothing_came(mut read: impl FnMut() -> io::Result<usize>) -> Option<io::Result<usize>> {
     loop {
-        match stream.read(buffer) {
+        match read() {
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
             Err(error) if is_time_out(&error) => return None,
             other => return Some(other),
@@ -131,7 +125,10 @@ pub(super) fn reason(ended: io::Result<usize>) -> LostReason {
 #[derive(Debug)]
 pub(super) struct Line {
     target: Tcp,
+    system: Arc<dyn System>,
     connect_timeout: Duration,
+    /// A second connection is not made anew.
+    only_once: bool,
     socket: Option<Arc<Socket>>,
     /// Whether our side of the connection was ended.
     shut: bool,
@@ -143,13 +140,21 @@ pub(super) struct Line {
     trying: Option<Arc<Mutex<Option<Made>>>>,
 }
 
-type Made = Result<TcpStream, NotSent>;
+pub(super) type Made = Result<Box<dyn Stream>, NotSent>;
 
 impl Line {
-    pub fn new(target: Tcp, stream: TcpStream, connect_timeout: Duration) -> Self {
+    pub fn new(
+        target: Tcp,
+        system: Arc<dyn System>,
+        stream: Box<dyn Stream>,
+        connect_timeout: Duration,
+        only_once: bool,
+    ) -> Self {
         let mut this = Self {
             target,
+            system,
             connect_timeout,
+            only_once,
             socket: None,
             shut: false,
             again_at: None,
@@ -179,9 +184,9 @@ impl Line {
         [self.again_at, self.attempt].into_iter().flatten().min()
     }
 
-    pub fn open(&mut self, stream: TcpStream) {
-        let set = stream.set_read_timeout(Some(LONGEST_READ));
-        set.and(stream.set_write_timeout(Some(LONGEST_WRITE))).ok();
+    pub fn open(&mut self, stream: Box<dyn Stream>) {
+        let set = stream.set_read_timeout(LONGEST_READ);
+        set.and(stream.set_write_timeout(LONGEST_WRITE)).ok();
         let read_ms = AtomicU64::new(millis(LONGEST_READ));
         self.socket = Some(Arc::new(Socket { stream, read_ms, was_idle: AtomicBool::new(false) }));
         (self.shut, self.again_at, self.attempt) = (false, None, None);
@@ -215,7 +220,7 @@ impl Line {
                 return false;
             }
             let length = output.len();
-            match (&socket.stream).write(output) {
+            match socket.stream.write(output) {
                 Ok(bytes) if bytes > 0 => {
                     connection.written(bytes);
                     // The peer took a part in time.
@@ -240,12 +245,17 @@ impl Line {
 
     /// Goes on with an attempt to connect; what came of it. `done`: called by the thread that tries, at its end.
     pub fn connect(&mut self, now: Instant, done: impl FnOnce() + Send + 'static) -> Option<Made> {
+        if self.only_once {
+            let once = io::Error::new(ErrorKind::NotConnected, "this connection is not made anew");
+            return Some(Err(unreachable(&self.target, &once)));
+        }
         let until = *self.attempt.get_or_insert(now + self.connect_timeout);
         if self.trying.is_none() {
             let made = Arc::<Mutex<Option<Made>>>::default();
             let (target, within, told) = (self.target.clone(), self.connect_timeout, Arc::clone(&made));
-            let spawned = spawn("r6-connect", move || {
-                let result = dial(&target, within);
+            let system = Arc::clone(&self.system);
+            let spawned = spawn(&*self.system, "r6-connect", move || {
+                let result = dial(&*system, &target, within);
                 *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
                 done();
             });
@@ -280,54 +290,42 @@ impl Line {
 }
 
 /// Starts a thread of a blocking connection.
-pub(super) fn spawn(name: &str, what: impl FnOnce() + Send + 'static) -> Result<(), NotSent> {
-    let spawned = thread::Builder::new().name(name.to_owned()).spawn(what);
-    spawned.map(drop).map_err(|error| NotSent::NoEngine { detail: error.to_string() })
+pub(super) fn spawn(
+    system: &dyn System,
+    name: &str,
+    what: impl FnOnce() + Send + 'static,
+) -> Result<(), NotSent> {
+    let spawned = system.spawn(name, Box::new(what));
+    spawned.map_err(|error| NotSent::NoEngine { detail: error.to_string() })
 }
 
 /// Connects within this time. A name is looked up on another thread, because that can take longer.
-pub(super) fn dial_within(target: &Tcp, within: Duration) -> Made {
+pub(super) fn dial_within(system: &Arc<dyn System>, target: &Tcp, within: Duration) -> Made {
     if target.host().parse::<IpAddr>().is_ok() {
-        return dial(target, within);
+        return dial(&**system, target, within);
     }
     let (tell, told) = mpsc::sync_channel(1);
-    let looking_up = target.clone();
-    spawn("r6-connect", move || {
+    let (looking_up, on) = (target.clone(), Arc::clone(system));
+    spawn(&**system, "r6-connect", move || {
         // Too late, it is closed.
-        tell.send(dial(&looking_up, within)).ok();
+        tell.send(dial(&*on, &looking_up, within)).ok();
     })?;
     let over = NotSent::ConnectTimedOut { address: target.to_string(), after: within };
     told.recv_timeout(within).unwrap_or(Err(over))
 }
 
-/// Connects to the first of the target's addresses that answers. The time counts for them, not for the name lookup.
-pub(super) fn dial(target: &Tcp, within: Duration) -> Made {
-    let until = std::time::Instant::now().checked_add(within);
-    let left = || match until {
-        Some(until) => until.saturating_duration_since(std::time::Instant::now()),
-        None => within,
-    };
-    let address = target.to_string();
-    let mut failed = io::Error::new(ErrorKind::InvalidInput, "could not resolve to any address");
-    match (target.host(), target.port()).to_socket_addrs() {
-        Err(error) => failed = error,
-        Ok(addresses) => {
-            for at in addresses {
-                let time = left();
-                if time.is_zero() {
-                    break;
-                }
-                // A frame that waits for the acknowledgement of the one before costs up to 200 ms.
-                let made = TcpStream::connect_timeout(&at, time);
-                match made.and_then(|stream| stream.set_nodelay(true).map(|()| stream)) {
-                    Ok(stream) => return Ok(stream),
-                    Err(error) => failed = error,
-                }
-            }
+/// Connects to the first of the target's addresses that answers.
+pub(super) fn dial(system: &dyn System, target: &Tcp, within: Duration) -> Made {
+    let begun = system.now();
+    system.connect(target.host(), target.port(), within).map_err(|error| {
+        if system.now().saturating_sub(begun) >= within {
+            NotSent::ConnectTimedOut { address: target.to_string(), after: within }
+        } else {
+            unreachable(target, &error)
         }
-    }
-    if left().is_zero() {
-        return Err(NotSent::ConnectTimedOut { address, after: within });
-    }
-    Err(NotSent::Unreachable { address, kind: failed.kind(), detail: failed.to_string() })
+    })
+}
+
+fn unreachable(target: &Tcp, error: &io::Error) -> NotSent {
+    NotSent::Unreachable { address: target.to_string(), kind: error.kind(), detail: error.to_string() }
 }

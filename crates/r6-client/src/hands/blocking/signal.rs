@@ -4,13 +4,14 @@ use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Wake, Waker};
-use std::thread::{self, Thread};
 use std::time::Duration;
+
+use super::system::{Parked, System};
 
 /// Wakes one thread.
 #[derive(Debug)]
 pub(super) struct Signal {
-    thread: Thread,
+    thread: Arc<dyn Parked>,
     /// Whether the thread is parked, or about to be.
     parked: AtomicBool,
     /// Whether its future can go on.
@@ -26,9 +27,9 @@ thread_local! {
 
 impl Signal {
     /// For this thread.
-    pub fn here() -> Arc<Self> {
+    pub fn here(system: &dyn System) -> Arc<Self> {
         let signal = Self {
-            thread: thread::current(),
+            thread: system.this_thread(),
             parked: AtomicBool::new(false),
             woken: AtomicBool::new(false),
             called: AtomicBool::new(false),
@@ -37,9 +38,9 @@ impl Signal {
     }
 
     /// Calls this with the signal of this thread; a call within a call gets another one.
-    pub fn with<T>(what: impl FnOnce(&Arc<Self>, &Waker) -> T) -> T {
+    pub fn with<T>(system: &dyn System, what: impl FnOnce(&Arc<Self>, &Waker) -> T) -> T {
         let mine = MINE.take().unwrap_or_else(|| {
-            let signal = Self::here();
+            let signal = Self::here(system);
             let waker = Waker::from(Arc::clone(&signal));
             (signal, waker)
         });
@@ -68,10 +69,7 @@ impl Signal {
     pub fn park(&self, within: Option<Duration>) {
         self.parked.store(true, Ordering::SeqCst);
         if !self.is_woken() && !self.called.load(Ordering::SeqCst) {
-            match within {
-                Some(time) => thread::park_timeout(time),
-                None => thread::park(),
-            }
+            self.thread.park(within);
         }
         self.parked.store(false, Ordering::SeqCst);
         // Whoever calls after this finds it awake, and it looks before it parks again.

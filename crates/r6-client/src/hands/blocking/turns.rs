@@ -364,6 +364,7 @@ mod tests {
     use proptest::prelude::*;
     use std::task::Wake;
 
+    use super::super::system::Std;
     use super::*;
 
     fn at(ms: u64) -> Instant {
@@ -415,8 +416,8 @@ mod tests {
         #[test]
         fn the_reading_is_never_lost(steps in steps()) {
             let turns = Turns::default();
-            let threads: Vec<_> = (0..5).map(|_| Signal::here()).collect();
-            let keeper = Signal::here();
+            let threads: Vec<_> = (0..5).map(|_| Signal::here(&Std::start())).collect();
+            let keeper = Signal::here(&Std::start());
             turns.keeper_came(&keeper);
             let mut seen = [Seen::Away; 5];
             for step in steps {
@@ -476,7 +477,7 @@ mod tests {
     #[test]
     fn the_keeper_reads_only_after_a_silence() {
         let turns = Turns::default();
-        let (thread, keeper) = (Signal::here(), Signal::here());
+        let (thread, keeper) = (Signal::here(&Std::start()), Signal::here(&Std::start()));
         turns.keeper_came(&keeper);
         let mut rhythm = Rhythm::begin(at(0));
         let wanted = |ms| Now { at: at(ms), due: None, busy: true, awaits: true };
@@ -502,7 +503,7 @@ mod tests {
     #[test]
     fn a_call_that_leaves_something_behind_calls_a_keeper_that_is_far() {
         let turns = Turns::default();
-        let (thread, keeper) = (Signal::here(), Signal::here());
+        let (thread, keeper) = (Signal::here(&Std::start()), Signal::here(&Std::start()));
         turns.keeper_came(&keeper);
         let mut rhythm = Rhythm::begin(at(0));
         assert_eq!(turns.plan(&mut rhythm, Some(at(50)), now(None)), Plan::Park(at(250)));
