@@ -181,7 +181,10 @@ impl Robot {
     /// A receiver that lags more than 64 behind misses the oldest and is told how many. It ends when the handle is closed, whatever clones of it live.
     #[must_use]
     pub fn pushed(&self) -> broadcast::Receiver<Pushed> {
-        self.lanes.hub.subscribe_to_pushed()
+        let pushed = self.lanes.hub.subscribe_to_pushed();
+        // Somebody depends on the connection now besides the calls that wait.
+        self.lanes.hand.nudge();
+        pushed
     }
 
     /// What the replies so far tell about the firmware's dialect.

@@ -137,6 +137,12 @@ impl Seats {
         next.wake();
     }
 
+    /// There is something to do for which no call waits: the keeper looks after it, however slow the calls are that are seated.
+    pub fn nudge(&self) {
+        self.inner().background = true;
+        self.happened();
+    }
+
     /// Something happened.
     pub fn happened(&self) {
         let mut inner = self.inner();

@@ -331,7 +331,7 @@ impl Hand for TokioHand {
     }
 
     fn nudge(&self) {
-        self.seats.happened();
+        self.seats.nudge();
     }
 
     fn second(&self, settings: RobotSettings, expected: Option<Identity>) -> Second<'_> {
