@@ -18,7 +18,7 @@ use tokio::time::{Instant, sleep};
 use crate::controller::{Wires, asked, settings, soon, values};
 
 /// Polls it once. Whoever keeps it from then on drives no more.
-async fn begun<F: Future>(call: Pin<&mut F>) -> bool {
+pub async fn begun<F: Future>(call: Pin<&mut F>) -> bool {
     let mut call = Some(call);
     poll_fn(|cx| Poll::Ready(call.take().is_some_and(|call| call.poll(cx).is_pending()))).await
 }
