@@ -84,7 +84,6 @@ pub struct Line {
     passes_since: Duration,
     /// Whether something goes on besides the calls that wait.
     depends_on_keeper: bool,
-    beats: bool,
 }
 
 impl Line {
@@ -122,7 +121,6 @@ impl Line {
             away: false,
             passes_since: Duration::ZERO,
             depends_on_keeper: plan.watches || plan.beats,
-            beats: plan.beats,
         }
     }
 

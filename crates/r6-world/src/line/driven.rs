@@ -43,12 +43,13 @@ impl Line {
                 )
             });
         }
-        let Some(last) = self.connections.last().filter(|last| self.beats && last.ended.is_none()) else {
-            return;
-        };
-        let due = last.beaten.max(last.made).max(self.passes_since) + BEATS_EVERY + BEATS_WITHIN;
-        record.check(Promise::Driven, at, at <= due, || {
-            format!("client-{client}: no heartbeat since {:?}", last.beaten)
-        });
+        // The second connection of a stop never beats.
+        let beating = self.connections.iter().filter(|it| !it.beaten.is_zero() && it.ended.is_none());
+        for connection in beating {
+            let due = connection.beaten.max(self.passes_since) + BEATS_EVERY + BEATS_WITHIN;
+            record.check(Promise::Driven, at, at <= due, || {
+                format!("client-{client}: no heartbeat since {:?}", connection.beaten)
+            });
+        }
     }
 }
