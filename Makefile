@@ -18,9 +18,9 @@ run: ## Build r6 for release and start virtual controllers: r6 up ARGS
 test: ## Run every check: format, lints, docs, dependencies, tests
 	@tools/test
 
-sim: ## Break clients, controllers, cameras and disks in one process: SEEDS=1000 [FROM=1] [JOBS=cores] [MARKDOWN=1] [TRAP=all: only worlds with one trap], or all of one: SEED=7 [TRAP=E1] (dev profile)
+sim: ## Break clients, controllers, cameras and disks in one process: SEEDS=1000 [FROM=1] [JOBS=cores] [MARKDOWN=1] [TRAP=all: only worlds with one trap] [DRIVERS=all: dropped and slow calls drive], or all of one: SEED=7 [TRAP=E1] [DRIVERS=all] (dev profile)
 	@$(CARGO) build --locked --package r6-world
-	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MARKDOWN),--markdown) $(if $(TRAP),--trap $(TRAP))
+	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MARKDOWN),--markdown) $(if $(TRAP),--trap $(TRAP)) $(if $(DRIVERS),--drivers $(DRIVERS))
 
 breaks: ## Break each promise on purpose, in a copy, and show that a plan of make sim or a test sees it: ARGS="Gapless A1" chooses rows of crates/r6-world/breaks.toml; half an hour for all (docs/SIMULATION.md)
 	@tools/test toolchain

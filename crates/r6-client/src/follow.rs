@@ -278,7 +278,8 @@ impl<'r> Following<'r> {
                 let behind = told.map(Degrees);
                 return Ok(Followed { steps: self.progress.done, axes: sample.axes, behind });
             }
-            if !ended && self.target_is_fresh() && self.has_room(&sample) {
+            let is_recent = self.robot.is_recent(seen.asked_at);
+            if !ended && is_recent && self.target_is_fresh() && self.has_room(&sample) {
                 self.step(&sample).await?;
             }
         }

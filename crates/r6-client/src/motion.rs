@@ -69,7 +69,7 @@ impl Robot {
         let Some(envelope) = self.guard() else { return Ok(None) };
         let (mut from, mut only_on) = (None, None);
         if envelope.needs_start() && !instructions.is_empty() {
-            let Observation { connection, values: sample, .. } = self.observe(Lane::Ordinary).await?;
+            let Observation { connection, values: sample, .. } = self.observe_lately().await?;
             only_on = Some(connection);
             // What is appended begins where the list ends, and nobody knows where that is.
             let at_rest = sample.moving == Some(false) && (replace || sample.list_length == Some(0));

@@ -1,10 +1,13 @@
 //! Looking at a robot: its state at a glance, and what tells whether it moves.
 
+use std::time::Duration;
+
 use r6_proto::OperationMode;
 use r6_proto::address::Address;
 use r6_proto::axis::AxisIndex;
+use r6_proto::time::Instant;
 
-use crate::error::RequestError;
+use crate::error::{NotSent, RequestError};
 use crate::evidence::restart::Restart;
 use crate::evidence::{About, Observation, Sample};
 use crate::link::Lane;
@@ -32,6 +35,13 @@ pub(crate) fn position_addresses() -> impl Iterator<Item = Address> {
     asked().map(Address::Axis).chain(asked().map(Address::World))
 }
 
+/// Between a look and the list that it lets through there is no more than this, besides what a reply may take where a firmware needs two
+/// queries.
+const RECENT: Duration = Duration::from_secs(1);
+
+/// So often a call looks that is slow: where it never takes its replies in time, it sends nothing.
+pub(crate) const MOST_LOOKS: u32 = 3;
+
 impl Robot {
     /// Reads the state of the machine, in one query where the firmware has all of it.
     ///
@@ -45,10 +55,16 @@ impl Robot {
 
     /// The same, and the robot and connection that all of it was read of.
     pub(crate) async fn status_seen(&self) -> Result<(Status, About), RequestError> {
+        let (status, about, _asked_at) = self.status_timed().await?;
+        Ok((status, about))
+    }
+
+    /// The same, and when the oldest of its values was asked for.
+    pub(crate) async fn status_timed(&self) -> Result<(Status, About, Instant), RequestError> {
         let asked: Vec<Address> = ASKED.into_iter().chain(position_addresses()).collect();
-        let (read, connection, _asked_at) = self.query_on_one_connection(Lane::Ordinary, &asked).await?;
+        let (read, connection, asked_at) = self.query_on_one_connection(Lane::Ordinary, &asked).await?;
         let robot = self.hub().identity_on(connection);
-        Ok((Status::of(&read), About { connection, robot }))
+        Ok((Status::of(&read), About { connection, robot }, asked_at))
     }
 
     /// The present connection and who is there, as far as is known.
@@ -75,6 +91,30 @@ impl Robot {
         };
         let robot = self.hub().identity_on(connection);
         Ok(Observation { robot, connection, asked_at, values })
+    }
+
+    /// The same, of late: a call that is slow to take the reply looks again.
+    pub(crate) async fn observe_lately(&self) -> Result<Observation, RequestError> {
+        let mut last = self.hub().time.now();
+        for _ in 0..MOST_LOOKS {
+            let seen = self.observe(Lane::Ordinary).await?;
+            if self.is_recent(seen.asked_at) {
+                return Ok(seen);
+            }
+            last = seen.asked_at;
+        }
+        Err(self.too_slow(last))
+    }
+
+    /// Whether a look that was asked for then says enough of the machine for a list to leave. The call that looked may have been slow to
+    /// take the reply.
+    pub(crate) fn is_recent(&self, asked_at: Instant) -> bool {
+        self.hub().time.now() - asked_at <= self.settings().reply_timeout * 2 + RECENT
+    }
+
+    /// A call that is too slow for each of its looks sends nothing.
+    pub(crate) fn too_slow(&self, asked_at: Instant) -> RequestError {
+        NotSent::Busy { waited: self.hub().time.now() - asked_at }.into()
     }
 
     /// Whether the controller that was seen over another connection than the motion was sent on has been started anew. Asks it for its

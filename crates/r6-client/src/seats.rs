@@ -138,8 +138,8 @@ impl Seats {
         next.wake();
     }
 
-    /// Something was begun that goes on besides the calls that wait.
-    pub fn begun(&self) {
+    /// There is something to do for which no call waits: the keeper looks after it, however slow the calls are that are seated.
+    pub fn nudge(&self) {
         self.inner().background = true;
         self.happened();
     }
@@ -306,7 +306,7 @@ mod tests {
                 }
                 Step::Gives => {
                     this.errand = Errand::Given;
-                    seats.begun();
+                    seats.nudge();
                 }
                 Step::Goes(who) => this.go(who, &seats),
             }

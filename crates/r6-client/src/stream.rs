@@ -7,6 +7,7 @@ pub(crate) mod task;
 use std::ops::Range;
 
 use r6_proto::OperationMode;
+use r6_proto::time::Instant;
 use tokio::sync::{oneshot, watch};
 
 use crate::error::RequestError;
@@ -17,6 +18,7 @@ use crate::job::{Terms, Work};
 use crate::link::Lane;
 use crate::moves::Motion;
 use crate::moves::step_error::StepError;
+use crate::observe::MOST_LOOKS;
 use crate::path::progress::PathProgress;
 use crate::path::track::standing_time;
 use crate::path::{cut, frame};
@@ -132,9 +134,21 @@ impl Robot {
     }
 
     /// Looks at the machine, and clears a list that is left over if that is wished and possible. Tells whom it looked at, over which
-    /// connection.
+    /// connection. Looks again if the call that does so was slow: what it saw may be over.
     pub(crate) async fn look_before(&self, options: RunOptions) -> Result<(Status, About), Cause> {
-        let (mut status, mut about) = self.status_seen().await.map_err(Cause::Unreadable)?;
+        let mut last = self.hub().time.now();
+        for _ in 0..MOST_LOOKS {
+            let (status, about, asked_at) = self.look_once(options).await?;
+            if self.is_recent(asked_at) {
+                return Ok((status, about));
+            }
+            last = asked_at;
+        }
+        Err(Cause::Unreadable(self.too_slow(last)))
+    }
+
+    async fn look_once(&self, options: RunOptions) -> Result<(Status, About, Instant), Cause> {
+        let (mut status, mut about, mut asked_at) = self.status_timed().await.map_err(Cause::Unreadable)?;
         let unmet = |status: &Status| -> Vec<Unmet> {
             let idle = |unmet: &Unmet| matches!(unmet, Unmet::Mode { found } if *found == options.idle_mode);
             status.unmet().into_iter().filter(|unmet| !idle(unmet)).collect()
@@ -145,10 +159,10 @@ impl Robot {
             let terms = Terms { only_on: Some(about.connection), ..Terms::default() };
             let clear = Work::AddRcc { replace: true, instructions: Vec::new() };
             self.accepted_on(terms, clear, Lane::Ordinary).await.map_err(Cause::NotCleared)?;
-            (status, about) = self.status_seen().await.map_err(Cause::Unreadable)?;
+            (status, about, asked_at) = self.status_timed().await.map_err(Cause::Unreadable)?;
             found = unmet(&status);
         }
-        if found.is_empty() { Ok((status, about)) } else { Err(Cause::NotReady(found)) }
+        if found.is_empty() { Ok((status, about, asked_at)) } else { Err(Cause::NotReady(found)) }
     }
 }
 

@@ -102,7 +102,11 @@ async fn people(shared: Shared, robot: usize, handle: ControllerHandle) {
     while !shared.is_quiet() {
         sleep(Duration::from_millis(50)).await;
     }
-    while !is_ready(&handle) {
+    while !is_ready(&handle) || somebody_is_slow(&shared, robot) {
+        if is_ready(&handle) {
+            sleep(Duration::from_millis(50)).await;
+            continue;
+        }
         for action in [
             PanelAction::ReleaseEmergencyStop,
             PanelAction::TurnKey(Key::Auto),
@@ -121,6 +125,13 @@ async fn people(shared: Shared, robot: usize, handle: ControllerHandle) {
         }
     }
     shared.state().floors[robot].is_seen_to = true;
+}
+
+/// Whether a program of this robot, with calls that are slow, may still do what raises an alarm.
+fn somebody_is_slow(shared: &Shared, robot: usize) -> bool {
+    let state = shared.state();
+    let mut lines = shared.plan.clients.iter().zip(&state.lines);
+    shared.plan.drivers.are_slow() && lines.any(|(plan, line)| plan.robot == robot && !line.is_done)
 }
 
 /// Whether it waits for remote commands.

@@ -1,5 +1,6 @@
 //! The program of a client: it watches, asks, writes, moves and stops, until all is quiet; then it shows that all works again.
 
+mod driving;
 mod mishaps;
 mod moving;
 mod reading;
@@ -14,7 +15,8 @@ use r6_controller::random::Random;
 use tokio::time::{sleep, timeout};
 
 use crate::fault::{Class, Promise};
-use crate::plan::{ClientPlan, RobotPlan};
+use crate::line::BEATS_EVERY;
+use crate::plan::{ClientPlan, Drivers, RobotPlan};
 use crate::shared::{Shared, now};
 use crate::wire::{Dialler, End};
 
@@ -48,7 +50,7 @@ pub async fn run(shared: Shared, index: usize) -> turmoil::Result {
     let settings = RobotSettings {
         reply_timeout: plan.patience,
         connect_timeout: plan.patience,
-        heartbeat: if plan.beats { Heartbeat::Managed { every: ms(2000) } } else { Heartbeat::Off },
+        heartbeat: if plan.beats { Heartbeat::Managed { every: BEATS_EVERY } } else { Heartbeat::Off },
         reconnect: Reconnect { jitter_seed: Some(plan.seed), ..Reconnect::default() },
         ..RobotSettings::default()
     };
@@ -68,6 +70,9 @@ pub async fn run(shared: Shared, index: usize) -> turmoil::Result {
     let keeping = tokio::spawn(work.part(4).keep());
     let moving = tokio::spawn(work.part(5).move_about());
     let hasty = tokio::spawn(work.part(7).be_hasty());
+    let between = if shared.plan.drivers == Drivers::AsTheyCome { Vec::new() } else { vec![8, 9] };
+    let between: Vec<_> =
+        between.into_iter().map(|number| tokio::spawn(work.part(number).come_between())).collect();
     for task in [asking, writing, keeping, moving, hasty] {
         task.await?;
     }
@@ -84,9 +89,7 @@ pub async fn run(shared: Shared, index: usize) -> turmoil::Result {
     shared.check(Promise::Recovery, problem.is_none(), || {
         format!("client-{index}, since {begun:?}: {}", problem.unwrap_or_default())
     });
-    if let Some(watching) = watching {
-        watching.abort();
-    }
+    watching.into_iter().chain(between).for_each(|task| task.abort());
     work.sum_up();
     shared.state().lines[index].is_well = true;
     std::future::pending().await
@@ -119,7 +122,7 @@ impl Work {
 
     /// Waits for a call, but no longer than any may take.
     async fn bounded<T>(&self, what: &str, call: impl Future<Output = T>) -> T {
-        match timeout(LONGEST_CALL, call).await {
+        match timeout(LONGEST_CALL, self.driven(call)).await {
             Ok(done) => {
                 let tasks = tokio::runtime::Handle::current().metrics().num_alive_tasks();
                 self.shared.check(Promise::I6, tasks <= MOST_TASKS, || {
@@ -138,7 +141,7 @@ impl Work {
     async fn perhaps<T>(&mut self, what: &str, call: impl Future<Output = T>) -> Option<T> {
         if self.plan.drops && self.random.strikes(0.15) {
             let patience = self.random.up_to(ms(120));
-            let done = timeout(patience, call).await.ok();
+            let done = timeout(patience, self.driven(call)).await.ok();
             if done.is_none() {
                 let record = &mut self.shared.state().record;
                 record.tally.dropped += 1;
@@ -146,7 +149,7 @@ impl Work {
             }
             return done;
         }
-        Some(self.bounded(what, call).await)
+        self.bounded(what, self.perhaps_dropped(call)).await
     }
 
     fn count<T>(&self, result: &Result<T, RequestError>) {

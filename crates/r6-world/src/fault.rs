@@ -8,13 +8,13 @@ pub enum Class {
     T1, T2, T3, T4, T5, T6, T7, T8, T9, T10, T11, T13, T14,
     P1, P2, P3, P4, P5, P6, P7, P8, P9, P10, P11, P12, P13, P14,
     C1, C2, C3, C4, C5, C6, C7, C8, C9, C10,
-    K1, K2, S1, V1, V6,
+    K1, K2, K3, K4, S1, V1, V6,
     E1, E2, E3, E4, E5, E6, E7, E8,
 }
 
 /// What each class does here, and what is counted of it once it took effect. "Done": it happened at the machine or the host; whether
 /// anybody noticed is not known.
-pub const CLASSES: [(Class, &str, &str); 50] = {
+pub const CLASSES: [(Class, &str, &str); 52] = {
     use Class::*;
     [
         (T1, "connections are refused", "an attempt that was refused"),
@@ -56,6 +56,8 @@ pub const CLASSES: [(Class, &str, &str); 50] = {
         (C10, "the program is overwritten", "a program that was loaded: done"),
         (K1, "calls are dropped where they wait", "a call"),
         (K2, "the program of a client is killed", "a program: done"),
+        (K3, "calls that drive for others are dropped", "a call that was polled before"),
+        (K4, "calls that drive for others are slow", "a call that was polled and then not for a time"),
         (S1, "the disk is full for a time", "a write that failed"),
         (V1, "a camera answers nothing, or rubbish", "rubbish that was sent"),
         (V6, "a camera answers late, or with no parts", "a photo that was asked for"),
@@ -76,11 +78,11 @@ pub const CLASSES: [(Class, &str, &str); 50] = {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Promise {
     I1, I2, I3, I4, I5, I6, I7, I9, I10, I11, Once, Recovery, NoPanic,
-    Stopped, Whole, Gapless, Fresh, Meant, Owned, Soon,
+    Stopped, Whole, Gapless, Fresh, Meant, Owned, Soon, Driven,
 }
 
 /// What each promise says.
-pub const PROMISES: [(Promise, &str); 20] = {
+pub const PROMISES: [(Promise, &str); 21] = {
     use Promise::*;
     [
         (I1, "nothing is delivered that was not received whole"),
@@ -103,6 +105,7 @@ pub const PROMISES: [(Promise, &str); 20] = {
         (Meant, "no stop and no clear reaches a robot that it was not meant for"),
         (Owned, "a motion without an owner is stopped or carried to its end, never cut silently"),
         (Soon, "a stop takes effect within 1.5 s where the first connection is deaf"),
+        (Driven, "what comes is read, and what is due leaves, at once, whoever drives"),
     ]
 };
 

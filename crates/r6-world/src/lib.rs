@@ -15,6 +15,7 @@ mod felt;
 mod floor;
 mod kept;
 mod line;
+mod pipes;
 pub mod plan;
 mod pulse;
 pub mod record;

@@ -3,12 +3,14 @@
 mod arrival;
 mod connection;
 mod departure;
+mod driven;
 mod said;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::task::{Context, Waker};
 use std::time::Duration;
 
+use r6_controller::random::Random;
 use tokio::sync::watch;
 
 use crate::fault::Class;
@@ -16,6 +18,7 @@ use crate::floor::SKEW;
 use crate::plan::ClientPlan;
 use crate::record::Record;
 use connection::Connection;
+pub use driven::BEATS_EVERY;
 
 /// A program hears of the end of a connection within this time.
 const HEARS_WITHIN: Duration = Duration::from_millis(25);
@@ -71,6 +74,16 @@ pub struct Line {
     cut_before: usize,
     /// When a stop, a pause or a clear left last.
     pub last_stop: Option<Duration>,
+    /// What is drawn for each call: whether it is slow, or dropped.
+    pub draws: Random,
+    /// Calls that are under way and polled when they are woken, and those that are not for a time.
+    pub awake: usize,
+    pub asleep: usize,
+    /// Nothing passes, or nothing is read here; or since when all passes again.
+    away: bool,
+    passes_since: Duration,
+    /// Whether something goes on besides the calls that wait.
+    depends_on_keeper: bool,
 }
 
 impl Line {
@@ -102,6 +115,12 @@ impl Line {
             swapped: None,
             cut_before: 0,
             last_stop: None,
+            draws: Random::new(plan.seed ^ 0x6361_6c6c_7321),
+            awake: 0,
+            asleep: 0,
+            away: false,
+            passes_since: Duration::ZERO,
+            depends_on_keeper: plan.watches || plan.beats,
         }
     }
 
@@ -111,6 +130,7 @@ impl Line {
         (self.unnumbered, self.starts_asked) = (0, self.starts_sent);
         self.before = self.connections.len();
         (self.is_done, self.is_well) = (false, false);
+        (self.awake, self.asleep) = (0, 0);
     }
 
     /// Its program streams these steps from now on.
@@ -163,8 +183,8 @@ impl Line {
     }
 
     /// Reads nothing from now on, or goes on.
-    pub fn deafen(&mut self, deaf: bool) {
-        self.deaf = deaf;
+    pub fn deafen(&mut self, deaf: bool, at: Duration) {
+        (self.deaf, self.passes_since) = (deaf, at);
         self.wake();
     }
 
@@ -212,8 +232,9 @@ impl Line {
     }
 
     /// The network is away from now on, or there again.
-    pub fn hold(&mut self, held: bool) {
+    pub fn hold(&mut self, held: bool, at: Duration) {
         self.held = held;
+        (self.away, self.passes_since) = (held, at);
     }
 
     /// Something leaves: whether the network is away, and nothing else has left since.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use r6_world::fault::{Class, Promise};
-use r6_world::plan::{Plan, TRAPS};
+use r6_world::plan::{Drivers, Plan, TRAPS};
 use r6_world::record::{Tally, Violation};
 use r6_world::report::{self, Course};
 use r6_world::world::{self, Outcome};
@@ -28,7 +28,7 @@ const MOST_FAILURES: usize = 5;
 /// Clients, controllers, cameras and disks in one process, broken from a seed and held to their promises (docs/SIMULATION.md).
 #[derive(Parser)]
 #[command(
-    after_help = "Examples:\n  r6-world --seeds 1000\n  r6-world --seed 7 > seed-7.log    everything that happens, some thousand lines\n\n\
+    after_help = "Examples:\n  r6-world --seeds 1000\n  r6-world --seeds 500 --drivers all\n  r6-world --seed 7 > seed-7.log    everything that happens, some thousand lines\n\n\
     Exit codes: 0 all hold, 1 one does not, 2 a wrong argument."
 )]
 struct Wanted {
@@ -47,12 +47,21 @@ struct Wanted {
     /// Only worlds in which one class alone goes wrong: E1 to E8, P10; `all`: each seed has one of them.
     #[arg(long, value_name = "CLASS", value_parser = trap_of)]
     trap: Option<Trap>,
+    /// Calls that drive the connection badly for the others: `dropped` at any await, `slow` to be polled again, or `all` of that.
+    #[arg(long, value_name = "DRIVERS", value_parser = drivers_of)]
+    drivers: Option<Drivers>,
     /// Of one seed, only the outcome.
     #[arg(long)]
     quiet: bool,
     /// The section of docs/SIMULATION.md about the last run.
     #[arg(long)]
     markdown: bool,
+}
+
+impl Wanted {
+    fn drivers(&self) -> Drivers {
+        self.drivers.unwrap_or_default()
+    }
 }
 
 /// What goes wrong alone.
@@ -71,27 +80,33 @@ fn trap_of(name: &str) -> Result<Trap, String> {
     found.map(Trap::One).ok_or_else(|| format!("`all`, or one of {TRAPS:?}"))
 }
 
+fn drivers_of(name: &str) -> Result<Drivers, String> {
+    let found = Drivers::NAMED.into_iter().find(|(named, _)| *named == name);
+    found.map(|(_, drivers)| drivers).ok_or_else(|| "`dropped`, `slow` or `all`".to_owned())
+}
+
 /// The plan of a seed.
-fn plan_of(seed: u64, trap: Option<Trap>) -> Plan {
-    match trap {
+fn plan_of(seed: u64, trap: Option<Trap>, drivers: Drivers) -> Plan {
+    let plan = match trap {
         None => Plan::of(seed),
         Some(Trap::One(class)) => Plan::trapped(class, seed),
         Some(Trap::Each) => Plan::any_trap(seed),
-    }
+    };
+    plan.driven_by(drivers)
 }
 
 fn main() -> ExitCode {
     let wanted = Wanted::parse();
     world::catch_panics();
     match wanted.seed {
-        Some(seed) => one(plan_of(seed, wanted.trap), !wanted.quiet),
+        Some(seed) => one(plan_of(seed, wanted.trap, wanted.drivers()), !wanted.quiet),
         None => many(&wanted),
     }
 }
 
 fn one(plan: Plan, aloud: bool) -> ExitCode {
     let outcome = world::run_plan(plan, aloud);
-    let seed = outcome.seed;
+    let (seed, kind) = (outcome.seed, report::kind(outcome.trap, outcome.drivers));
     match report::failure(&outcome) {
         Some(told) => {
             println!("{told}");
@@ -99,7 +114,7 @@ fn one(plan: Plan, aloud: bool) -> ExitCode {
         }
         None => {
             println!("{}", report::table(1, &outcome.tally));
-            println!("seed {seed} holds; the sum of all that happened is {:016x}", outcome.sum);
+            println!("seed {seed}{kind} holds; the sum of all that happened is {:016x}", outcome.sum);
             ExitCode::SUCCESS
         }
     }
@@ -119,10 +134,11 @@ fn world_of(number: u64, wanted: &Wanted) -> (u64, Option<Trap>) {
 }
 
 /// Runs a seed, and some twice.
-fn run(seed: u64, trap: Option<Trap>) -> Outcome {
-    let mut outcome = world::run_plan(plan_of(seed, trap), false);
+fn run(seed: u64, trap: Option<Trap>, drivers: Drivers) -> Outcome {
+    let plan = plan_of(seed, trap, drivers);
+    let mut outcome = world::run_plan(plan.clone(), false);
     if seed.is_multiple_of(TWICE_EVERY) && outcome.violation.is_none() {
-        let again = world::run_plan(plan_of(seed, trap), false);
+        let again = world::run_plan(plan, false);
         outcome.tally.checks[Promise::I9.index()] += 1;
         if (again.sum, &again.violation) != (outcome.sum, &None) {
             let text = format!("{:016x}, then {:016x}: {:?}", outcome.sum, again.sum, again.violation);
@@ -153,7 +169,7 @@ fn many(wanted: &Wanted) -> ExitCode {
                         return;
                     }
                     let (seed, trap) = world_of(number, wanted);
-                    if tell.send(run(seed, trap)).is_err() {
+                    if tell.send(run(seed, trap, wanted.drivers())).is_err() {
                         return;
                     }
                 }
@@ -188,6 +204,7 @@ fn many(wanted: &Wanted) -> ExitCode {
             from: wanted.from,
             wanted: wanted.seeds,
             is_mixed: wanted.trap.is_none(),
+            drivers: wanted.drivers(),
             done,
             failed: failures.len(),
             jobs,
@@ -197,7 +214,7 @@ fn many(wanted: &Wanted) -> ExitCode {
     } else {
         println!("{}", report::table(done, &tally));
     }
-    let never = world::never_seen(&tally);
+    let never = world::never_seen(&tally, wanted.drivers());
     let incomplete =
         wanted.seeds >= ENOUGH_SEEDS && wanted.trap.is_none() && failures.is_empty() && !never.is_empty();
     if incomplete {
@@ -205,7 +222,8 @@ fn many(wanted: &Wanted) -> ExitCode {
     }
     if failures.is_empty() && !incomplete {
         let what = if done == 1 { "world holds" } else { "worlds hold" };
-        println!("{done} {what}, in {} s", begun.elapsed().as_secs());
+        let drivers = report::chosen(wanted.drivers());
+        println!("{done} {what}{drivers}, in {} s", begun.elapsed().as_secs());
         return ExitCode::SUCCESS;
     }
     if failures.is_empty() {

@@ -1,6 +1,7 @@
 //! What a seed says: who is there, what they do, and what goes wrong when.
 
 mod draw;
+mod drivers;
 mod trap;
 
 use std::time::Duration;
@@ -11,6 +12,7 @@ use r6_controller::scenario::Scenario;
 
 use crate::fault::Class;
 use draw::Draw;
+pub use drivers::Drivers;
 pub use trap::{DWELLS, DWELLS_TEXT, TRAPS};
 
 /// Nothing goes wrong before all have connected.
@@ -157,6 +159,8 @@ pub struct Plan {
     pub classes: Vec<Class>,
     /// In a world where nothing else goes wrong: the one class that does.
     pub trap: Option<Class>,
+    /// How the calls of the clients drive their connections.
+    pub drivers: Drivers,
 }
 
 fn ms(millis: u64) -> Duration {
@@ -179,6 +183,7 @@ impl Plan {
             over,
             classes: Vec::new(),
             trap: None,
+            drivers: Drivers::AsTheyCome,
         };
         let robots = [1, 1, 1, 1, 2, 2, 2, 3, 4][random.below(9)];
         for robot in 0..robots {

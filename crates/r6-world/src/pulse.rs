@@ -21,9 +21,9 @@ pub struct Pulse {
 }
 
 impl Pulse {
-    /// Looks after the world of this seed.
+    /// Looks after the world of this seed; `kind`: what `make sim` is told besides.
     #[must_use]
-    pub fn of(seed: u64) -> Self {
+    pub fn of(seed: u64, kind: String) -> Self {
         let steps = Arc::new(AtomicU64::new(0));
         let (over, ended) = mpsc::channel();
         let seen = Arc::clone(&steps);
@@ -32,7 +32,7 @@ impl Pulse {
             while ended.recv_timeout(STANDS_STILL) == Err(RecvTimeoutError::Timeout) {
                 let now = seen.load(Ordering::Relaxed);
                 if before.replace(now) == Some(now) {
-                    println!("{}", stands(seed, now));
+                    println!("{}", stands(seed, &kind, now));
                     std::process::exit(1);
                 }
             }
@@ -46,9 +46,9 @@ impl Pulse {
     }
 }
 
-fn stands(seed: u64, millis: u64) -> String {
+fn stands(seed: u64, kind: &str, millis: u64) -> String {
     format!(
-        "seed {seed}: NoPanic at {millis} ms: the clock of the world stands for {STANDS_STILL:?}; some host never waits\n\
-         the whole of it: make sim SEED={seed}"
+        "seed {seed}{kind}: NoPanic at {millis} ms: the clock of the world stands for {STANDS_STILL:?}; some host never waits\n\
+         the whole of it: make sim SEED={seed}{kind}"
     )
 }

@@ -3,7 +3,8 @@
 use std::fmt::Write;
 use std::time::Duration;
 
-use crate::fault::{CLASSES, PROMISES};
+use crate::fault::{CLASSES, Class, PROMISES};
+use crate::plan::Drivers;
 use crate::record::{Faults, Tally};
 use crate::world::Outcome;
 
@@ -18,6 +19,8 @@ pub struct Course {
     pub done: u64,
     /// Whether each seed ran a world with any faults and one with one trap.
     pub is_mixed: bool,
+    /// How the calls of the clients drove.
+    pub drivers: Drivers,
     /// How many failed.
     pub failed: usize,
     /// Worlds at the same time.
@@ -29,14 +32,15 @@ pub struct Course {
 /// The section of `docs/SIMULATION.md` that tells of a run, as it stands there.
 #[must_use]
 pub fn section(course: &Course, tally: &Tally) -> String {
-    let Course { from, wanted, done, is_mixed, failed, jobs, took } = course;
+    let Course { from, wanted, done, is_mixed, drivers, failed, jobs, took } = course;
+    let drivers = chosen(*drivers);
     let begins = if *from == 1 { String::new() } else { format!(" FROM={from}") };
     let profile = if cfg!(debug_assertions) { "dev" } else { "release" };
     let holds = if *failed == 0 { "all hold".to_owned() } else { format!("{failed} fail") };
     let mixed = if *is_mixed { " (half of them with one trap)" } else { "" };
     let minutes = took.as_secs().div_ceil(60);
     let mut out = format!(
-        "`make sim SEEDS={wanted}{begins}` in the {profile} profile, {jobs} at a time, {minutes} minutes. Of {done} worlds{mixed} {holds}.\n\n"
+        "`make sim SEEDS={wanted}{begins}{drivers}` in the {profile} profile, {jobs} at a time, {minutes} minutes. Of {done} worlds{mixed} {holds}.\n\n"
     );
     out.push_str(&what_was_done(*done, tally));
     let checks = PROMISES.map(|(promise, _)| format!("{promise:?} {}", tally.checks[promise.index()]));
@@ -104,7 +108,7 @@ fn listed(numbers: &[u64]) -> String {
 #[must_use]
 pub fn failure(outcome: &Outcome) -> Option<String> {
     let violation = outcome.violation.as_ref()?;
-    let mut out = format!("seed {}{}: {violation}\n", outcome.seed, trap_of(outcome));
+    let mut out = format!("seed {}{}: {violation}\n", outcome.seed, kind_of(outcome));
     for line in &outcome.last {
         let short: String = line.chars().take(220).collect();
         let _ = writeln!(out, "  {short}");
@@ -116,9 +120,21 @@ pub fn failure(outcome: &Outcome) -> Option<String> {
 /// The command that runs this world alone and shows all of it.
 #[must_use]
 pub fn command(outcome: &Outcome) -> String {
-    format!("make sim SEED={}{}", outcome.seed, trap_of(outcome))
+    format!("make sim SEED={}{}", outcome.seed, kind_of(outcome))
 }
 
-fn trap_of(outcome: &Outcome) -> String {
-    outcome.trap.map_or(String::new(), |trap| format!(" TRAP={trap:?}"))
+fn kind_of(outcome: &Outcome) -> String {
+    kind(outcome.trap, outcome.drivers)
+}
+
+/// What `make sim` is told besides the seed.
+#[must_use]
+pub fn kind(trap: Option<Class>, drivers: Drivers) -> String {
+    trap.map_or(String::new(), |trap| format!(" TRAP={trap:?}")) + &chosen(drivers)
+}
+
+/// What `make sim` is told to have these drivers.
+#[must_use]
+pub fn chosen(drivers: Drivers) -> String {
+    if drivers == Drivers::AsTheyCome { String::new() } else { format!(" DRIVERS={drivers}") }
 }

@@ -10,6 +10,7 @@ use crate::disk::SimDisk;
 use crate::fault::{Class, Promise};
 use crate::floor::Floor;
 use crate::line::Line;
+use crate::pipes::{Ends, Pipes};
 use crate::plan::{Plan, RobotPlan};
 use crate::record::Record;
 use crate::wire::End;
@@ -35,6 +36,8 @@ pub struct State {
     pub lines: Vec<Line>,
     /// Connections that their controllers reset: from, to.
     pub resets: BTreeSet<(SocketAddr, SocketAddr)>,
+    /// What controllers wrote and clients did not read.
+    pub pipes: Pipes,
     /// Whether nothing goes wrong any more.
     pub quiet: bool,
 }
@@ -55,6 +58,7 @@ impl Shared {
             disks: plan.robots.iter().map(|robot| SimDisk::new(robot.seed)).collect(),
             lines: plan.clients.iter().map(Line::new).collect(),
             resets: BTreeSet::new(),
+            pipes: Pipes::default(),
             quiet: false,
         };
         Self { plan: Arc::new(plan), state: Arc::new(Mutex::new(state)) }
@@ -82,15 +86,17 @@ impl Shared {
     }
 
     /// A connection was made; its number.
-    pub fn connected(&self, end: End, robot: usize) -> usize {
+    pub fn connected(&self, end: End, robot: usize, ends: Option<Ends>) -> usize {
         let at = now();
         let mut state = self.state();
-        let State { record, lines, .. } = &mut *state;
+        let State { record, lines, pipes, .. } = &mut *state;
         record.tell(at, format_args!("{end:?} is connected"));
-        match end {
-            End::Client(client) => lines[client].connected(robot, at, record),
-            End::Camera(_) => 0,
+        let End::Client(client) = end else { return 0 };
+        let number = lines[client].connected(robot, at, record);
+        if let Some(ends) = ends {
+            pipes.opened(ends, client, number);
         }
+        number
     }
 
     /// Bytes left.

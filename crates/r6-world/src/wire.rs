@@ -11,6 +11,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use turmoil::net::{TcpListener, TcpStream};
 
 use crate::fault::Class;
+use crate::pipes::Ends;
 use crate::shared::{Shared, now};
 
 /// The port that controllers listen on.
@@ -55,8 +56,9 @@ impl Connect for Dialler {
             Some(listener) => listener.accept().await?.0,
             None => Attempt { dialler: self, robot, is_answered: false }.make().await?,
         };
-        let number = self.shared.connected(self.end, robot);
-        Ok(Tapped { stream, shared: self.shared.clone(), end: self.end, number, waited: false })
+        let ends = stream.peer_addr().and_then(|peer| Ok((peer, stream.local_addr()?))).ok();
+        let number = self.shared.connected(self.end, robot, ends);
+        Ok(Tapped { stream, shared: self.shared.clone(), end: self.end, number, ends, waited: false })
     }
 }
 
@@ -109,6 +111,7 @@ pub struct Tapped {
     shared: Shared,
     end: End,
     number: usize,
+    ends: Option<Ends>,
     /// It was asked for bytes while it read nothing.
     waited: bool,
 }
@@ -131,6 +134,9 @@ impl AsyncRead for Tapped {
         let before = buffer.filled().len();
         let mut read = ready!(Pin::new(&mut self.stream).poll_read(cx, buffer));
         let bytes = &buffer.filled()[before..];
+        if let Some(ends) = self.ends {
+            self.shared.state().pipes.read(ends, bytes.len());
+        }
         if bytes.is_empty() && self.is_reset() {
             read = Err(io::ErrorKind::ConnectionReset.into());
         }
@@ -182,6 +188,9 @@ impl Drop for Tapped {
         if let End::Client(client) = self.end {
             self.shared.state().lines[client].has_ended(self.number, now());
         }
+        if let Some(ends) = self.ends {
+            self.shared.state().pipes.closed(ends);
+        }
     }
 }
 
@@ -213,7 +222,12 @@ impl AsyncRead for Served {
 
 impl AsyncWrite for Served {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.stream).poll_write(cx, bytes)
+        let written = ready!(Pin::new(&mut self.stream).poll_write(cx, bytes));
+        if let (Ok(count), Ok(near), Ok(far)) = (&written, self.stream.local_addr(), self.stream.peer_addr())
+        {
+            self.shared.state().pipes.written((near, far), *count, now());
+        }
+        Poll::Ready(written)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {

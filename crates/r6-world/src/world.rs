@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 use crate::disk::{MOST_BYTES, MOST_FILES};
 use crate::fault::{Class, Promise};
 use crate::floor::Door;
-use crate::plan::{Blow, Plan};
+use crate::plan::{Blow, Drivers, Plan};
 use crate::pulse::Pulse;
 use crate::record::{Tally, Violation};
 use crate::shared::{Shared, State};
@@ -35,6 +35,8 @@ pub struct Outcome {
     pub seed: u64,
     /// The class of a world with one trap.
     pub trap: Option<Class>,
+    /// How the calls of its clients drove.
+    pub drivers: Drivers,
     /// The first promise that was broken.
     pub violation: Option<Violation>,
     /// A sum of all that happened.
@@ -64,7 +66,7 @@ pub fn run(seed: u64, aloud: bool) -> Outcome {
 /// Runs the world of a plan; `aloud`: prints everything that happens.
 #[must_use]
 pub fn run_plan(plan: Plan, aloud: bool) -> Outcome {
-    let (seed, trap) = (plan.seed, plan.trap);
+    let (seed, trap, drivers) = (plan.seed, plan.trap, plan.drivers);
     let shared = Shared::new(plan, aloud);
     PANICS.with(|panics| panics.borrow_mut().clear());
     let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| World::new(&shared).run()));
@@ -80,6 +82,7 @@ pub fn run_plan(plan: Plan, aloud: bool) -> Outcome {
     Outcome {
         seed,
         trap,
+        drivers,
         violation: state.record.violation.clone(),
         sum: state.record.sum(),
         tally: state.record.tally.clone(),
@@ -140,7 +143,7 @@ impl<'s> World<'s> {
             self.shared.state().record.draws(*class);
         }
         let mut blows = plan.blows.iter().peekable();
-        let pulse = Pulse::of(plan.seed);
+        let pulse = Pulse::of(plan.seed, crate::report::kind(plan.trap, plan.drivers));
         let quiet = plan.over + HELD_UP;
         loop {
             let at = self.sim.elapsed();
@@ -155,6 +158,12 @@ impl<'s> World<'s> {
             let mut state = self.shared.state();
             state.record.tally.millis += 1;
             state.quiet = at >= quiet;
+            if at.as_millis() % 10 == 0 {
+                let State { lines, pipes, record, .. } = &mut *state;
+                for (client, line) in lines.iter().enumerate() {
+                    line.look_at_drivers(client, at, plan.latency, pipes, record);
+                }
+            }
             if at.as_millis() % 50 == 0 {
                 let State { disks, record, .. } = &mut *state;
                 for _ in 0..disks.iter().map(crate::disk::SimDisk::take_refused).sum() {
@@ -187,6 +196,7 @@ impl<'s> World<'s> {
         let others: Vec<_> = self.hosts.iter().filter(|host| *host != name).cloned().collect();
         others.iter().for_each(|other| self.sim.partition(name, other.as_str()));
         self.sim.crash(name);
+        self.shared.state().pipes.lost(self.sim.lookup(name));
         others.iter().for_each(|other| self.sim.repair(name, other.as_str()));
     }
 
@@ -197,11 +207,11 @@ impl<'s> World<'s> {
         let plan = &self.shared.plan;
         match blow {
             Blow::Hold { client } => {
-                self.shared.state().lines[client].hold(true);
+                self.shared.state().lines[client].hold(true, at);
                 self.sim.hold(client_name(client), robot_name(plan.clients[client].robot));
             }
             Blow::Release { client } => {
-                self.shared.state().lines[client].hold(false);
+                self.shared.state().lines[client].hold(false, at);
                 self.sim.release(client_name(client), robot_name(plan.clients[client].robot));
             }
             Blow::Kill { robot } => {
@@ -224,18 +234,20 @@ impl<'s> World<'s> {
                 self.shared.state().record.strikes(Class::K2);
             }
             Blow::StartClient { client } => self.sim.bounce(client_name(client)),
-            Blow::Deafen { client, deaf } => self.shared.state().lines[client].deafen(deaf),
+            Blow::Deafen { client, deaf } => self.shared.state().lines[client].deafen(deaf, at),
             Blow::Swap { client, to } => self.shared.state().lines[client].swap(to),
             Blow::FillDisk { robot, full } => self.shared.state().disks[robot].set_full(full),
         }
     }
 }
 
-/// What of a table has to show at least once, and does not: the faults that took effect, and the promises that were checked.
+/// What of a table has to show at least once with these drivers, and does not: the faults that took effect, and the promises that were
+/// checked.
 #[must_use]
-pub fn never_seen(tally: &Tally) -> Vec<String> {
+pub fn never_seen(tally: &Tally, drivers: Drivers) -> Vec<String> {
     let classes = crate::fault::CLASSES
         .iter()
+        .filter(|(class, ..)| !drivers.never_bring(*class))
         .map(|(class, ..)| (format!("{class:?}"), tally.faults[class.index()].strikes));
     let promises = crate::fault::PROMISES
         .iter()

@@ -333,7 +333,7 @@ impl Hand for TokioHand {
     }
 
     fn nudge(&self) {
-        self.seats.begun();
+        self.seats.nudge();
     }
 
     fn second(&self, settings: RobotSettings, expected: Option<Identity>) -> Second<'_> {

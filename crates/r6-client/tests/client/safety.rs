@@ -1,20 +1,22 @@
 //! What a motion may begin on, what it ends with, and what a stop may say of itself.
 
+use std::pin::pin;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use r6_client::units::{AxisPosition, Millimetres, Percent, Pose};
+use r6_client::units::{AxisPosition, Degrees, Millimetres, Percent, Pose};
 use r6_client::{
-    Cause, Envelope, FollowOptions, Motion, MotionError, NotSent, RequestError, Robot, RobotSettings,
-    RunOptions, TargetSender,
+    Cause, Envelope, FollowOptions, Heartbeat, Motion, MotionError, NotSent, RequestError, Robot,
+    RobotSettings, RunOptions, TargetSender,
 };
 use r6_proto::Command;
 use r6_proto::address::Address;
 use serde_json::Value;
 use tokio::sync::mpsc;
-use tokio::time::sleep;
+use tokio::time::{Instant, sleep};
 
 use crate::controller::{Peer, Wires, asked, command_word, settings, soon, values, verdict};
+use crate::driving::begun;
 
 /// The answer of a machine that is ready and stands at zero, with so much in its list; its yes to all else.
 fn reply(request: &Value, list: usize) -> String {
@@ -67,6 +69,44 @@ async fn follows(robot: &Robot) -> MotionError {
     tokio::select! {
         result = robot.follow(targets, FollowOptions::default()) => result.unwrap_err(),
         () = source => unreachable!("it goes on"),
+    }
+}
+
+/// Who is slow to take a reply, while something else drives the connection.
+#[tokio::test(start_paused = true)]
+async fn a_call_that_was_slow_looks_again_before_its_list_leaves() {
+    let slow_for = Duration::from_secs(10);
+    for guarded in [false, true] {
+        let settings = RobotSettings {
+            reply_timeout: Duration::from_secs(2),
+            heartbeat: Heartbeat::Managed { every: Duration::from_secs(1) },
+            ..settings()
+        };
+        let (_wires, robot, peer) = Wires::with_robot(settings).await;
+        let told = Arc::new(Mutex::new(Vec::new()));
+        let (telling, started) = (Arc::clone(&told), Instant::now());
+        tokio::spawn(peer.answer_all(move |request| {
+            let what = request["reqType"].as_str().unwrap_or_default().to_owned();
+            telling.lock().unwrap().push((started.elapsed(), what));
+            Some(reply(request, 0))
+        }));
+        let path = there_and_back();
+        let robot = robot.with_guard(Envelope::new().largest_axis_step(Degrees(30.0)));
+        let mut kept = pin!(async {
+            if guarded {
+                robot.add_motion(true, &path).await.map(drop).unwrap();
+            } else {
+                robot.run(&path, RunOptions::default()).await.map(drop).unwrap();
+            }
+        });
+        assert!(begun(kept.as_mut()).await);
+        sleep(slow_for).await;
+        soon(kept).await;
+        sleep(Duration::from_secs(1)).await;
+        let told = told.lock().unwrap();
+        let list = told.iter().position(|(_, what)| what == "AddRCC").expect("it leaves");
+        let look = told[..list].iter().rfind(|(_, what)| what == "query").expect("it looks");
+        assert!(told[list].0 >= slow_for && told[list].0 - look.0 <= Duration::from_secs(1), "{told:?}");
     }
 }
 

@@ -1,5 +1,7 @@
 //! What a program does with the arm: paths that are streamed, targets that are followed, stops, and places that cannot be reached.
 
+use std::pin::pin;
+
 use r6_client::units::{AxisPosition, Degrees, Percent};
 use r6_client::{
     Command, FollowOptions, Motion, MotionHandle, OperationMode, RunOptions, Unmet, WaitOptions,
@@ -152,7 +154,10 @@ impl Work {
     /// Sends a list as it is, and waits until it is done.
     async fn send_and_wait(&mut self, motion: &Motion, steps: &[i64]) {
         let (Ok(instructions), robot) = (motion.instructions(), self.robot.clone()) else { return };
-        if !matches!(self.bounded("a look", robot.status()).await, Ok(status) if status.is_ready()) {
+        let begun = now();
+        let looked = self.bounded("a look", robot.status()).await;
+        // A program whose call was slow does not send a list for what it saw long ago.
+        if !looked.is_ok_and(|status| status.is_ready()) || now() - begun > self.plan.patience * 4 {
             return;
         }
         let list = instructions.get(..instructions.len().min(6)).unwrap_or_default();
@@ -245,8 +250,21 @@ impl Work {
         };
         self.shared.state().lines[self.index].unnumbered += 1;
         let robot = self.robot.clone();
-        let following = async { tokio::join!(robot.follow(targets, options), source).0 };
+        let (mut source, mut has_told_all) = (pin!(source), false);
+        let following = async {
+            let mut follows = pin!(robot.follow(targets, options));
+            loop {
+                tokio::select! {
+                    biased;
+                    followed = &mut follows => return followed,
+                    () = &mut source, if !has_told_all => has_told_all = true,
+                }
+            }
+        };
         let followed = self.perhaps("following", following).await;
+        if followed.is_some() && !has_told_all {
+            source.await;
+        }
         if let Some(followed) = &followed {
             self.shared.state().record.tally.motions[usize::from(followed.is_err())] += 1;
         }

@@ -32,6 +32,8 @@ pub(super) struct Connection {
     pub robot: usize,
     /// When it was made.
     pub made: Duration,
+    /// When the last heartbeat left.
+    pub beaten: Duration,
     /// When its program saw it end, or ended it.
     pub ended: Option<Duration>,
 }

@@ -62,6 +62,9 @@ impl Line {
     ) {
         let connection = &mut self.connections[number];
         connection.asked_who |= frame["queryAddr"] == serde_json::json!(WHO);
+        if frame["reqType"] == "heartbreak" {
+            connection.beaten = at;
+        }
         let word = frame["cmdData"][0].as_str().unwrap_or_default();
         let is_list = frame["reqType"] == "AddRCC";
         let stops = ["actionStop", "actionPause", "stopButton"].contains(&word)

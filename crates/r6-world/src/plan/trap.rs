@@ -6,7 +6,7 @@ use r6_controller::fault::{Fault, IgnoredStop, LinkFault, TaskFault};
 use r6_controller::random::Random;
 use r6_controller::scenario::{Entry, Happening, Scenario, Window};
 
-use super::{Blow, CALM, ClientPlan, Mishap, Plan, RobotPlan, ms};
+use super::{Blow, CALM, ClientPlan, Drivers, Mishap, Plan, RobotPlan, ms};
 use crate::fault::Class;
 
 /// The classes that a world can have as its only one.
@@ -44,6 +44,7 @@ impl Plan {
             over,
             classes: vec![Class::C7, class],
             trap: Some(class),
+            drivers: Drivers::AsTheyCome,
         };
         let robots = if class == Class::E6 { 2 } else { 1 };
         for robot in 0..robots {
