@@ -8,11 +8,11 @@
 //!
 //! A controller that is busy takes a list a second late and runs it.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use r6_proto::time::Instant;
-use tokio::sync::watch;
+use tokio::sync::Notify;
 
 use crate::error::RequestError;
 use crate::time::Time;
@@ -24,8 +24,26 @@ const TAKEN_LATE: Duration = Duration::from_secs(2);
 /// The frames of one handle whose outcome is open.
 #[derive(Debug)]
 pub(crate) struct Doubts {
-    open: watch::Sender<Open>,
+    shared: Arc<Shared>,
     time: Arc<Time>,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    open: Mutex<Open>,
+    /// Wakes those who wait in the order in which they began to: two stops that end together are told apart by that in a simulation.
+    changed: Notify,
+}
+
+impl Shared {
+    fn open(&self) -> MutexGuard<'_, Open> {
+        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Open)) {
+        change(&mut self.open());
+        self.changed.notify_waiters();
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -39,26 +57,26 @@ struct Open {
 /// One frame that left. Whatever becomes of its job, this settles the doubt.
 #[derive(Debug)]
 pub(crate) struct Doubt {
-    open: watch::Sender<Open>,
+    shared: Arc<Shared>,
     time: Arc<Time>,
     settled: bool,
 }
 
 impl Doubts {
     pub fn new(time: Arc<Time>) -> Self {
-        Self { open: watch::Sender::default(), time }
+        Self { shared: Arc::default(), time }
     }
 
     /// A frame that can move the arm is handed to the connection.
     pub fn begin(&self) -> Doubt {
-        self.open.send_modify(|open| open.unanswered += 1);
-        Doubt { open: self.open.clone(), time: Arc::clone(&self.time), settled: false }
+        self.shared.change(|open| open.unanswered += 1);
+        Doubt { shared: Arc::clone(&self.shared), time: Arc::clone(&self.time), settled: false }
     }
 
     /// Until when a frame may still be carried out, as far as is known now; `None` without one. A frame that is unanswered has no
     /// time yet.
     pub fn until(&self, now: Instant) -> Option<Option<Instant>> {
-        let open = *self.open.borrow();
+        let open = *self.shared.open();
         if open.unanswered > 0 {
             return Some(None);
         }
@@ -67,8 +85,8 @@ impl Doubts {
 
     /// Waits for a change, or until this time.
     pub async fn change_until(&self, at: Instant) {
-        let mut open = self.open.subscribe();
-        self.time.timeout_at(at, open.changed()).await.ok();
+        let changed = self.shared.changed.notified();
+        self.time.timeout_at(at, changed).await.ok();
     }
 }
 
@@ -81,7 +99,7 @@ impl Doubt {
 
     fn end(&mut self, lost: bool) {
         self.settled = true;
-        self.open.send_modify(|open| {
+        self.shared.change(|open| {
             open.unanswered = open.unanswered.saturating_sub(1);
             if lost {
                 open.lost_at = Some(self.time.now());
