@@ -166,11 +166,12 @@ impl Link {
     }
 
     /// A firmware that does not say which request it answers gets one at a time: where one reply is lost, the next one would be
-    /// taken for it.
+    /// taken for it. So does one that has not answered yet, besides the question who is there, which some may not answer.
     fn most_in_flight(&self) -> usize {
         match self.session.learned().echoes_pack_id {
             Some(false) => 1,
-            Some(true) | None => MAX_IN_FLIGHT,
+            None => 1 + usize::from(self.who.is_under_way()),
+            Some(true) => MAX_IN_FLIGHT,
         }
     }
 
@@ -628,6 +629,14 @@ mod tests {
     fn eight_may_wait_for_replies_and_a_stop_besides() {
         let mut link = link(Heartbeat::Off);
         let mut answers = Vec::new();
+        let _first = hand_over(&mut link, Work::Query(vec![Address::CurMode]));
+        link.written(link.output().len());
+        assert!(
+            !link.has_room(Lane::Ordinary),
+            "nobody knows yet whether this firmware says what it answers"
+        );
+        assert!(link.has_room(Lane::Urgent));
+        link.received(br#"{"reqType":"query","packID":"1","queryData":["2"]}"#, at(0)).unwrap();
         while link.has_room(Lane::Ordinary) {
             answers.push(hand_over(&mut link, Work::Query(vec![Address::CurMode])));
             assert!(!link.has_room(Lane::Ordinary), "one frame at a time");

@@ -142,8 +142,11 @@ impl Future for Sleep {
             waiting.next_id += 1;
             waiting.next_id
         });
-        waiting.by_time.insert((this.at, id), cx.waker().clone());
+        let earlier = waiting.by_time.insert((this.at, id), cx.waker().clone());
         this.time.note_earliest(&waiting);
+        drop(waiting);
+        // The last of a task's wakers may own what waits here too.
+        drop(earlier);
         Poll::Pending
     }
 }
@@ -188,6 +191,29 @@ mod tests {
         assert_eq!(poll(late.as_mut()), Poll::Ready(Err(Elapsed)));
         let mut both = pin!(time.timeout_at(at(5), std::future::ready(7)));
         assert_eq!(poll(both.as_mut()), Poll::Ready(Ok(7)), "what is there counts, however late it is");
+    }
+
+    #[test]
+    fn a_waker_that_is_replaced_may_own_a_wait_of_its_own() {
+        struct Owns(#[expect(dead_code, reason = "it is dropped with its waker")] Sleep);
+
+        impl std::task::Wake for Owns {
+            fn wake(self: Arc<Self>) {}
+        }
+
+        let (tell, told) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            let time = Arc::new(Time::default());
+            let mut owned = time.sleep_until(at(5));
+            assert_eq!(poll(Pin::new(&mut owned)), Poll::Pending);
+            let mut waits = time.sleep_until(at(7));
+            let waker = Waker::from(Arc::new(Owns(owned)));
+            assert_eq!(Pin::new(&mut waits).poll(&mut Context::from_waker(&waker)), Poll::Pending);
+            drop(waker);
+            assert_eq!(poll(Pin::new(&mut waits)), Poll::Pending);
+            tell.send(time.deadline()).unwrap();
+        });
+        assert_eq!(told.recv_timeout(Duration::from_secs(10)), Ok(Some(at(7))), "it hangs");
     }
 
     #[test]

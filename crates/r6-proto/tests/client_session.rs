@@ -197,6 +197,19 @@ fn replies_without_pack_id_are_matched_by_kind_and_order() {
 }
 
 #[test]
+fn a_first_reply_that_names_nothing_answers_neither_of_two_queries() {
+    // The controller does not answer the first one: its value would be that of the second.
+    let mut session = session();
+    let mode = sent(&mut session, 0, &query(MODE));
+    let alarm = sent(&mut session, 0, &query(ALARM));
+    assert_eq!(
+        feed(&mut session, 5, bare_reply("42")),
+        [Seen::Stray(StrayReason::OutOfStep), Seen::OutOfStep]
+    );
+    assert_eq!(pass_time(&mut session, 2000), [Seen::TimedOut(mode), Seen::TimedOut(alarm)]);
+}
+
+#[test]
 fn a_request_of_which_nothing_left_can_be_taken_back() {
     let mut session = session();
     let first = session.send(at(0), &query(MODE)).unwrap();

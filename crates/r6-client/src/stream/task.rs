@@ -62,6 +62,8 @@ pub(super) struct Task {
     rest: Rest,
     /// When a list was last accepted.
     fed: Instant,
+    /// When the last look was asked for.
+    looked_at: Instant,
     failed: u32,
     /// When something last went on, how many steps were over, and where the axes were.
     went_on: (Instant, usize, [Option<f64>; AXES]),
@@ -96,6 +98,7 @@ impl Task {
             begun,
             rest: Rest::new(wait, rest_about, begun),
             fed: begun,
+            looked_at: begun,
             failed: 0,
             went_on: (begun, 0, [None; AXES]),
         }
@@ -167,6 +170,7 @@ impl Task {
             match self.robot.observe(Lane::Ordinary).await {
                 Ok(seen) => {
                     self.failed = 0;
+                    self.looked_at = seen.asked_at;
                     let lost = NotSent::Disconnected;
                     let lost =
                         if self.frames.is_empty() { Cause::Unreadable(lost.into()) } else { lost.into() };
@@ -208,6 +212,7 @@ impl Task {
     async fn feed(&mut self) -> Result<(), Cause> {
         while self.failed == 0
             && self.has_room()
+            && self.looked_lately()?
             && let Some(frame) = self.frames.pop_front()
         {
             let replace = frame.start == 0;
@@ -247,6 +252,16 @@ impl Task {
             }
         }
         Ok(())
+    }
+
+    /// Whether the last look says enough of the machine for a list to leave: this program may have stood still since. The first list was
+    /// checked against that look, and does not leave after it.
+    fn looked_lately(&self) -> Result<bool, Cause> {
+        let lately = self.robot.is_recent(self.looked_at);
+        if !lately && self.path.accepted == 0 {
+            return Err(Cause::Unreadable(self.robot.too_slow(self.looked_at)));
+        }
+        Ok(lately)
     }
 
     /// Takes in one look; what proves the end once the motion has come to it.

@@ -75,6 +75,38 @@ fn a_command_is_accepted_and_a_motion_runs_to_its_end() {
     assert_eq!(position, 20.0);
 }
 
+/// What leaves first after so many looks of a motion that is longer than the list has room, if the loop stands still before it takes
+/// in the answer.
+fn leaves_after(looks: usize, stands_still: Duration) -> Option<Kind> {
+    let (mut world, robot) = World::new(Character::default());
+    let slow = Percent::new(50.0).unwrap();
+    let to = |n: u32| AxisPosition::degrees([2.0 * f64::from(n), 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let motion = (1..=40).fold(Motion::new(), |motion, n| motion.axis_move(to(n), slow));
+    let runs = robot.clone();
+    let _handle = world.call(async move { runs.run(&motion, RunOptions::default()).await }).unwrap();
+    let asked = world.arrived(Kind::Query).len() + looks;
+    while world.arrived(Kind::Query).len() < asked {
+        world.turn();
+    }
+    let before = world.arm(|arm, _| arm.log().len());
+    world.pass(stands_still);
+    for _ in 0..20 {
+        world.turn();
+    }
+    let told = |kind: Kind| kind == Kind::Query || kind == Kind::List;
+    world.arm(|arm, _| arm.log().iter().skip(before).map(|entry| entry.kind).find(|kind| told(*kind)))
+}
+
+#[test]
+fn no_list_leaves_on_a_look_from_before_the_loop_stood_still() {
+    let feeding: Vec<usize> =
+        (1..40).filter(|looks| leaves_after(*looks, Duration::ZERO) == Some(Kind::List)).collect();
+    assert!(feeding.len() > 1, "{feeding:?}");
+    for looks in feeding {
+        assert_ne!(leaves_after(looks, Duration::from_secs(10)), Some(Kind::List), "after look {looks}");
+    }
+}
+
 #[test]
 fn a_stop_is_confirmed_and_goes_on_although_its_call_is_cancelled() {
     let (mut world, robot) = World::new(Character::default());

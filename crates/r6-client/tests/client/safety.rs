@@ -196,6 +196,14 @@ fn crowd(robot: &Robot) {
 async fn a_list_that_was_judged_on_one_connection_does_not_leave_on_another() {
     for clears in [false, true] {
         let (mut wires, robot, mut peer) = Wires::with_robot(settings()).await;
+        // A controller that has not answered yet gets one request at a time.
+        let known = robot.clone();
+        let known = tokio::spawn(async move { known.query(&[Address::CurMold]).await });
+        for _ in 0..2 {
+            let request = peer.any_frame().await;
+            peer.send(reply(&request, 0)).await;
+        }
+        soon(known).await.unwrap().unwrap();
         // A list is left over where it is to be cleared.
         let list = usize::from(clears);
         let mover = robot.clone();

@@ -101,6 +101,13 @@ impl Matcher<'_> {
             // It does not say what it answers, and more than one request could be meant.
             return Err(StrayReason::Contradiction);
         }
+        let names_nothing = matches!(answers, Answers::Query { addresses: None, .. });
+        if names_nothing && self.learned.echoes_pack_id.is_none() && candidates.next().is_some() {
+            // Whoever sends before it is known that replies name nothing may have sent several queries. Were one of them not answered,
+            // this would be the value of another address.
+            *self.out_of_step = OutOfStep::Due;
+            return Err(StrayReason::OutOfStep);
+        }
         if self.in_flight.get(at).is_some_and(|waiting| waiting.is_exceeded_by(answers)) {
             // No firmware has a reason to send more values than it was asked for: this one answers an earlier request.
             *self.out_of_step = OutOfStep::Due;
