@@ -284,6 +284,7 @@ impl Job {
     }
 
     /// Gives the answer. A caller that is gone does not need it.
+    #[expect(clippy::boxed_local, reason = "everybody who ends a job has it in a box")]
     pub fn finish(mut self: Box<Self>, answer: Result<Answer, RequestError>) {
         if let Some(doubt) = self.doubt.take() {
             doubt.settle(&answer);

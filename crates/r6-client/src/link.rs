@@ -455,8 +455,8 @@ impl Link {
     /// The connection ended: what never left says so, queries that left once are handed back, all else is unknown.
     ///
     /// Returns the queries that are to be asked again and the number that the next session's first request has.
-    pub fn abandon(mut self, reason: LostReason, now: Instant) -> (Vec<Box<Job>>, u64) {
-        let mut again = Vec::new();
+    pub fn abandon(mut self, reason: LostReason, now: Instant) -> (VecDeque<Box<Job>>, u64) {
+        let mut again = VecDeque::new();
         self.session.handle_disconnect();
         while let Some(event) = self.session.poll_event(now) {
             let Event::Lost { ticket, left } = event else { continue };
@@ -468,7 +468,7 @@ impl Link {
             match &job.work {
                 Work::Query(_) if !job.retried => {
                     job.retried = true;
-                    again.push(job);
+                    again.push_back(job);
                 }
                 Work::Query(_)
                 | Work::Command(_)
@@ -594,7 +594,7 @@ mod tests {
         let (mut again, next_pack_id) = first.abandon(LostReason::ClosedByPeer, at(1));
         assert_eq!((again.len(), next_pack_id), (1, 2));
         let mut second = link(Heartbeat::Off);
-        second.hand_over(again.remove(0), at(2));
+        second.hand_over(again.pop_front().unwrap(), at(2));
         let (again, _) = second.abandon(LostReason::ClosedByPeer, at(3));
         assert!(again.is_empty());
         // It never left the second time, but it did the first time.
