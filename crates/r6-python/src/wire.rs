@@ -21,6 +21,7 @@ use r6_client::{LostReason, NotSent, RequestError, Robot, RobotSettings};
 use tokio::io::Interest;
 use tokio::runtime::Handle;
 use tokio::sync::Notify;
+use tokio::task::yield_now;
 use tokio::time::{sleep_until, timeout};
 
 /// How long bytes may wait for an event loop that reads, before the keeper reads them. A real controller takes ten times as long to
@@ -29,6 +30,10 @@ const GRACE: Duration = Duration::from_millis(2);
 
 /// Replies are below 4 KiB; a longer one is read in pieces.
 const READ_BUFFER: usize = 4096;
+
+/// The reads of one call. A peer that floods the connection takes no more than this of each turn of the event loop, which holds the
+/// interpreter meanwhile.
+const MOST_READS: usize = 4;
 
 /// One socket. The keeper has another descriptor of it, with which the engine waits.
 pub struct Socket {
@@ -51,6 +56,8 @@ pub struct Wire {
     calls: AtomicUsize,
     /// How often an event loop has read.
     reads: AtomicU64,
+    /// Whether the last call of [`Wire::read`] left bytes behind. The keeper's descriptor does not tell these again.
+    more: AtomicBool,
     runtime: Handle,
     /// What is done after the keeper carried: results are handed on.
     carried: Box<dyn Fn() + Send + Sync>,
@@ -140,6 +147,7 @@ impl Wire {
             engaged: AtomicBool::new(false),
             calls: AtomicUsize::new(0),
             reads: AtomicU64::new(0),
+            more: AtomicBool::new(false),
             runtime: Handle::current(),
             carried: Box::new(carried),
         })
@@ -178,19 +186,24 @@ impl Wire {
     pub fn read_here(&self, hand: &CallbackHand) {
         self.reads.fetch_add(1, Ordering::Relaxed);
         self.read(hand);
+        if self.more.load(Ordering::Relaxed) {
+            // The selector tells the event loop again. The keeper reads the rest if the event loop does not.
+            self.nudge.notify_one();
+        }
     }
 
-    /// Reads what is there.
+    /// Reads what is there, [`MOST_READS`] times at most.
     fn read(&self, hand: &CallbackHand) {
         let _in_order = self.reading();
+        self.more.store(false, Ordering::Relaxed);
         let Some(socket) = self.socket() else { return };
         let mut buffer = [0; READ_BUFFER];
-        loop {
+        for _ in 0..MOST_READS {
             let reason = match (&socket.stream).read(&mut buffer) {
                 Ok(0) => LostReason::ClosedByPeer,
                 Ok(count) => {
                     hand.received(buffer.get(..count).unwrap_or_default());
-                    // On to the end: an end of the connection that came with it is not told to the keeper again.
+                    // Not only until a short read: the keeper is not told again of a connection that ended with these bytes.
                     if !self.is_present(&socket) {
                         return;
                     }
@@ -206,6 +219,7 @@ impl Wire {
             }
             return;
         }
+        self.more.store(true, Ordering::Relaxed);
     }
 
     fn is_present(&self, socket: &Arc<Socket>) -> bool {
@@ -378,6 +392,7 @@ impl Keeper {
                 None => pending().await,
             }
         };
+        let more = self.wire.more.load(Ordering::Relaxed);
         let connecting = async {
             match &mut self.connecting {
                 Some(connecting) => connecting.await,
@@ -389,18 +404,24 @@ impl Keeper {
             made = connecting => Woken::Connected(made),
             () = at(call_at) => Woken::Due,
             () = at(grace) => Woken::GraceOver,
+            () = again(more && grace.is_none()) => Woken::Readable,
             () = ready(Interest::READABLE, grace.is_none()) => Woken::Readable,
             () = ready(Interest::WRITABLE, full) => Woken::Writable,
         }
     }
 
+    /// Has tokio forget that the socket is ready for this, so that it tells the next change.
+    fn forget(&self, interest: Interest) {
+        if let Some(stream) = &self.stream {
+            let not_ready = || Err::<(), _>(io::Error::from(ErrorKind::WouldBlock));
+            stream.try_io(interest, not_ready).ok();
+        }
+    }
+
     /// Something came: the event loop reads it, where it does.
     fn readable(&mut self) {
-        if let Some(stream) = &self.stream {
-            // The next arrival is told, whatever is there now: it is read after this.
-            let none = || Err::<(), _>(io::Error::from(ErrorKind::WouldBlock));
-            stream.try_io(Interest::READABLE, none).ok();
-        }
+        // Bytes that are there now are read after this.
+        self.forget(Interest::READABLE);
         let reads = self.wire.reads.load(Ordering::Relaxed);
         let active = self.wire.calls.load(Ordering::Relaxed) > 0 || reads != self.seen;
         if active && self.wire.engaged.load(Ordering::Relaxed) {
@@ -466,5 +487,14 @@ async fn at(time: Option<tokio::time::Instant>) {
     match time {
         Some(time) => sleep_until(time).await,
         None => pending().await,
+    }
+}
+
+/// Ends at once after the other tasks of this thread had a turn; never if it is not wanted.
+async fn again(wanted: bool) {
+    if wanted {
+        yield_now().await;
+    } else {
+        pending().await
     }
 }
