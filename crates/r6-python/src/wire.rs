@@ -10,6 +10,7 @@
 
 use std::future::{Future, pending};
 use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::mem::replace;
 use std::net::{Shutdown, TcpStream};
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -261,8 +262,8 @@ impl EventLoop for Wire {
                 return 0;
             }
         };
-        if written < bytes.len() {
-            self.state().full = true;
+        if written < bytes.len() && !replace(&mut self.state().full, true) {
+            // Once only: the keeper writes again when it is nudged, and would nudge itself without end.
             self.nudge.notify_one();
         }
         written
@@ -359,6 +360,8 @@ impl Keeper {
                 Woken::Readable => self.readable(),
                 Woken::GraceOver => self.grace_over(),
                 Woken::Writable => {
+                    // Writes go past tokio: without this it would never notice that the socket is full.
+                    self.forget(Interest::WRITABLE);
                     self.wire.state().full = false;
                     self.hand.writable();
                 }

@@ -199,3 +199,41 @@ def test_a_flood_leaves_the_event_loop_its_turns() -> None:
 
     with peer(FLOOD) as address:
         asyncio.run(main(address))
+
+
+DEAF = """
+import socket, sys
+listener = socket.socket()
+listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+listener.bind(("127.0.0.1", 0))
+listener.listen()
+print(listener.getsockname()[1], flush=True)
+peer, _ = listener.accept()
+sys.stdin.read()
+"""
+
+
+def test_a_peer_that_takes_nothing_costs_no_processor_time(own: Loop) -> None:
+    async def main(address: str) -> None:
+        robot = await r6.AsyncRobot.connect(address, r6.RobotSettings(reply_timeout=20))
+        asked = asyncio.create_task(robot.query("curMode"))
+        await asyncio.sleep(0.1)
+        (number,) = own.of_robots()
+        with socket.fromfd(number, socket.AF_INET, socket.SOCK_STREAM) as small:
+            small.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2048)
+        # These wait for no reply, so they fill the buffers.
+        photo = r6.Photo(cam_id=3)
+        answers = [asyncio.create_task(robot.answer_photo(photo)) for _ in range(1000)]
+        await asyncio.sleep(0.5)
+        before = time.process_time()
+        await asyncio.sleep(2)
+        spent = time.process_time() - before
+        left = sum(task.done() for task in answers)
+        assert 0 < left < 500, "the send buffer is full"
+        for task in (asked, *answers):
+            task.cancel()
+        # One core that is busy all the time costs 2 s, or what others leave of it.
+        assert spent < 0.1
+
+    with peer(DEAF) as address:
+        own.loop.run_until_complete(main(address))
