@@ -127,7 +127,7 @@ pub async fn open(
     let wire = Wire::over(target, Instant::now(), Socket::of(&stream).map_err(unreachable)?, carried);
     let (hand, robot) = CallbackHand::start(&name, settings, Arc::clone(&wire) as Arc<dyn EventLoop>);
     let hand = Arc::new(hand);
-    tokio::spawn(Keeper::over(&wire, &hand, stream).keep());
+    tokio::spawn(Keeper::over(Arc::clone(&wire), Arc::clone(&hand), stream).keep());
     Ok((wire, hand, robot))
 }
 
@@ -303,7 +303,9 @@ impl EventLoop for Wire {
                 Ok((socket, stream)) => {
                     let wire = Self::over(target, begun, socket, || ());
                     if let Some(hand) = another.connected(Arc::clone(&wire) as Arc<dyn EventLoop>) {
-                        Keeper::over(&wire, &Arc::new(hand), stream).keep().await;
+                        // The keeper ends once it alone has the hand.
+                        let keeper = Keeper::over(wire, Arc::new(hand), stream);
+                        keeper.keep().await;
                     }
                 }
                 Err(error) => another.not_connected(&error),
@@ -337,16 +339,8 @@ enum Woken {
 }
 
 impl Keeper {
-    fn over(wire: &Arc<Wire>, hand: &Arc<CallbackHand>, stream: tokio::net::TcpStream) -> Self {
-        Self {
-            wire: Arc::clone(wire),
-            hand: Arc::clone(hand),
-            stream: Some(stream),
-            connecting: None,
-            number: 0,
-            grace: None,
-            seen: 0,
-        }
+    fn over(wire: Arc<Wire>, hand: Arc<CallbackHand>, stream: tokio::net::TcpStream) -> Self {
+        Self { wire, hand, stream: Some(stream), connecting: None, number: 0, grace: None, seen: 0 }
     }
 
     async fn keep(mut self) {

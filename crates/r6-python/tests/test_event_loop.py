@@ -153,6 +153,36 @@ def test_a_robot_may_be_dropped_after_its_event_loop_was_closed(
     assert not unraisable
 
 
+def test_a_robot_that_is_dropped_leaves_no_task_in_the_engine(virtual_controller: r6.Simulator) -> None:
+    async def main() -> None:
+        before = _r6.tasks()
+        for _ in range(30):
+            await used(virtual_controller)
+            gc.collect()
+        await until(lambda: _r6.tasks() <= before)
+
+    asyncio.run(main())
+
+
+def test_a_second_connection_leaves_no_task_in_the_engine(
+    hostile: Callable[[dict[str, object]], Hostile],
+) -> None:
+    """A stop makes one where the first one does not answer."""
+    controller = hostile({"deaf": [{"connection": 1, "at": 0.5}]})
+
+    async def main() -> None:
+        async with await r6.AsyncRobot.connect(controller.address) as robot:
+            await robot.status()
+            await asyncio.sleep(1)
+            before = _r6.tasks()
+            for _ in range(3):
+                assert (await robot.stop()).confirmed
+            assert {entry["connection"] for entry in controller.ask("log")} >= {1, 2, 3, 4}
+            await until(lambda: _r6.tasks() <= before)
+
+    asyncio.run(main())
+
+
 FLOOD = """
 import socket, sys
 listener = socket.create_server(("127.0.0.1", 0))
