@@ -71,6 +71,8 @@ mod _r6 {
     #[pymodule_export]
     use crate::pickling::remade;
     #[pymodule_export]
+    use crate::process::tasks;
+    #[pymodule_export]
     use crate::registers::{from_thousandths, to_thousandths};
     #[pymodule_export]
     use crate::robot::RobotCore;

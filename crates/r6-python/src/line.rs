@@ -21,9 +21,21 @@ pub struct Line {
     reader: Mutex<Option<Reader>>,
     /// Whether the event loop watches no sockets.
     unwatched: AtomicBool,
+    /// The last field: it is dropped after the hand.
+    _look: Look,
 }
 
-/// A socket in the selector of an event loop. It is closed only after it was taken out of it.
+/// Has the keeper look when it is dropped: the keeper ends once it alone has the hand.
+struct Look(Arc<Wire>);
+
+impl Drop for Look {
+    fn drop(&mut self) {
+        self.0.look();
+    }
+}
+
+/// A socket in the selector of an event loop. What the selector calls has the socket too, so the socket is closed only after it was
+/// taken out of the selector.
 struct Reader {
     event_loop: Py<PyAny>,
     socket: Arc<Socket>,
@@ -132,7 +144,8 @@ impl Line {
         let handed_on = Arc::clone(&ended);
         let (wire, hand, robot) = wire::open(&address, settings, move || handed_on.hand_on(process)).await?;
         let (reader, unwatched) = (Mutex::default(), AtomicBool::new(false));
-        Ok((Arc::new(Self { wire, hand, ended, reader, unwatched }), robot))
+        let look = Look(Arc::clone(&wire));
+        Ok((Arc::new(Self { wire, hand, ended, reader, unwatched, _look: look }), robot))
     }
 
     /// Has this event loop read from the present socket; `false` if it cannot, or another one does.
@@ -162,10 +175,16 @@ impl Line {
                 before.leave(py);
             }
         }
-        let line = Kept::new(Arc::downgrade(self));
+        let kept = Kept::new((Arc::downgrade(self), Arc::clone(&socket)));
         let read = PyCFunction::new_closure(py, None, None, move |args, _| {
-            if let Some(line) = line.here()?.upgrade() {
-                line.read(args.py());
+            let (line, socket) = kept.here()?;
+            match line.upgrade() {
+                Some(line) => line.read(args.py()),
+                // Nobody has the robot any more.
+                None => {
+                    let event_loop = running_loop(args.py())?;
+                    event_loop.call_method1(intern!(args.py(), "remove_reader"), (socket.descriptor(),))?;
+                }
             }
             Ok::<(), PyErr>(())
         })?;
@@ -224,18 +243,51 @@ impl Line {
 
 impl Drop for Line {
     fn drop(&mut self) {
-        // The keeper may be the last who has the hand.
-        self.wire.look();
+        let reader = locked(&self.reader).take();
+        if let Some(reader) = reader {
+            // An interpreter that ends has no use for its selector.
+            Python::try_attach(|py| reader.leave_from_anywhere(py));
+        }
     }
 }
 
 impl Reader {
-    /// Takes the socket out of the selector.
+    /// Takes the socket out of the selector, in the thread of the event loop.
     fn leave(&self, py: Python<'_>) {
         let event_loop = self.event_loop.bind(py);
         // One that is closed has let go of it.
         event_loop.call_method1(intern!(py, "remove_reader"), (self.socket.descriptor(),)).ok();
     }
+
+    /// The same in any thread: in another one than that of the event loop, the event loop does it when it has its turn.
+    fn leave_from_anywhere(self, py: Python<'_>) {
+        // An object may be dropped while an exception is on its way.
+        let on_its_way = PyErr::take(py);
+        if running_loop(py).is_ok_and(|running| running.is(&self.event_loop)) {
+            self.leave(py);
+        } else {
+            self.leave_soon(py).ok();
+        }
+        if let Some(error) = on_its_way {
+            error.restore(py);
+        }
+    }
+
+    /// Has the event loop take the socket out of its selector. An error says that the event loop is closed, and so is its selector.
+    fn leave_soon(self, py: Python<'_>) -> PyResult<()> {
+        let event_loop = self.event_loop.clone_ref(py);
+        let kept = Kept::new(self);
+        let leave = PyCFunction::new_closure(py, None, None, move |args, _| {
+            kept.here()?.leave(args.py());
+            Ok::<(), PyErr>(())
+        })?;
+        event_loop.call_method1(py, intern!(py, "call_soon_threadsafe"), (leave,)).map(drop)
+    }
+}
+
+/// The event loop that runs in this thread, or `None` as an object.
+fn running_loop(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+    py.import(intern!(py, "asyncio"))?.call_method0(intern!(py, "_get_running_loop"))
 }
 
 impl Calling {

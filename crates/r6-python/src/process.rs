@@ -169,6 +169,12 @@ impl Drop for Owed {
     }
 }
 
+/// How many tasks the engine has: for tests that look for leaks.
+#[pyfunction]
+pub fn tasks(py: Python<'_>) -> PyResult<usize> {
+    Ok(Process::current(py)?.engine().handle().metrics().num_alive_tasks())
+}
+
 /// Python is entered here and nowhere on the engine's threads: whoever holds the interpreter for long, a busy thread or
 /// a slow extension, must not hold up heartbeats, polls and paths.
 fn tell_asyncio(errands: &mpsc::Receiver<Option<Errand>>) {

@@ -10,6 +10,7 @@
 
 use std::future::{Future, pending};
 use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::mem::replace;
 use std::net::{Shutdown, TcpStream};
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -21,6 +22,7 @@ use r6_client::{LostReason, NotSent, RequestError, Robot, RobotSettings};
 use tokio::io::Interest;
 use tokio::runtime::Handle;
 use tokio::sync::Notify;
+use tokio::task::yield_now;
 use tokio::time::{sleep_until, timeout};
 
 /// How long bytes may wait for an event loop that reads, before the keeper reads them. A real controller takes ten times as long to
@@ -29,6 +31,10 @@ const GRACE: Duration = Duration::from_millis(2);
 
 /// Replies are below 4 KiB; a longer one is read in pieces.
 const READ_BUFFER: usize = 4096;
+
+/// The reads of one call. A peer that floods the connection takes no more than this of each turn of the event loop, which holds the
+/// interpreter meanwhile.
+const MOST_READS: usize = 4;
 
 /// One socket. The keeper has another descriptor of it, with which the engine waits.
 pub struct Socket {
@@ -51,6 +57,8 @@ pub struct Wire {
     calls: AtomicUsize,
     /// How often an event loop has read.
     reads: AtomicU64,
+    /// Whether the last call of [`Wire::read`] left bytes behind. The keeper's descriptor does not tell these again.
+    more: AtomicBool,
     runtime: Handle,
     /// What is done after the keeper carried: results are handed on.
     carried: Box<dyn Fn() + Send + Sync>,
@@ -119,7 +127,7 @@ pub async fn open(
     let wire = Wire::over(target, Instant::now(), Socket::of(&stream).map_err(unreachable)?, carried);
     let (hand, robot) = CallbackHand::start(&name, settings, Arc::clone(&wire) as Arc<dyn EventLoop>);
     let hand = Arc::new(hand);
-    tokio::spawn(Keeper::over(&wire, &hand, stream).keep());
+    tokio::spawn(Keeper::over(Arc::clone(&wire), Arc::clone(&hand), stream).keep());
     Ok((wire, hand, robot))
 }
 
@@ -140,6 +148,7 @@ impl Wire {
             engaged: AtomicBool::new(false),
             calls: AtomicUsize::new(0),
             reads: AtomicU64::new(0),
+            more: AtomicBool::new(false),
             runtime: Handle::current(),
             carried: Box::new(carried),
         })
@@ -178,19 +187,24 @@ impl Wire {
     pub fn read_here(&self, hand: &CallbackHand) {
         self.reads.fetch_add(1, Ordering::Relaxed);
         self.read(hand);
+        if self.more.load(Ordering::Relaxed) {
+            // The selector tells the event loop again. The keeper reads the rest if the event loop does not.
+            self.nudge.notify_one();
+        }
     }
 
-    /// Reads what is there.
+    /// Reads what is there, [`MOST_READS`] times at most.
     fn read(&self, hand: &CallbackHand) {
         let _in_order = self.reading();
+        self.more.store(false, Ordering::Relaxed);
         let Some(socket) = self.socket() else { return };
         let mut buffer = [0; READ_BUFFER];
-        loop {
+        for _ in 0..MOST_READS {
             let reason = match (&socket.stream).read(&mut buffer) {
                 Ok(0) => LostReason::ClosedByPeer,
                 Ok(count) => {
                     hand.received(buffer.get(..count).unwrap_or_default());
-                    // On to the end: an end of the connection that came with it is not told to the keeper again.
+                    // Not only until a short read: the keeper is not told again of a connection that ended with these bytes.
                     if !self.is_present(&socket) {
                         return;
                     }
@@ -206,6 +220,7 @@ impl Wire {
             }
             return;
         }
+        self.more.store(true, Ordering::Relaxed);
     }
 
     fn is_present(&self, socket: &Arc<Socket>) -> bool {
@@ -247,8 +262,8 @@ impl EventLoop for Wire {
                 return 0;
             }
         };
-        if written < bytes.len() {
-            self.state().full = true;
+        if written < bytes.len() && !replace(&mut self.state().full, true) {
+            // Once only: the keeper writes again when it is nudged, and would nudge itself without end.
             self.nudge.notify_one();
         }
         written
@@ -288,7 +303,9 @@ impl EventLoop for Wire {
                 Ok((socket, stream)) => {
                     let wire = Self::over(target, begun, socket, || ());
                     if let Some(hand) = another.connected(Arc::clone(&wire) as Arc<dyn EventLoop>) {
-                        Keeper::over(&wire, &Arc::new(hand), stream).keep().await;
+                        // The keeper ends once it alone has the hand.
+                        let keeper = Keeper::over(wire, Arc::new(hand), stream);
+                        keeper.keep().await;
                     }
                 }
                 Err(error) => another.not_connected(&error),
@@ -322,16 +339,8 @@ enum Woken {
 }
 
 impl Keeper {
-    fn over(wire: &Arc<Wire>, hand: &Arc<CallbackHand>, stream: tokio::net::TcpStream) -> Self {
-        Self {
-            wire: Arc::clone(wire),
-            hand: Arc::clone(hand),
-            stream: Some(stream),
-            connecting: None,
-            number: 0,
-            grace: None,
-            seen: 0,
-        }
+    fn over(wire: Arc<Wire>, hand: Arc<CallbackHand>, stream: tokio::net::TcpStream) -> Self {
+        Self { wire, hand, stream: Some(stream), connecting: None, number: 0, grace: None, seen: 0 }
     }
 
     async fn keep(mut self) {
@@ -345,6 +354,8 @@ impl Keeper {
                 Woken::Readable => self.readable(),
                 Woken::GraceOver => self.grace_over(),
                 Woken::Writable => {
+                    // Writes go past tokio: without this it would never notice that the socket is full.
+                    self.forget(Interest::WRITABLE);
                     self.wire.state().full = false;
                     self.hand.writable();
                 }
@@ -378,6 +389,7 @@ impl Keeper {
                 None => pending().await,
             }
         };
+        let more = self.wire.more.load(Ordering::Relaxed);
         let connecting = async {
             match &mut self.connecting {
                 Some(connecting) => connecting.await,
@@ -389,18 +401,24 @@ impl Keeper {
             made = connecting => Woken::Connected(made),
             () = at(call_at) => Woken::Due,
             () = at(grace) => Woken::GraceOver,
+            () = again(more && grace.is_none()) => Woken::Readable,
             () = ready(Interest::READABLE, grace.is_none()) => Woken::Readable,
             () = ready(Interest::WRITABLE, full) => Woken::Writable,
         }
     }
 
+    /// Has tokio forget that the socket is ready for this, so that it tells the next change.
+    fn forget(&self, interest: Interest) {
+        if let Some(stream) = &self.stream {
+            let not_ready = || Err::<(), _>(io::Error::from(ErrorKind::WouldBlock));
+            stream.try_io(interest, not_ready).ok();
+        }
+    }
+
     /// Something came: the event loop reads it, where it does.
     fn readable(&mut self) {
-        if let Some(stream) = &self.stream {
-            // The next arrival is told, whatever is there now: it is read after this.
-            let none = || Err::<(), _>(io::Error::from(ErrorKind::WouldBlock));
-            stream.try_io(Interest::READABLE, none).ok();
-        }
+        // Bytes that are there now are read after this.
+        self.forget(Interest::READABLE);
         let reads = self.wire.reads.load(Ordering::Relaxed);
         let active = self.wire.calls.load(Ordering::Relaxed) > 0 || reads != self.seen;
         if active && self.wire.engaged.load(Ordering::Relaxed) {
@@ -466,5 +484,14 @@ async fn at(time: Option<tokio::time::Instant>) {
     match time {
         Some(time) => sleep_until(time).await,
         None => pending().await,
+    }
+}
+
+/// Ends at once after the other tasks of this thread had a turn; never if it is not wanted.
+async fn again(wanted: bool) {
+    if wanted {
+        yield_now().await;
+    } else {
+        pending().await
     }
 }

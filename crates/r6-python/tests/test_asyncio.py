@@ -274,16 +274,22 @@ class CountingLoop(asyncio.SelectorEventLoop):
 
 
 def test_a_query_needs_no_other_thread(virtual_controller: r6.Simulator) -> None:
+    """Another thread helps out where this process does not get its turn within 2 ms, so a busy machine may disturb some queries. A
+    hundred in a row that need none are found all the same, and not where one in ten goes to another thread."""
     loop = CountingLoop()
 
     async def main() -> None:
         async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
             await robot.query("curMode")
-            before = loop.from_others
-            for _ in range(200):
+            alone, longest = 0, 0
+            for _ in range(2000):
+                before = loop.from_others
                 assert (await robot.query("curMode")).integer("curMode") == 7
-            # Where this process does not get its turn in time, another thread helps out.
-            assert loop.from_others - before < 100
+                alone = alone + 1 if loop.from_others == before else 0
+                longest = max(longest, alone)
+                if longest == 100:
+                    break
+            assert longest == 100
 
     try:
         loop.run_until_complete(main())

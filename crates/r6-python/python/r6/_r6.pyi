@@ -67,6 +67,7 @@ __all__ = [
     "profiles",
     "remade",
     "to_thousandths",
+    "tasks",
     "told",
 ]
 
@@ -787,6 +788,9 @@ def profiles() -> list[str]:
 
 def models() -> list[str]:
     """The names of the robot models that come with the package; the first is the default."""
+
+def tasks() -> int:
+    """How many tasks the engine has: for tests that look for leaks."""
 
 def told(core: MotionCore | FollowCore | None, error: BaseException, report: StopReport | BaseException) -> None:
     """Tells the exception that ended the block of this motion what became of its arm: a ``MotionError`` of this motion carries it,
