@@ -252,7 +252,8 @@ impl PathProgress {
         }
     }
 
-    /// The step that the arm is on: the earliest of those that lead where it goes and that it is nearest to.
+    /// The step that the arm is on: the earliest of those that lead where it goes and that it is nearest to. An arm that is on none of
+    /// them is on the way of somebody else's step, which says nothing of ours.
     fn passed(&self, sample: &Sample) -> usize {
         if !sample.went_on_from(&self.before.axes) {
             // It stands: perhaps in a wait, of which no place tells that it is over.
@@ -260,7 +261,7 @@ impl PathProgress {
         }
         let ways: Vec<(usize, Way)> = (self.done..self.accepted)
             .filter_map(|at| Some((at, self.track.way(at, sample, &self.before)?)))
-            .filter(|(_, way)| way.agrees)
+            .filter(|(at, way)| way.agrees && self.track.is_on(*at, way))
             .collect();
         let nearest = ways.iter().map(|(_, way)| way.distance).fold(f64::INFINITY, f64::min);
         ways.iter()
@@ -379,6 +380,17 @@ mod tests {
         assert_eq!(seen(&mut path, &[[6.0, 0.0], [2.0, 0.0]]), 1);
         assert_eq!(seen(&mut path, &[[-6.0, 0.0], [-4.0, 0.0], [4.0, 0.0]]), 2);
         assert_eq!(seen(&mut path, &[[7.0, 0.0], [3.0, 0.0]]), 3);
+    }
+
+    /// Another master's steps stand in the same list.
+    #[test]
+    fn an_arm_on_the_way_of_somebody_else_says_nothing_of_ours() {
+        let mut path = path(&[[20.0, 0.0], [13.0, 0.0], [28.0, 0.0], [14.0, 0.0]]);
+        assert_eq!(
+            seen(&mut path, &[[12.0, 3.0], [20.0, 5.0], [25.0, 6.0], [27.0, 6.0], [22.0, 6.0], [16.0, 6.0]]),
+            0
+        );
+        assert_eq!(seen(&mut path, &[[19.0, 0.1], [18.0, 0.0]]), 1);
     }
 
     #[test]

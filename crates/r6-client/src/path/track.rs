@@ -98,10 +98,14 @@ impl Track {
 
     /// Whether the arm is on the way of this step, or of the one before or after it: corners are rounded. `true` where nobody can tell.
     pub fn is_near(&self, step: usize, sample: &Sample, before: &Sample) -> bool {
-        let near = |at| {
-            self.way(at, sample, before).is_none_or(|way| way.distance <= OFF_THE_WAY + way.length * ROUNDED)
-        };
+        let near = |at| self.way(at, sample, before).is_none_or(|way| is_along(&way));
         (step.saturating_sub(1)..=step + 1).any(near)
+    }
+
+    /// Whether an arm that is as near to the way of this step as that can be on it. A curve leads away from the line between its ends.
+    pub fn is_on(&self, step: usize, way: &Way) -> bool {
+        let is_curve = matches!(self.steps.get(step).map(|step| &step.action), Some(Action::CurveMove(_)));
+        is_curve || is_along(way)
     }
 
     /// The way from where the arm was seen last to the end of this step.
@@ -173,6 +177,11 @@ impl Track {
         }
         value(place, &self.begun_at, axis)
     }
+}
+
+/// Whether an arm that is this near to a way is on it.
+fn is_along(way: &Way) -> bool {
+    way.distance <= OFF_THE_WAY + way.length * ROUNDED
 }
 
 /// What was seen of this axis, in the coordinates that the place is told in.
