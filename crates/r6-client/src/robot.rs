@@ -32,6 +32,9 @@ use crate::told::Tell;
 ///
 /// All methods may be called at the same time from many tasks: requests share the connection, each reply goes to
 /// whom it belongs. Dropping the future of a request that has not left yet takes the request back, except for a stop.
+///
+/// An executor's waker may only schedule its task, as all usual ones do: it is called while the client holds its locks, and one that polls
+/// or calls the robot from within would wait for itself for ever.
 #[derive(Clone, Debug)]
 pub struct Robot {
     lanes: Arc<Lanes>,
