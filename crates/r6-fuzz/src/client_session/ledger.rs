@@ -59,6 +59,8 @@ pub struct Ledger {
     late: bool,
     /// A reply that does not say what it answers had more values than the first query that waited has addresses.
     exceeded: bool,
+    /// Whether a reply that names nothing came before any was matched, and more than one query waited.
+    of_any: bool,
     out_of_step: bool,
     last_reply: Vec<u8>,
     wire: FrameBuffer,
@@ -79,6 +81,7 @@ impl Ledger {
             requests: BTreeMap::new(),
             late: false,
             exceeded: false,
+            of_any: false,
             out_of_step: false,
             last_reply: Vec::new(),
             wire: FrameBuffer::new(Limits::default()),
@@ -266,13 +269,16 @@ impl Ledger {
             self.requests.values().find(|sent| sent.state == State::Waits && sent.kind == RequestType::Query);
         if let (Some(first), Some(values)) = (first, values_of_anybody(message)) {
             self.exceeded |= values > first.addresses.len();
+            let state_is = |wanted: State| self.requests.values().filter(move |sent| sent.state == wanted);
+            let queries = state_is(State::Waits).filter(|sent| sent.kind == RequestType::Query).count();
+            self.of_any |= queries > 1 && state_is(State::Answered).next().is_none();
         }
     }
 
     pub fn out_of_step(&mut self) {
         assert!(
-            self.late || self.exceeded,
-            "out of step although nothing timed out and no reply had too many values"
+            self.late || self.exceeded || self.of_any,
+            "out of step although nothing timed out, no reply had too many values, and the first one named what it answers"
         );
         assert!(!std::mem::replace(&mut self.out_of_step, true), "out of step is said once");
     }
