@@ -1,11 +1,13 @@
 """What the tests share besides the fixtures of the package."""
 
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 from hostile import Hostile, built
+from interrupts import GivenUp
 from relay import Relay
 
 
@@ -28,3 +30,18 @@ def hostile(hostile_program: Path) -> Iterator[Callable[[dict[str, object]], Hos
     """Starts controllers that misbehave; each ends with the test."""
     with ExitStack() as stack:
         yield lambda character: stack.enter_context(Hostile(hostile_program, character))
+
+
+@pytest.fixture
+def alarm() -> Iterator[None]:
+    """A signal handler that raises wherever the program is, as that of Ctrl-C does."""
+
+    def give_up(number: int, frame: object) -> None:
+        raise GivenUp
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)

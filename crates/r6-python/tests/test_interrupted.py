@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 from typing import Literal
 
 import pytest
@@ -19,20 +19,6 @@ import r6
 Controller = r6.Simulator
 NOTES = sys.version_info >= (3, 11)
 """Whether exceptions have lines below them."""
-
-
-@pytest.fixture
-def alarm() -> Iterator[None]:
-    """A signal handler that raises wherever the program is."""
-
-    def give_up(number: int, frame: object) -> None:
-        raise GivenUp
-
-    before = signal.signal(signal.SIGALRM, give_up)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGALRM, before)
 
 
 def start(controller: Controller) -> None:

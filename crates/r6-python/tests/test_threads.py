@@ -4,7 +4,6 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -15,21 +14,6 @@ import r6
 
 # The signal of the usual time limit is what this is about.
 pytestmark = pytest.mark.timeout(method="thread")
-
-
-@pytest.fixture
-def alarm() -> Iterator[None]:
-    """A signal handler that raises, as that of Ctrl-C does."""
-
-    def give_up(number: int, frame: object) -> None:
-        raise GivenUp
-
-    before = signal.signal(signal.SIGALRM, give_up)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def test_each_thread_has_its_own_reply(virtual_robot: r6.Robot) -> None:

@@ -11,14 +11,15 @@
 //! The robot's methods are futures like any other. [`CallbackHand::call`] has the loop itself run one: a query then costs two turns of
 //! the loop and no other thread.
 
+mod turn;
+
 use std::fmt;
 use std::future::Future;
 use std::hash::{BuildHasher as _, RandomState};
 use std::io;
 use std::mem;
-use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::task::{Context, Wake, Waker};
+use std::task::{Context, Waker};
 use std::time::Duration;
 
 use futures_util::future::AbortHandle;
@@ -29,6 +30,7 @@ use crate::connection::Wants;
 use crate::drive::{Desk, Driven, Hand, Second};
 use crate::errands::Errands;
 use crate::error::{Invalid, NotSent};
+use crate::hands::callback::turn::Turn;
 use crate::hands::connect::Tcp;
 use crate::identity::Identity;
 use crate::pushed::LostReason;
@@ -243,7 +245,7 @@ impl CallbackHand {
 
 impl Drop for CallbackHand {
     fn drop(&mut self) {
-        self.0.turn.loop_is_gone.store(true, Ordering::Release);
+        self.0.turn.loop_left();
         // Who carries sees it before it ends.
         self.run();
     }
@@ -598,74 +600,5 @@ impl Carrying<'_> {
         // What begins now hears that it is closed.
         self.io.errands.drive(&inner.desk.errands, &mut Context::from_waker(&inner.waker));
         inner.others.lock().unwrap_or_else(PoisonError::into_inner).clear();
-    }
-}
-
-/// Nobody carries, and nothing happened.
-const IDLE: u8 = 0;
-/// Nobody carries, and the loop was asked to call.
-const ASKED: u8 = 1;
-/// Somebody carries.
-const CARRYING: u8 = 2;
-/// Somebody carries, and something happened meanwhile.
-const AGAIN: u8 = 3;
-
-/// Whose turn it is to carry.
-struct Turn {
-    state: AtomicU8,
-    loop_is_gone: AtomicBool,
-    event_loop: Arc<dyn EventLoop>,
-}
-
-impl Turn {
-    fn of(event_loop: Arc<dyn EventLoop>) -> Self {
-        Self { state: AtomicU8::new(IDLE), loop_is_gone: AtomicBool::new(false), event_loop }
-    }
-
-    fn loop_is_gone(&self) -> bool {
-        self.loop_is_gone.load(Ordering::Acquire)
-    }
-
-    fn is_idle(&self) -> bool {
-        matches!(self.state.load(Ordering::Acquire), IDLE | ASKED)
-    }
-
-    /// Goes to another state; the one before.
-    fn go(&self, next: impl FnMut(u8) -> u8) -> u8 {
-        self.state.update(Ordering::AcqRel, Ordering::Acquire, next)
-    }
-
-    /// Begins to carry. `false`: somebody carries already, and looks again before ending.
-    fn begin(&self) -> bool {
-        self.go(|state| if state < CARRYING { CARRYING } else { AGAIN }) < CARRYING
-    }
-
-    /// Ends carrying; `false` if something happened meanwhile, which has to be looked at first.
-    fn end(&self) -> bool {
-        self.go(|state| if state == AGAIN { CARRYING } else { IDLE }) != AGAIN
-    }
-
-    /// Ends carrying, whatever happened meanwhile: the loop is asked to call.
-    fn interrupt(&self) {
-        self.state.store(IDLE, Ordering::Release);
-        self.happened();
-    }
-
-    /// Something happened.
-    fn happened(&self) {
-        let before = self.go(|state| if state < CARRYING { ASKED } else { AGAIN });
-        if before == IDLE && !self.loop_is_gone() {
-            self.event_loop.soon();
-        }
-    }
-}
-
-impl Wake for Turn {
-    fn wake(self: Arc<Self>) {
-        self.happened();
-    }
-
-    fn wake_by_ref(self: &Arc<Self>) {
-        self.happened();
     }
 }
