@@ -189,6 +189,14 @@ impl Robot {
         self.runner().block_on(self.robot.query(addresses))
     }
 
+    /// As [`crate::Robot::query_again`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn query_again(&self, result: &mut QueryResult) -> Result<(), RequestError> {
+        self.runner().block_on(self.robot.query_again(result))
+    }
+
     /// As [`crate::Robot::status`].
     ///
     /// # Errors

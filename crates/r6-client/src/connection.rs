@@ -57,11 +57,11 @@ pub(crate) struct Connection {
     hub: Arc<Hub>,
     backoff: Backoff,
     /// Stops, and what confirms them.
-    urgent: VecDeque<Box<Job>>,
-    ordinary: VecDeque<Box<Job>>,
+    urgent: VecDeque<Job>,
+    ordinary: VecDeque<Job>,
     /// Jobs for the next connection: the one that asked for it, and queries that the last one lost. On a connection, what
     /// waits until the controller has said who it is.
-    held: VecDeque<Box<Job>>,
+    held: VecDeque<Job>,
     next_pack_id: u64,
     close_asked: bool,
     phase: Phase,
@@ -127,7 +127,7 @@ impl Connection {
     }
 
     /// Takes a request into its lane. The urgent lane leaves first.
-    pub fn give(&mut self, lane: Lane, job: Box<Job>) {
+    pub fn give(&mut self, lane: Lane, job: Job) {
         if self.is_closed() {
             return job.not_sent(NotSent::Closed);
         }
@@ -375,7 +375,7 @@ impl Connection {
     fn abandon(&mut self, link: Link, reason: LostReason, now: Instant) {
         tracing::info!(controller = self.name, %reason, "connection ended");
         let (again, next_pack_id) = link.abandon(reason, now);
-        let waiting: Vec<Box<Job>> = self.held.drain(..).chain(again).collect();
+        let waiting: Vec<Job> = self.held.drain(..).chain(again).collect();
         waiting.into_iter().for_each(|job| self.hold(job));
         self.next_pack_id = next_pack_id;
     }
@@ -388,7 +388,7 @@ impl Connection {
 
     /// Keeps a job that is worth a new connection, refuses any other: what a command was meant for may have changed.
     /// Stops come first.
-    fn hold(&mut self, job: Box<Job>) {
+    fn hold(&mut self, job: Job) {
         if job.is_moot() {
             return;
         }
@@ -424,7 +424,7 @@ impl Connection {
 }
 
 /// Drops what its callers gave up. A stop that was given up still leaves, but only once.
-fn sweep(lane: &mut VecDeque<Box<Job>>) {
+fn sweep(lane: &mut VecDeque<Job>) {
     let mut given_up = Vec::new();
     lane.retain(|job| {
         let again = job.is_given_up() && given_up.contains(&job.work.sent());
@@ -437,7 +437,7 @@ fn sweep(lane: &mut VecDeque<Box<Job>>) {
 
 /// A stop leaves at once, unless the controller has yet to say whether it is the one that is meant; what confirms the stop leaves
 /// behind it.
-fn hand_over_urgent(held: &mut VecDeque<Box<Job>>, job: Box<Job>, link: &mut Link, hub: &Hub, now: Instant) {
+fn hand_over_urgent(held: &mut VecDeque<Job>, job: Job, link: &mut Link, hub: &Hub, now: Instant) {
     if link.holds_stops() {
         held.push_back(job);
         return;
@@ -452,7 +452,7 @@ fn hand_over_urgent(held: &mut VecDeque<Box<Job>>, job: Box<Job>, link: &mut Lin
 
 /// What waited for this connection, or until the controller has said who it is. Stops come first and wait for neither.
 fn hand_over_held(
-    held: &mut VecDeque<Box<Job>>,
+    held: &mut VecDeque<Job>,
     link: &mut Link,
     hub: &Hub,
     settings: &RobotSettings,
@@ -475,8 +475,8 @@ fn hand_over_held(
 /// Holds commands back until the controller has said who it is, and queries for a while. A stop and the answer to a photo leave at once.
 /// The next connection is compared with that identity.
 fn hand_over_once_known(
-    held: &mut VecDeque<Box<Job>>,
-    job: Box<Job>,
+    held: &mut VecDeque<Job>,
+    job: Job,
     link: &mut Link,
     hub: &Hub,
     settings: &RobotSettings,
@@ -505,7 +505,7 @@ fn hand_over_once_known(
 }
 
 /// A command that waited long must not leave as a surprise; a query may.
-fn hand_over_unless_stale(job: Box<Job>, link: &mut Link, hub: &Hub, settings: &RobotSettings, now: Instant) {
+fn hand_over_unless_stale(job: Job, link: &mut Link, hub: &Hub, settings: &RobotSettings, now: Instant) {
     match job.work.sent().effect {
         Effect::Changes | Effect::Moves => {
             let waited = now.since(job.asked_at);
@@ -519,7 +519,7 @@ fn hand_over_unless_stale(job: Box<Job>, link: &mut Link, hub: &Hub, settings: &
 }
 
 /// What was meant for one robot is not sent to another, and what was meant for one connection not over another.
-fn hand_over_unless_another(job: Box<Job>, link: &mut Link, hub: &Hub, now: Instant) {
+fn hand_over_unless_another(job: Job, link: &mut Link, hub: &Hub, now: Instant) {
     if job.is_overtaken(hub.stops_asked()) {
         return job.not_sent(NotSent::Overtaken);
     }
@@ -536,11 +536,12 @@ fn hand_over_unless_another(job: Box<Job>, link: &mut Link, hub: &Hub, now: Inst
 
 #[cfg(test)]
 mod tests {
+    use futures_util::FutureExt as _;
     use r6_proto::address::Address;
     use r6_proto::message::Command;
-    use tokio::sync::oneshot;
 
     use super::*;
+    use crate::reply::Places;
 
     #[test]
     fn a_command_that_waited_long_does_not_leave_and_a_query_does() {
@@ -550,21 +551,22 @@ mod tests {
         // Otherwise it would have to say first who it is.
         connection.hub.known().present = Some(crate::Identity::default());
         let now = Instant::ORIGIN + Duration::from_millis(2001);
+        let places = Places::default();
         let job = |work| {
-            let (reply, answer) = oneshot::channel();
-            (Job::new(work, Instant::ORIGIN, reply), answer)
+            let (to, reply) = places.open();
+            (Job::new(work, Instant::ORIGIN, to), reply)
         };
-        let (start, mut answer) = job(Work::Command(Command::StartButton));
+        let (start, answer) = job(Work::Command(Command::StartButton));
         connection.give(Lane::Ordinary, start);
         connection.go_on(now);
         assert!(connection.output(now).is_empty());
-        match answer.try_recv().unwrap().unwrap_err() {
+        match answer.now_or_never().flatten().unwrap().unwrap_err() {
             crate::RequestError::NotSent(NotSent::Busy { waited }) => {
                 assert_eq!(waited, Duration::from_millis(2001));
             }
             other => panic!("{other:?}"),
         }
-        let (query, _answer) = job(Work::Query(vec![Address::CurMode]));
+        let (query, _answer) = job(Work::Query([Address::CurMode].into()));
         connection.give(Lane::Ordinary, query);
         connection.go_on(now);
         assert!(!connection.output(now).is_empty());
@@ -575,17 +577,18 @@ mod tests {
         let settings = RobotSettings::default();
         let backoff = Backoff::new(settings.reconnect, || 0);
         let mut connection = Connection::new(("robot".to_owned(), false), settings, Arc::default(), backoff);
-        let (waiting, _answer) = oneshot::channel();
+        let places = Places::default();
+        let (waiting, _answer) = places.open();
         connection
-            .give(Lane::Ordinary, Job::new(Work::Query(vec![Address::CurMode]), Instant::ORIGIN, waiting));
+            .give(Lane::Ordinary, Job::new(Work::Query([Address::CurMode].into()), Instant::ORIGIN, waiting));
         for _ in 0..1000 {
             for (lane, work) in [
                 (Lane::Ordinary, Work::Command(Command::StartButton)),
                 (Lane::Urgent, Work::Command(Command::ActionStop)),
             ] {
-                let (reply, given_up) = oneshot::channel();
+                let (to, given_up) = places.open();
                 drop(given_up);
-                connection.give(lane, Job::new(work, Instant::ORIGIN, reply));
+                connection.give(lane, Job::new(work, Instant::ORIGIN, to));
             }
         }
         assert!(connection.ordinary.len() <= SWEPT_FROM, "{}", connection.ordinary.len());

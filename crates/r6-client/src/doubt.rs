@@ -123,7 +123,7 @@ mod tests {
     use crate::job::Work;
 
     fn timed_out() -> Result<(), RequestError> {
-        let request = Work::Query(Vec::new()).sent();
+        let request = Work::Query([].into()).sent();
         Err(OutcomeUnknown::TimedOut { request, after: Duration::from_secs(2), heard: None }.into())
     }
 

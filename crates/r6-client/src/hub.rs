@@ -14,6 +14,7 @@ use crate::error::NotSent;
 use crate::identity::{Found, Identity};
 use crate::link_quality::Meter;
 use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
+use crate::reply::Places;
 use crate::time::Time;
 
 /// What a connection tells its handles besides answers.
@@ -30,6 +31,8 @@ pub(crate) struct Hub {
     pub board: Board,
     /// Frames that can move the arm and whose outcome is open.
     pub doubts: Doubts,
+    /// Where answers are put down.
+    pub places: Places,
     /// How many stops and pauses were asked for.
     stops_asked: AtomicU64,
 }
@@ -86,6 +89,7 @@ impl Default for Hub {
             meter: Mutex::default(),
             board: Board::new(Arc::clone(&time)),
             doubts: Doubts::new(time),
+            places: Places::default(),
             stops_asked: AtomicU64::new(0),
         }
     }

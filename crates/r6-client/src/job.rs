@@ -1,7 +1,13 @@
 //! What handles give to the connection: a request and the place where its answer goes.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+use crate::doubt::Doubt;
+use crate::error::{Effect, OutcomeUnknown, Refused, RequestError, Sent};
+use crate::pushed::LostReason;
+use crate::query::result::{NoReading, Rows};
+use crate::reply::ReplyTo;
 use r6_proto::address::Address;
 use r6_proto::client::{ClientSession, SendError, Ticket};
 use r6_proto::message::command::Outcome;
@@ -10,12 +16,6 @@ use r6_proto::message::{
 };
 use r6_proto::request::{CameraPoints, Request};
 use r6_proto::time::Instant;
-use tokio::sync::oneshot;
-
-use crate::doubt::Doubt;
-use crate::error::{Effect, OutcomeUnknown, Refused, RequestError, Sent};
-use crate::pushed::LostReason;
-use crate::query::result::NoReading;
 
 /// The controller accepted the request. This does not mean that the arm moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +38,7 @@ pub struct CameraSet {
 /// A request that owns what it sends.
 #[derive(Clone, Debug)]
 pub(crate) enum Work {
-    Query(Vec<Address>),
+    Query(Arc<[Address]>),
     Command(Command<'static>),
     AddRcc { replace: bool, instructions: Vec<Instruction> },
     AddPoints(Vec<CameraSet>),
@@ -49,7 +49,7 @@ pub(crate) enum Work {
 #[derive(Debug)]
 pub(crate) enum Answer {
     /// Each address with its value.
-    Values { rows: Vec<(Address, Result<Reading, NoReading>)>, on: Answered },
+    Values { rows: Rows, on: Answered },
     /// Another number of values than addresses: nobody knows which is which.
     Mismatch { answered: usize, on: Answered },
     /// The controller took it.
@@ -77,7 +77,7 @@ pub(crate) struct Terms {
     pub stops_before: Option<u64>,
 }
 
-/// One request on its way. In a box: it goes through many hands, and most of it is looked at in few of them.
+/// One request on its way.
 #[derive(Debug)]
 pub(crate) struct Job {
     pub work: Work,
@@ -98,7 +98,9 @@ pub(crate) struct Job {
     pub background: bool,
     /// Open from when a frame that can move the arm was handed over until its outcome is known.
     pub doubt: Option<Doubt>,
-    reply: oneshot::Sender<Result<Answer, RequestError>>,
+    /// Where the values of its reply go: room of an earlier reply, or none yet.
+    pub rows: Rows,
+    reply: ReplyTo,
 }
 
 impl Work {
@@ -152,10 +154,12 @@ impl Work {
     }
 
     /// What the reply says.
-    pub fn answer(&self, message: &Message<'_>, on: Answered) -> Result<Answer, RequestError> {
+    ///
+    /// `rows`: room for its values.
+    pub fn answer(&self, message: &Message<'_>, on: Answered, rows: Rows) -> Result<Answer, RequestError> {
         let request = self.sent();
         match (self, &message.body) {
-            (Self::Query(addresses), Body::QueryReply(reply)) => Ok(values(addresses, reply, on)),
+            (Self::Query(addresses), Body::QueryReply(reply)) => Ok(values(addresses, reply, on, rows)),
             (_, Body::CommandReply(reply)) => self.verdict(reply, on),
             (_, Body::Rejected(rejection)) => {
                 Err(OutcomeUnknown::Unreadable { request, error: rejection.error.clone() }.into())
@@ -203,18 +207,15 @@ fn kind_of(body: &Body<'_>) -> &'static str {
     }
 }
 
-fn values(addresses: &[Address], reply: &QueryReply<'_>, on: Answered) -> Answer {
+fn values(addresses: &[Address], reply: &QueryReply<'_>, on: Answered, mut rows: Rows) -> Answer {
     match reply.aligned(addresses.len()) {
-        Ok(values) => Answer::Values {
-            rows: addresses
-                .iter()
-                .zip(values.iter())
-                .map(|(address, value)| {
-                    (*address, Reading::of(*address, value).map_err(NoReading::Unreadable))
-                })
-                .collect(),
-            on,
-        },
+        Ok(values) => {
+            rows.clear();
+            rows.extend(addresses.iter().zip(values.iter()).map(|(address, value)| {
+                (*address, Reading::of(*address, value).map_err(NoReading::Unreadable))
+            }));
+            Answer::Values { rows, on }
+        }
         Err(mismatch) => Answer::Mismatch { answered: mismatch.answered, on },
     }
 }
@@ -243,12 +244,8 @@ fn effect_of(command: CommandName) -> Effect {
 }
 
 impl Job {
-    pub fn new(
-        work: Work,
-        asked_at: Instant,
-        reply: oneshot::Sender<Result<Answer, RequestError>>,
-    ) -> Box<Self> {
-        Box::new(Self {
+    pub fn new(work: Work, asked_at: Instant, reply: ReplyTo) -> Self {
+        Self {
             work,
             asked_at,
             leave_by: None,
@@ -259,13 +256,14 @@ impl Job {
             retried: false,
             background: false,
             doubt: None,
+            rows: Rows::new(),
             reply,
-        })
+        }
     }
 
     /// Whether the caller does not wait for the answer any more.
     pub fn is_given_up(&self) -> bool {
-        self.reply.is_closed()
+        self.reply.is_given_up()
     }
 
     /// Whether nobody waits for the answer any more. A stop is wanted all the same.
@@ -284,16 +282,15 @@ impl Job {
     }
 
     /// Gives the answer. A caller that is gone does not need it.
-    #[expect(clippy::boxed_local, reason = "everybody who ends a job has it in a box")]
-    pub fn finish(mut self: Box<Self>, answer: Result<Answer, RequestError>) {
+    pub fn finish(mut self, answer: Result<Answer, RequestError>) {
         if let Some(doubt) = self.doubt.take() {
             doubt.settle(&answer);
         }
-        self.reply.send(answer).ok();
+        self.reply.put(answer);
     }
 
     /// It did not leave this time; whether it ever did decides what the caller is told.
-    pub fn not_sent(self: Box<Self>, error: impl Into<RequestError>) {
+    pub fn not_sent(self, error: impl Into<RequestError>) {
         let error = match self.lost {
             None => error.into(),
             Some(reason) => OutcomeUnknown::ConnectionLost { request: self.work.sent(), reason }.into(),

@@ -51,6 +51,7 @@ mod progress;
 mod pushed;
 mod query;
 mod registers;
+mod reply;
 mod robot;
 mod seats;
 mod settings;

@@ -16,6 +16,7 @@ use crate::hub::Hub;
 use crate::job::{Answer, Answered, Job, Work};
 use crate::link::identification::Identification;
 use crate::pushed::{LostReason, Pushed};
+use crate::query::result::Rows;
 use crate::settings::{Heartbeat, RobotSettings};
 
 /// Ordinary requests that may wait for their replies at once: enough to keep a connection busy, few enough that
@@ -25,7 +26,11 @@ const MAX_IN_FLIGHT: usize = 8;
 /// Room beyond [`MAX_IN_FLIGHT`] that only stops, and the queries that confirm them, may take.
 const RESERVED_FOR_STOPS: usize = 8;
 
-/// Room beyond both for the query that asks who is there.
+/// Requests in all that may wait for their replies, those that their callers gave up among them: a program that gives up one pause after
+/// the other must not keep a stop waiting for the replies to them, nor send without end to a controller that answers nothing.
+const MOST_UNANSWERED: usize = 64;
+
+/// Room beyond that for the query that asks who is there.
 const RESERVED_FOR_INTRODUCTION: usize = 1;
 
 /// Time-outs in a row, without a reply in between, after which the connection counts as dead. One list that is
@@ -42,7 +47,7 @@ pub(crate) struct Link {
     session: ClientSession,
     in_flight: InFlight,
     /// A job that is done once its bytes have left.
-    leaving: Option<Box<Job>>,
+    leaving: Option<Job>,
     /// Whether any byte of `leaving` was given to the socket.
     leaving_began: bool,
     /// Since when there has been something to write.
@@ -68,7 +73,7 @@ pub(crate) struct Link {
 
 /// The jobs that wait for their replies, the longest waiting first: few, and the first is nearly always the next to be answered.
 #[derive(Debug, Default)]
-struct InFlight(VecDeque<(Ticket, Box<Job>)>);
+struct InFlight(VecDeque<(Ticket, Job)>);
 
 impl InFlight {
     fn len(&self) -> usize {
@@ -79,15 +84,20 @@ impl InFlight {
         self.0.is_empty()
     }
 
-    fn jobs(&self) -> impl Iterator<Item = &(Ticket, Box<Job>)> {
+    /// How many of them have a caller that waits.
+    fn waited_for(&self) -> usize {
+        self.0.iter().filter(|(_, job)| !job.is_given_up()).count()
+    }
+
+    fn jobs(&self) -> impl Iterator<Item = &(Ticket, Job)> {
         self.0.iter()
     }
 
-    fn push(&mut self, ticket: Ticket, job: Box<Job>) {
+    fn push(&mut self, ticket: Ticket, job: Job) {
         self.0.push_back((ticket, job));
     }
 
-    fn take(&mut self, ticket: Ticket) -> Option<Box<Job>> {
+    fn take(&mut self, ticket: Ticket) -> Option<Job> {
         let at = self.0.iter().position(|(waiting, _)| *waiting == ticket)?;
         self.0.remove(at).map(|(_, job)| job)
     }
@@ -121,7 +131,7 @@ impl Link {
         let session = ClientSession::new(ClientSettings {
             reply_timeout: settings.reply_timeout,
             max_frame_bytes: settings.max_frame_bytes,
-            max_in_flight: MAX_IN_FLIGHT + RESERVED_FOR_STOPS + RESERVED_FOR_INTRODUCTION,
+            max_in_flight: MOST_UNANSWERED + RESERVED_FOR_INTRODUCTION,
             type_key: settings.type_key,
             ds_id: settings.ds_id,
             first_pack_id,
@@ -156,7 +166,10 @@ impl Link {
     /// controller has said who it is.
     pub fn has_room(&self, lane: Lane) -> bool {
         match lane {
-            Lane::Urgent => self.in_flight.len() < MAX_IN_FLIGHT + RESERVED_FOR_STOPS,
+            Lane::Urgent => {
+                self.in_flight.len() < MOST_UNANSWERED
+                    && self.in_flight.waited_for() < MAX_IN_FLIGHT + RESERVED_FOR_STOPS
+            }
             Lane::Ordinary | Lane::Background => {
                 self.in_flight.len() + usize::from(self.who.is_under_way()) < self.most_in_flight()
                     && self.output().is_empty()
@@ -237,7 +250,7 @@ impl Link {
     }
 
     /// Sends the job's request, or says at once why not.
-    pub fn hand_over(&mut self, mut job: Box<Job>, now: Instant) {
+    pub fn hand_over(&mut self, mut job: Job, now: Instant) {
         if job.is_moot() {
             return;
         }
@@ -369,7 +382,7 @@ impl Link {
                     if introduced {
                         if let Some(asked) = self.who.question().map(<[Address]>::to_vec) {
                             let most = asked.len();
-                            let answer = Work::Query(asked).answer(&message, on);
+                            let answer = Work::Query(asked.into()).answer(&message, on, Rows::new());
                             if let Ok(Answer::Mismatch { answered, .. }) = &answer
                                 && most > 1
                                 && *answered > most
@@ -378,8 +391,9 @@ impl Link {
                             }
                             self.who.answered(answer);
                         }
-                    } else if let Some(job) = self.in_flight.take(ticket) {
-                        let answer = job.work.answer(&message, on);
+                    } else if let Some(mut job) = self.in_flight.take(ticket) {
+                        let rows = std::mem::take(&mut job.rows);
+                        let answer = job.work.answer(&message, on, rows);
                         if !job.background {
                             self.unread.retain(|address| !reads(*address, &answer));
                         }
@@ -455,7 +469,7 @@ impl Link {
     /// The connection ended: what never left says so, queries that left once are handed back, all else is unknown.
     ///
     /// Returns the queries that are to be asked again and the number that the next session's first request has.
-    pub fn abandon(mut self, reason: LostReason, now: Instant) -> (VecDeque<Box<Job>>, u64) {
+    pub fn abandon(mut self, reason: LostReason, now: Instant) -> (VecDeque<Job>, u64) {
         let mut again = VecDeque::new();
         self.session.handle_disconnect();
         while let Some(event) = self.session.poll_event(now) {
@@ -515,13 +529,11 @@ fn reads(wanted: Address, answer: &Result<Answer, RequestError>) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use futures_util::FutureExt as _;
     use r6_proto::message::{Command, PhotoAnswer};
-    use tokio::sync::oneshot;
-    use tokio::sync::oneshot::Receiver;
 
     use super::*;
-
-    type Reply = Receiver<Result<Answer, RequestError>>;
+    use crate::reply::Reply;
 
     fn at(ms: u64) -> Instant {
         Instant::ORIGIN + Duration::from_millis(ms)
@@ -534,13 +546,13 @@ mod tests {
     }
 
     fn hand_over(link: &mut Link, work: Work) -> Reply {
-        let (reply, answer) = oneshot::channel();
+        let (reply, answer) = link.hub.places.open();
         link.hand_over(Job::new(work, at(0), reply), at(0));
         answer
     }
 
-    fn error(mut answer: Reply) -> RequestError {
-        answer.try_recv().expect("an answer").expect_err("an error")
+    fn error(answer: Reply) -> RequestError {
+        answer.now_or_never().flatten().expect("an answer").expect_err("an error")
     }
 
     #[test]
@@ -589,7 +601,7 @@ mod tests {
     #[test]
     fn a_lost_query_is_handed_back_once() {
         let mut first = link(Heartbeat::Off);
-        let answer = hand_over(&mut first, Work::Query(vec![Address::CurMode]));
+        let answer = hand_over(&mut first, Work::Query([Address::CurMode].into()));
         first.written(1);
         let (mut again, next_pack_id) = first.abandon(LostReason::ClosedByPeer, at(1));
         assert_eq!((again.len(), next_pack_id), (1, 2));
@@ -629,7 +641,7 @@ mod tests {
     fn eight_may_wait_for_replies_and_a_stop_besides() {
         let mut link = link(Heartbeat::Off);
         let mut answers = Vec::new();
-        let _first = hand_over(&mut link, Work::Query(vec![Address::CurMode]));
+        let _first = hand_over(&mut link, Work::Query([Address::CurMode].into()));
         link.written(link.output().len());
         assert!(
             !link.has_room(Lane::Ordinary),
@@ -638,7 +650,7 @@ mod tests {
         assert!(link.has_room(Lane::Urgent));
         link.received(br#"{"reqType":"query","packID":"1","queryData":["2"]}"#, at(0)).unwrap();
         while link.has_room(Lane::Ordinary) {
-            answers.push(hand_over(&mut link, Work::Query(vec![Address::CurMode])));
+            answers.push(hand_over(&mut link, Work::Query([Address::CurMode].into())));
             assert!(!link.has_room(Lane::Ordinary), "one frame at a time");
             assert!(link.has_room(Lane::Urgent));
             link.written(link.output().len());
@@ -646,6 +658,24 @@ mod tests {
         assert_eq!(answers.len(), MAX_IN_FLIGHT);
         let _stop = hand_over(&mut link, Work::Command(Command::ActionStop));
         assert!(String::from_utf8_lossy(link.output()).contains("actionStop"));
+    }
+
+    #[test]
+    fn a_stop_does_not_wait_for_replies_that_nobody_waits_for() {
+        let mut link = link(Heartbeat::Off);
+        let mut answers = Vec::new();
+        while link.has_room(Lane::Urgent) {
+            answers.push(hand_over(&mut link, Work::Command(Command::ActionPause)));
+        }
+        assert_eq!(answers.len(), MAX_IN_FLIGHT + RESERVED_FOR_STOPS);
+        answers.clear();
+        assert!(link.has_room(Lane::Urgent));
+        let mut given_up = link.in_flight.len();
+        while link.has_room(Lane::Urgent) {
+            drop(hand_over(&mut link, Work::Command(Command::ActionPause)));
+            given_up += 1;
+        }
+        assert_eq!(given_up, MOST_UNANSWERED);
     }
 
     #[test]

@@ -6,6 +6,7 @@ mod parts;
 pub(crate) mod result;
 
 use std::pin::pin;
+use std::sync::Arc;
 use std::time::Duration;
 
 use r6_proto::address::Address;
@@ -17,7 +18,7 @@ use crate::identity::asks_who_is_there;
 use crate::job::{Answer, Answered, Work};
 use crate::link::Lane;
 use crate::query::parts::{Part, Parts, alone};
-use crate::query::result::AskedAt;
+use crate::query::result::{AskedAt, Rows};
 pub use crate::query::result::{NoReading, QueryResult};
 use crate::robot::Robot;
 
@@ -47,6 +48,19 @@ impl Robot {
         // Pinned here: it is large, and would be moved on its way otherwise.
         let query = pin!(self.query_in(Lane::Ordinary, addresses));
         self.drive(query).await
+    }
+
+    /// Reads the values of the same addresses again, into the same result: a query that is repeated then asks for no memory.
+    ///
+    /// After an error, or where this is given up, the result has no rows; the addresses it keeps, so it can be read again.
+    ///
+    /// # Errors
+    /// As [`Self::query`].
+    pub async fn query_again(&self, result: &mut QueryResult) -> Result<(), RequestError> {
+        let room = std::mem::take(&mut result.rows);
+        let query = pin!(self.query_into(Lane::Ordinary, Arc::clone(&result.addresses), room));
+        *result = self.drive(query).await?.0;
+        Ok(())
     }
 
     /// The firmware's version (`version`), asked for once per connection; `None` where the controller has none to tell.
@@ -93,6 +107,17 @@ impl Robot {
         lane: Lane,
         addresses: &[Address],
     ) -> Result<(QueryResult, AskedAt), RequestError> {
+        self.query_into(lane, addresses.into(), Rows::new()).await
+    }
+
+    /// The same; the values go into this room.
+    async fn query_into(
+        &self,
+        lane: Lane,
+        asked: Arc<[Address]>,
+        room: Rows,
+    ) -> Result<(QueryResult, AskedAt), RequestError> {
+        let addresses = &*asked;
         let (all, doubts) = {
             let known = self.hub().known();
             let missing = |address: &Address| known.unsupported.contains(address);
@@ -102,11 +127,12 @@ impl Robot {
         let mut answer = None;
         if all && !addresses.is_empty() && self.query_frames().fit(addresses) {
             // Nearly every query is this one: all in one frame, and all of it answered.
-            match self.ask(Work::Query(addresses.to_vec()), lane).await? {
+            match self.ask_into(room, Work::Query(Arc::clone(&asked)), lane).await? {
                 // Another query may have shown since that lists are wrong.
                 Answer::Values { rows, on } if addresses.len() == 1 || !self.hub().doubted_since(doubts) => {
                     self.hub().remember_supported(on.connection, addresses.iter().copied());
-                    let result = QueryResult { rows, took: on.after, connection: on.connection };
+                    let (took, connection) = (on.after, on.connection);
+                    let result = QueryResult { addresses: asked, rows, took, connection };
                     self.hub().remember(lane, &result)?;
                     return Ok((result, AskedAt::Once(on.asked_at)));
                 }
@@ -115,7 +141,7 @@ impl Robot {
         }
         for _ in 0..ROUNDS {
             // In a box: nearly no query comes here, and each would carry its room.
-            let in_parts = Box::pin(self.query_in_parts(lane, addresses, answer.take(), doubts));
+            let in_parts = Box::pin(self.query_in_parts(lane, &asked, answer.take(), doubts));
             if let Some(read) = in_parts.await? {
                 return Ok(read);
             }
@@ -129,7 +155,7 @@ impl Robot {
     async fn query_in_parts(
         &self,
         lane: Lane,
-        addresses: &[Address],
+        addresses: &Arc<[Address]>,
         mut answer: Option<Answer>,
         doubts: u64,
     ) -> Result<Option<(QueryResult, AskedAt)>, RequestError> {
@@ -181,8 +207,9 @@ impl Robot {
                     if asks_who_is_there(&asked) {
                         // Before the next part leaves: nothing else then has to ask who is there.
                         let (rows, connection) = (read.clone(), on.connection);
-                        told_by_a_list =
-                            self.hub().remember_identity(connection, &QueryResult { rows, took, connection });
+                        let addresses = asked.as_slice().into();
+                        let told = QueryResult { addresses, rows, took, connection };
+                        told_by_a_list = self.hub().remember_identity(connection, &told);
                     }
                     let asked_at = on.asked_at;
                     for ((at, _), read) in part.iter().zip(read) {
@@ -223,7 +250,8 @@ impl Robot {
                 }
             }
         }
-        let result = QueryResult { rows, took, connection: connection.unwrap_or(missing_on) };
+        let connection = connection.unwrap_or(missing_on);
+        let result = QueryResult { addresses: Arc::clone(addresses), rows, took, connection };
         if parts.contradicted() {
             self.hub().known().doubt_lists(result.connection);
         } else if doubts_lists && several {

@@ -213,8 +213,9 @@ fn sdk() {
     let robot = runtime
         .block_on(Robot::connect_with(memory::Memory, RobotSettings::default()))
         .expect("memory connects");
+    let mut result = runtime.block_on(robot.query(&addresses)).expect("an answer");
     tell("SDK, query of 12 and its reply", |_| {
-        let result = runtime.block_on(robot.query(&addresses)).expect("an answer");
+        runtime.block_on(robot.query_again(&mut result)).expect("an answer");
         assert!(result.decimal(addresses[0]).is_some());
     });
 }

@@ -1,6 +1,7 @@
 //! What a query gives: the values of its addresses, and when each was asked for.
 
 use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 
 use r6_proto::Reading;
@@ -8,12 +9,17 @@ use r6_proto::address::Address;
 use r6_proto::error::FieldError;
 use r6_proto::time::Instant;
 
+/// Addresses with their values.
+pub(crate) type Rows = Vec<(Address, Result<Reading, NoReading>)>;
+
 /// The values of some addresses, each with its address.
 ///
 /// Values that took several frames to read are not of one instant. All of them came over one connection, so they are of one robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QueryResult {
-    pub(super) rows: Vec<(Address, Result<Reading, NoReading>)>,
+    /// What was asked for: each row has it again.
+    pub(super) addresses: Arc<[Address]>,
+    pub(super) rows: Rows,
     pub(super) took: Duration,
     /// The connection that all replies came over.
     pub(super) connection: u64,
@@ -68,8 +74,13 @@ impl std::error::Error for NoReading {}
 
 impl QueryResult {
     #[cfg(test)]
-    pub(crate) fn for_tests(rows: Vec<(Address, Result<Reading, NoReading>)>) -> Self {
-        Self { rows, took: Duration::ZERO, connection: 0 }
+    pub(crate) fn for_tests(rows: Rows) -> Self {
+        Self {
+            addresses: rows.iter().map(|(address, _)| *address).collect(),
+            rows,
+            took: Duration::ZERO,
+            connection: 0,
+        }
     }
 
     /// The number of the connection that all of it was answered over.

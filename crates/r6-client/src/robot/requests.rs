@@ -1,13 +1,14 @@
 //! Giving a request to the connection, and what its caller waits for.
 
 use r6_proto::message::{Command, PhotoAnswer};
-use tokio::sync::oneshot;
 
 use crate::error::{Effect, OutcomeUnknown, RequestError, Sent};
 use crate::evidence::About;
 use crate::job::{Accepted, Answer, CameraSet, Job, Terms, Work};
 use crate::link::Lane;
 use crate::pushed::LostReason;
+use crate::query::result::Rows;
+use crate::reply::Reply;
 use crate::robot::Robot;
 use crate::told;
 
@@ -89,20 +90,36 @@ impl Robot {
     }
 
     async fn ask_on(&self, terms: Terms, work: Work, lane: Lane) -> Result<Answer, RequestError> {
-        self.give(terms, work, lane).answer().await
+        self.answered(self.give(terms, work, lane)).await
+    }
+
+    /// Gives a query to the connection and waits for its answer, whose values go into this room.
+    pub(crate) async fn ask_into(&self, room: Rows, work: Work, lane: Lane) -> Result<Answer, RequestError> {
+        self.answered(self.give_with_room(room, Terms::default(), work, lane)).await
+    }
+
+    async fn answered(&self, mut given: Given) -> Result<Answer, RequestError> {
+        let answer = given.answer().await;
+        self.hub().places.put_back(given.reply);
+        answer
     }
 
     /// Gives a request to the connection: what is given later over the same lane leaves later.
     pub(crate) fn give(&self, terms: Terms, work: Work, lane: Lane) -> Given {
+        self.give_with_room(Rows::new(), terms, work, lane)
+    }
+
+    fn give_with_room(&self, room: Rows, terms: Terms, work: Work, lane: Lane) -> Given {
         let request = work.sent();
         let asked_at = self.hub().time.now();
-        let (reply, answer) = oneshot::channel();
-        let mut job = Job::new(work, asked_at, reply);
+        let (to, reply) = self.hub().places.open();
+        let mut job = Job::new(work, asked_at, to);
+        job.rows = room;
         (job.leave_by, job.only_on) = (terms.leave_by, terms.only_on);
         job.stops_before = terms.stops_before.unwrap_or_else(|| self.hub().stops_asked());
         job.background = lane == Lane::Background;
         self.lanes.desk.connection().give(lane, job);
-        Given { request, answer }
+        Given { request, reply }
     }
 }
 
@@ -110,15 +127,15 @@ impl Robot {
 #[derive(Debug)]
 pub(crate) struct Given {
     request: Sent,
-    answer: oneshot::Receiver<Result<Answer, RequestError>>,
+    reply: Reply,
 }
 
 impl Given {
     /// Waits for its answer.
-    pub async fn answer(self) -> Result<Answer, RequestError> {
+    pub async fn answer(&mut self) -> Result<Answer, RequestError> {
         // The connection answers every request. Only one that nobody drives any more does not: its runtime was shut down.
         let reason = LostReason::ClosedHere;
         let ended = OutcomeUnknown::ConnectionLost { request: self.request, reason };
-        self.answer.await.unwrap_or(Err(ended.into()))
+        (&mut self.reply).await.unwrap_or(Err(ended.into()))
     }
 }

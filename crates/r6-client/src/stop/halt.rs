@@ -166,7 +166,7 @@ impl Halt {
         let mut reading: Option<Reading> = None;
         while self.halted.proof.is_none() && !self.halted.is_closed() && time.now() < self.deadline {
             if time.now() >= self.next_at && answers.len() < MOST_UNANSWERED {
-                let (means, given) = self.send();
+                let (means, mut given) = self.send();
                 answers.push(async move { (means, given.answer().await) });
                 continue;
             }

@@ -1,12 +1,12 @@
 //! Queries that a controller answers in part, and queries that do not fit into one frame.
 
-use r6_client::{NoReading, QueryResult, Robot};
+use r6_client::{NoReading, NotSent, QueryResult, Robot};
 use r6_proto::Reading;
 use r6_proto::address::{Address, RegisterIndex};
 use serde_json::Value;
 use std::sync::{Arc, Mutex};
 
-use crate::controller::{Controller, asked, settings, soon, values};
+use crate::controller::{Controller, Peer, asked, settings, soon, values};
 
 /// The addresses of each query, in the order of their coming.
 type Log = Arc<Mutex<Vec<Vec<String>>>>;
@@ -277,4 +277,46 @@ async fn one_empty_reply_hides_neither_alarm_nor_mode() {
         assert_eq!(result.flag(Address::IsMoving), Some(true));
         assert_eq!(result.integer(Address::CurMode), Some(1));
     }
+}
+
+#[tokio::test]
+async fn a_result_is_read_again_with_the_values_of_then_also_after_a_call_that_was_given_up() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let mut number = 0;
+    let mut answer = |request: &Value| {
+        assert_eq!(asked(request), ["curMode", "curAlarm"]);
+        number += 1;
+        values(request, vec![number.to_string(), (10 * number).to_string()].into())
+    };
+    let read = async |peer: &mut Peer, answer: &mut dyn FnMut(&Value) -> String| {
+        let request = peer.frame().await;
+        peer.send(answer(&request)).await;
+    };
+    let shows = |result: &QueryResult, number: i64| {
+        assert_eq!(result.rows().len(), 2);
+        assert_eq!(result.integer(Address::CurMode), Some(number));
+        assert_eq!(result.integer(Address::CurAlarm), Some(10 * number));
+    };
+    let first = robot.query(&[Address::CurMode, Address::CurAlarm]);
+    let (result, ()) = tokio::join!(first, read(&mut peer, &mut answer));
+    let mut result = result.unwrap();
+    shows(&result, 1);
+    let (again, ()) = tokio::join!(robot.query_again(&mut result), read(&mut peer, &mut answer));
+    again.unwrap();
+    shows(&result, 2);
+
+    // It is given up once it was sent, and its answer comes late.
+    tokio::select! {
+        biased;
+        again = robot.query_again(&mut result) => panic!("{again:?}"),
+        request = peer.frame() => peer.send(answer(&request)).await,
+    }
+    assert_eq!(result.rows(), []);
+    let (again, ()) = tokio::join!(robot.query_again(&mut result), read(&mut peer, &mut answer));
+    again.unwrap();
+    shows(&result, 4);
+
+    robot.clone().close().await;
+    assert_eq!(robot.query_again(&mut result).await, Err(NotSent::Closed.into()));
+    assert_eq!(result.rows(), [], "no value of before");
 }
