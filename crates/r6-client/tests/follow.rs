@@ -47,10 +47,10 @@ async fn hold(target: &TargetSender, at: AxisPosition, time: Duration) {
     }
 }
 
-fn lists(log: &mut tokio::sync::broadcast::Receiver<r6_controller::LogLine>) -> usize {
+fn lists(log: &mut tokio::sync::broadcast::Receiver<r6_controller::LogEntry>) -> usize {
     let mut count = 0;
     while let Ok(line) = log.try_recv() {
-        count += usize::from(line.text.starts_with("AddRCC"));
+        count += usize::from(line.event.is_about_a_list());
     }
     count
 }

@@ -4,6 +4,8 @@
 #[path = "hands/hands.rs"]
 mod hands;
 
+use r6_controller::Event;
+use r6_controller::event::ShellEvent;
 use std::time::Duration;
 
 use r6_client::{NotSent, OutcomeUnknown, Reconnect, RequestError, Robot, RobotSettings};
@@ -56,10 +58,11 @@ fn set(controller: &VirtualController, faults: &[LinkFault]) {
     controller.handle().set_link_faults(faults.iter().copied().map(always).collect());
 }
 
-async fn told(controller: &VirtualController, faults: &[LinkFault], what: &str) {
+async fn told(controller: &VirtualController, faults: &[LinkFault], what: ShellEvent) {
+    let what = Event::Shell(what);
     let mut log = controller.handle().log();
     set(controller, faults);
-    let told = async { while !log.recv().await.unwrap().text.contains(what) {} };
+    let told = async { while log.recv().await.unwrap().event != what {} };
     timeout(PATIENCE, told).await.expect("it is told");
 }
 
@@ -106,7 +109,7 @@ async fn a_link_that_says_nothing_is_noticed() {
 
 async fn a_refusal_is_told_and_ends() {
     let (controller, robot) = cell().await;
-    told(&controller, &[LinkFault::Refuse], "refused").await;
+    told(&controller, &[LinkFault::Refuse], ShellEvent::Refuses).await;
     let other = hands::connect(&controller.address().to_string(), settings()).await.unwrap_err();
     assert!(matches!(other, RequestError::NotSent(NotSent::Unreachable { .. })), "{other}");
     // Who is connected does not notice, until the connection is lost, too.
@@ -114,18 +117,18 @@ async fn a_refusal_is_told_and_ends() {
     set(&controller, &[LinkFault::Refuse, LinkFault::CloseBeforeReply]);
     write(&robot, 1).await.unwrap_err();
     robot.query(&[Address::CurMode]).await.unwrap_err();
-    told(&controller, &[], "taken again").await;
+    told(&controller, &[], ShellEvent::TakesAgain).await;
     assert_finds_its_way_back(&robot).await;
 }
 
 #[cfg(target_os = "linux")]
 async fn a_black_hole_is_given_up_in_time() {
     let (controller, robot) = cell().await;
-    told(&controller, &[LinkFault::BlackHole], "no answer").await;
+    told(&controller, &[LinkFault::BlackHole], ShellEvent::GivesNoAnswer).await;
     let other = hands::connect(&controller.address().to_string(), settings()).await.unwrap_err();
     assert!(matches!(other, RequestError::NotSent(NotSent::ConnectTimedOut { .. })), "{other}");
     write(&robot, 1).await.unwrap();
-    told(&controller, &[], "taken again").await;
+    told(&controller, &[], ShellEvent::TakesAgain).await;
     let other = hands::connect(&controller.address().to_string(), settings()).await.unwrap();
     write(&other, 2).await.unwrap();
     write(&robot, 3).await.unwrap();

@@ -4,6 +4,7 @@
 #[path = "hands/hands.rs"]
 mod hands;
 
+use r6_controller::Event;
 use std::fmt;
 use std::io;
 use std::time::Duration;
@@ -96,8 +97,8 @@ async fn pain_01_it_does_not_move_and_says_why() {
         // The simulator refuses the same list, in its own words.
         let mut log = controller.handle().log();
         robot.add_rcc(true, there.instructions().unwrap().to_vec()).await.unwrap_err();
-        let line = log.try_recv().unwrap().text;
-        assert!(line.starts_with("AddRCC refused: "), "{line}");
+        let line = log.try_recv().unwrap();
+        assert!(matches!(line.event, Event::ListRefused { .. } | Event::Refused { .. }), "{line}");
     }
     let (controller, robot) = cell(VirtualController::builder()).await;
     controller.handle().operate(&PanelAction::RaiseAlarm(5001)).unwrap();
@@ -166,9 +167,7 @@ async fn pain_07_a_long_path_is_cut_into_lists_that_are_answered() {
     assert_eq!(controller.handle().snapshot().axes[..6], [15.0; 6]);
     let mut taken = Vec::new();
     while let Ok(line) = log.try_recv() {
-        if let Some(list) = line.text.strip_prefix("AddRCC: ") {
-            taken.push(list.split(' ').next().unwrap().parse::<usize>().unwrap());
-        }
+        taken.extend(line.event.instructions_taken());
     }
     assert_eq!(taken.iter().sum::<usize>(), 60, "each once");
     assert!(taken.iter().all(|list| *list <= 8), "{taken:?}");

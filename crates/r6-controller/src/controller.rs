@@ -12,6 +12,7 @@ pub(crate) mod pace;
 mod scenario;
 
 use std::collections::{BTreeMap, VecDeque};
+use std::fmt;
 
 use r6_proto::frame::Limits;
 use r6_proto::reply::encode_photo;
@@ -22,9 +23,10 @@ use cameras::{Cameras, Route};
 use desk::Desk;
 use scenario::Breakage;
 
-use crate::fault::LinkFaultNow;
+use crate::event::{AlarmCause, Detail, Event, ShellEvent};
+use crate::fault::{Fault, LinkFault, LinkFaultNow};
 use crate::io::OutputPoint;
-use crate::log::{Level, Log, LogLine};
+use crate::log::{Log, LogEntry};
 use crate::machine::Machine;
 use crate::mode::Key;
 use crate::panel::{PanelAction, Refused};
@@ -142,9 +144,9 @@ impl Controller {
     }
 
     /// Raises an alarm: something is wrong in the cabinet, or a person wants to see what happens then.
-    pub fn raise(&mut self, now: Instant, alarm: u32, why: String) {
+    pub fn raise(&mut self, now: Instant, alarm: u32, why: impl fmt::Display) {
         self.advance(now);
-        self.machine.raise(alarm, why);
+        self.machine.raise(alarm, AlarmCause::Other { why: Detail::of(why) });
         self.collect_machine_events();
     }
 
@@ -160,8 +162,7 @@ impl Controller {
         let limit = self.machine.profile.max_connections;
         let service = if served < limit { Service::Served } else { Service::Ignored };
         if service == Service::Ignored {
-            let text = format!("{limit} connections are served already: this one will not be answered");
-            self.log.add(now, Some(id), Level::Warning, text);
+            self.log.add(now, Some(id), Event::TooManyConnections { limit });
         }
         self.insert(id, service, false);
         id
@@ -196,9 +197,14 @@ impl Controller {
         self.connections.insert(id, Connection { session: ServerSession::new(LIMITS), service, opened });
     }
 
-    /// Adds a line of the shell's to the log.
-    pub fn log(&mut self, now: Instant, connection: Option<ConnectionId>, level: Level, text: String) {
-        self.log.add(now, connection, level, text);
+    /// Adds what happened around the controller to the log.
+    pub fn log(&mut self, now: Instant, connection: Option<ConnectionId>, event: ShellEvent) {
+        self.log.add(now, connection, Event::Shell(event));
+    }
+
+    /// A fault has struck a connection, or what it carries.
+    pub fn struck(&mut self, now: Instant, connection: ConnectionId, fault: LinkFault) {
+        self.log.add(now, Some(connection), Event::Struck { fault: Fault::Link(fault) });
     }
 
     fn served(&self) -> usize {
@@ -290,7 +296,7 @@ impl Controller {
         for (id, connection) in &mut self.connections {
             let (inbox, _) = connection.session.split();
             if let Some(error) = inbox.handle_timeout(now) {
-                self.log.warn(now, *id, format!("{error}; not answered"));
+                self.log.warn(now, *id, Event::NotUnderstood { problem: Detail::of(error) });
             }
         }
         self.log.handle_timeout(now);
@@ -349,7 +355,7 @@ impl Controller {
     }
 
     /// What happened, oldest first.
-    pub fn poll_log(&mut self) -> Option<LogLine> {
+    pub fn poll_log(&mut self) -> Option<LogEntry> {
         self.log.poll()
     }
 
@@ -388,12 +394,10 @@ impl Controller {
             Route::ToAll | Route::Away => None,
         };
         if asked > 0 {
-            self.log.add(now, camera, Level::Info, format!("photo requested from camera {cam_id}"));
+            self.log.add(now, camera, Event::PhotoRequested { camera: cam_id });
         } else {
-            let why =
-                if route == Route::Away { "the camera is not connected" } else { "no connection can be its" };
-            let text = format!("photo requested from camera {cam_id}, but {why}: the request is lost");
-            self.log.add(now, camera, Level::Warning, text);
+            let away = route == Route::Away;
+            self.log.add(now, camera, Event::PhotoLost { camera: cam_id, away });
         }
     }
 
@@ -452,7 +456,7 @@ impl Controller {
             self.push_photo(self.machine.now(), cam_id);
         }
         while let Some(event) = self.machine.poll_event() {
-            self.log.add(event.at, None, Level::Info, event.text);
+            self.log.add(event.at, None, event.event);
         }
     }
 }

@@ -10,6 +10,7 @@
 
 mod answer;
 pub mod controller;
+pub mod event;
 pub mod fast_clock;
 pub mod fault;
 mod fields;
@@ -28,8 +29,9 @@ pub mod settings;
 pub mod snapshot;
 
 pub use controller::{ConnectionId, Controller};
+pub use event::{Event, Language, Level};
 pub use fast_clock::FastClock;
-pub use log::{Level, LogLine};
+pub use log::LogEntry;
 pub use mode::{Key, StartState};
 pub use panel::{Button, PanelAction, Refused};
 pub use profile::{Profile, ProfileError};

@@ -4,16 +4,14 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::time::Duration;
 
-use r6_proto::printable;
 use r6_proto::time::Instant;
+use serde::{Serialize, Serializer};
 
 use crate::controller::ConnectionId;
+use crate::event::{Event, Language, Level};
 
-/// How many lines wait until somebody reads them; beyond, the oldest go and are counted.
-const MAX_LINES: usize = 256;
-
-/// The longest line: a hostile peer's words are quoted, but not without end.
-const MAX_LINE_CHARS: usize = 400;
+/// How many entries wait until somebody reads them; beyond, the oldest go and are counted.
+const MAX_ENTRIES: usize = 256;
 
 /// How many warnings of one connection are told within [`WARNING_WINDOW`]. A person who reads along sees no more; a peer that sends
 /// rubbish as fast as it can would fill the disk of whoever keeps the log.
@@ -22,40 +20,58 @@ const MAX_WARNINGS: u32 = 32;
 /// The time within which the warnings of a connection are counted.
 const WARNING_WINDOW: Duration = Duration::from_secs(1);
 
-/// How much a line matters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
-    /// A change of state.
-    Info,
-    /// Something that a peer should do otherwise.
-    Warning,
-}
-
-/// One line of the log.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LogLine {
-    /// When.
+/// One entry of the log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LogEntry {
+    /// When. As data it is `at_s`, in seconds since the controller was switched on.
+    #[serde(rename = "at_s", serialize_with = "seconds")]
     pub at: Instant,
     /// On which connection; `None` for the machine itself.
+    #[serde(serialize_with = "number")]
     pub connection: Option<ConnectionId>,
-    /// How much it matters.
-    pub level: Level,
-    /// What, on one line: words of a peer are escaped (`r6_proto::printable`).
-    pub text: String,
+    /// What. As data, its word is `event`, and its fields stand beside it.
+    #[serde(flatten)]
+    pub event: Event,
 }
 
-impl fmt::Display for LogLine {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.connection {
-            Some(id) => write!(f, "connection {}: {}", id.number(), self.text),
-            None => f.write_str(&self.text),
+fn seconds<S: Serializer>(at: &Instant, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_f64(at.as_secs_f64())
+}
+
+#[expect(clippy::ref_option, reason = "what serde asks for")]
+fn number<S: Serializer>(connection: &Option<ConnectionId>, to: S) -> Result<S::Ok, S::Error> {
+    connection.map(ConnectionId::number).serialize(to)
+}
+
+impl LogEntry {
+    /// How much it matters.
+    #[must_use]
+    pub fn level(&self) -> Level {
+        self.event.level()
+    }
+
+    /// On one line.
+    #[must_use]
+    pub fn text(&self, language: Language) -> String {
+        let text = self.event.text(language);
+        match (self.connection, language) {
+            (Some(id), Language::English) => format!("connection {}: {text}", id.number()),
+            (Some(id), Language::Chinese) => format!("连接 {}：{text}", id.number()),
+            (None, _) => text,
         }
+    }
+}
+
+impl fmt::Display for LogEntry {
+    /// In English.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text(Language::English))
     }
 }
 
 #[derive(Debug, Default)]
 pub(crate) struct Log {
-    lines: VecDeque<LogLine>,
+    entries: VecDeque<LogEntry>,
     dropped: u64,
     /// What was told of the connections that were warned of, until they end.
     connections: BTreeMap<ConnectionId, Told>,
@@ -82,22 +98,16 @@ impl Told {
 }
 
 impl Log {
-    pub fn add(&mut self, at: Instant, connection: Option<ConnectionId>, level: Level, text: String) {
-        if self.lines.len() >= MAX_LINES {
-            self.lines.pop_front();
+    pub fn add(&mut self, at: Instant, connection: Option<ConnectionId>, event: Event) {
+        if self.entries.len() >= MAX_ENTRIES {
+            self.entries.pop_front();
             self.dropped += 1;
         }
-        let text = printable(&text).to_string();
-        let text = if text.chars().nth(MAX_LINE_CHARS).is_some() {
-            text.chars().take(MAX_LINE_CHARS).chain(['…']).collect()
-        } else {
-            text
-        };
-        self.lines.push_back(LogLine { at, connection, level, text });
+        self.entries.push_back(LogEntry { at, connection, event });
     }
 
     /// Warns of what a connection sent; beyond [`MAX_WARNINGS`] it is only counted.
-    pub fn warn(&mut self, at: Instant, id: ConnectionId, text: String) {
+    pub fn warn(&mut self, at: Instant, id: ConnectionId, event: Event) {
         let told = self.connections.entry(id).or_default();
         let is_over = at.since(told.since) >= WARNING_WINDOW;
         if is_over || told.warnings == 0 {
@@ -108,7 +118,7 @@ impl Log {
         let told = self.connections.entry(id).or_default();
         if told.warnings < MAX_WARNINGS {
             told.warnings += 1;
-            self.add(at, Some(id), Level::Warning, text);
+            self.add(at, Some(id), event);
         } else {
             told.left_out += 1;
         }
@@ -144,19 +154,16 @@ impl Log {
 
     fn tell_left_out(&mut self, at: Instant, id: ConnectionId, left_out: u64) {
         if left_out > 0 {
-            let text =
-                format!("{left_out} more warnings were left out: {MAX_WARNINGS} within a second are told");
-            self.add(at, Some(id), Level::Warning, text);
+            self.add(at, Some(id), Event::WarningsLeftOut { count: left_out, told: MAX_WARNINGS });
         }
     }
 
-    pub fn poll(&mut self) -> Option<LogLine> {
+    pub fn poll(&mut self) -> Option<LogEntry> {
         if self.dropped > 0 {
-            let text = format!("{} lines were dropped: nobody read them in time", self.dropped);
-            self.dropped = 0;
-            let at = self.lines.front().map(|line| line.at).unwrap_or_default();
-            return Some(LogLine { at, connection: None, level: Level::Warning, text });
+            let event = Event::EventsDropped { count: std::mem::take(&mut self.dropped) };
+            let at = self.entries.front().map(|entry| entry.at).unwrap_or_default();
+            return Some(LogEntry { at, connection: None, event });
         }
-        self.lines.pop_front()
+        self.entries.pop_front()
     }
 }

@@ -35,6 +35,7 @@ pub use watchdog::Watchdog;
 
 pub(crate) use kept::{Kept, Placed};
 
+use crate::event::{AlarmCause, Event};
 use crate::instruction_list::InstructionList;
 use crate::io::{Io, OutputPoint};
 use crate::profile::Profile;
@@ -79,12 +80,12 @@ pub struct CounterState {
 }
 
 /// Something that happened by itself, for the log.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct MachineEvent {
     /// When.
     pub at: Instant,
-    /// What, in words.
-    pub text: String,
+    /// What.
+    pub event: Event,
 }
 
 /// A virtual machine: arm, IO, registers, list, mode, alarm.
@@ -267,7 +268,7 @@ impl Machine {
         if self.watchdog.bites(self.now) {
             let alarm = self.profile.heartbeat_alarm;
             let seconds = self.profile.heartbeat_timeout.as_secs_f64();
-            self.raise(alarm, format!("no heartbreak for {seconds} s"));
+            self.raise(alarm, AlarmCause::NoHeartbreak { seconds });
         }
         let now = self.now;
         let mut due = Vec::new();
@@ -301,11 +302,11 @@ impl Machine {
         self.pulses.push((due, point, back_to));
     }
 
-    pub(crate) fn note(&mut self, text: String) {
+    pub(crate) fn note(&mut self, event: Event) {
         if self.events.len() >= MAX_EVENTS {
             self.events.pop_front();
         }
-        self.events.push_back(MachineEvent { at: self.now, text });
+        self.events.push_back(MachineEvent { at: self.now, event });
     }
 
     /// What happened by itself since the last call, oldest first.
@@ -384,8 +385,8 @@ impl Machine {
     }
 
     /// Raises an alarm and stops the machine. The first alarm stays until it is cleared.
-    pub fn raise(&mut self, alarm: u32, why: String) {
-        self.note(format!("alarm {alarm}: {why}"));
+    pub fn raise(&mut self, alarm: u32, why: AlarmCause) {
+        self.note(Event::AlarmRaised { alarm, why });
         if self.alarm == 0 {
             self.alarm = alarm;
         }
@@ -406,9 +407,7 @@ impl Machine {
         }
         // A camera that goes on and on is no news.
         if loses && !self.loses_points {
-            self.note(format!(
-                "old points are lost from now on: {MAX_POINTS} wait already, and programs take fewer than come"
-            ));
+            self.note(Event::PointsLost { limit: MAX_POINTS });
         }
         self.loses_points = loses || (self.loses_points && self.points.len() >= MAX_POINTS);
         self.points_have_come();

@@ -9,6 +9,9 @@ use crate::mode::Key;
 /// The last alarm of the pendant's table; 5000 to 10000 are those of the user's programs (`docs/PROTOCOL.md`, 9).
 pub const LAST_ALARM: u32 = 10_000;
 
+/// The alarm that the emergency stop raises.
+pub const EMERGENCY_STOP: u32 = 7;
+
 /// What a person does at the machine, or a machine in the cell where inputs are concerned.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PanelAction {

@@ -17,6 +17,7 @@ use crate::panel::PanelAction;
 
 pub use file::HAPPENINGS;
 pub(crate) use run::{LateList, ScenarioRun, Turn};
+pub(crate) use words::output_name;
 
 /// No list of a scenario is longer.
 pub const MAX_ENTRIES: usize = 1000;

@@ -9,8 +9,8 @@ use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use r6_controller::{
-    Button, ControllerSnapshot, Key, Level, LogLine, PanelAction, Profile, Program, RobotModel, Scenario,
-    StartState,
+    Button, ControllerSnapshot, Event, Key, Level, LogEntry, PanelAction, Profile, Program, RobotModel,
+    Scenario, StartState,
 };
 use r6_proto::io_point::{IoPoint, PointKind};
 use r6_sim::{Camera, Clock, ControllerHandle, SimError, VirtualController};
@@ -31,7 +31,7 @@ pub struct Simulator {
     /// `None` once it was closed. It alone holds the handle, which holds the folder of the state.
     controller: Kept<Mutex<Option<VirtualController>>>,
     address: SocketAddr,
-    log: Kept<Mutex<Receiver<LogLine>>>,
+    log: Kept<Mutex<Receiver<LogEntry>>>,
 }
 
 const BUTTONS: [(&str, Button); 5] = [
@@ -303,16 +303,21 @@ impl Simulator {
         let mut log = self.log.here()?.lock().unwrap_or_else(PoisonError::into_inner);
         let mut lines = Vec::new();
         loop {
-            let (at, connection, warning, text) = match log.try_recv() {
-                Ok(line) => (
-                    Some(line.at.as_secs_f64()),
-                    line.connection.map(|connection| connection.number()),
-                    line.level == Level::Warning,
-                    line.text,
+            let (at, connection, warning, text, event) = match log.try_recv() {
+                Ok(entry) => (
+                    Some(entry.at.as_secs_f64()),
+                    entry.connection.map(|connection| connection.number()),
+                    entry.level() == Level::Warning,
+                    entry.event.to_string(),
+                    entry.event,
                 ),
-                Err(TryRecvError::Lagged(count)) => {
-                    (None, None, true, format!("{count} lines were lost: read the log more often"))
-                }
+                Err(TryRecvError::Lagged(count)) => (
+                    None,
+                    None,
+                    true,
+                    format!("{count} lines were lost: read the log more often"),
+                    Event::EventsDropped { count },
+                ),
                 Err(TryRecvError::Empty | TryRecvError::Closed) => return Ok(lines),
             };
             let line = Record::new(py, "LogLine")?
@@ -320,6 +325,7 @@ impl Simulator {
                 .with("connection", connection)?
                 .with("warning", warning)?
                 .with("text", text)?
+                .with("event", as_data(py, &event)?)?
                 .build()?;
             lines.push(line);
         }
@@ -328,6 +334,12 @@ impl Simulator {
     fn __repr__(&self) -> String {
         format!("<Simulator at {}>", self.address)
     }
+}
+
+/// An event as Python has data: its word and its fields.
+fn as_data<'py>(py: Python<'py>, event: &Event) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(event).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    py.import("json")?.call_method1("loads", (text,))
 }
 
 impl Simulator {

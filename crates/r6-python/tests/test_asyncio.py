@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from logged import commands
 from relay import Relay
 
 import r6
@@ -157,7 +158,7 @@ async def given(controller: r6.Simulator, command: str) -> None:
     """Waits until the controller has done this command."""
 
     async def look() -> None:
-        while not any(command in line.text for line in controller.log()):
+        while command not in commands(controller.log()):
             await asyncio.sleep(0.01)
 
     await asyncio.wait_for(look(), 60)

@@ -4,7 +4,6 @@ carried out twice, and the next caller finds all in order."""
 import asyncio
 import contextlib
 import json
-import re
 import signal
 import time
 from collections import Counter
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from logged import lists
 from relay import Relay
 
 import r6
@@ -53,9 +53,7 @@ class Witness:
         assert max(Counter(steps).values(), default=0) <= 1, "a step left twice"
         written = [frame["cmdData"][2] for frame in frames if frame.get("cmdData", [""])[0] == "rewriteData"]
         assert max(Counter(written).values(), default=0) <= 1, "a register was written twice"
-        for line in self.controller.log():
-            if match := re.search(r"AddRCC: (\d+) instruction", line.text):
-                self.taken += int(match[1])
+        self.taken += sum(lists(self.controller.log()))
         assert self.taken == len(steps) <= STEPS * (numbers + 1), "the controller took what left, and nothing else"
         now = self.controller.snapshot()
         assert not now.moving and now.list_length == 0 and now.alarm == 0

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 from interrupts import endless, stands, told, until
+from logged import commands
 from relay import Relay
 from test_process import PATH, program
 
@@ -35,9 +36,9 @@ def stop_left(cable: Relay) -> bool:
 
 def assert_stopped(controller: Controller) -> None:
     """Stopped, and cleared: what a stop that was cut off has not come to."""
-    lines = [line.text for line in controller.log()]
+    lines = controller.log()
     assert stands(controller), lines
-    assert any("actionStop" in line for line in lines)
+    assert "actionStop" in commands(lines)
 
 
 class Closing(threading.Thread):

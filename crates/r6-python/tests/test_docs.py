@@ -60,8 +60,8 @@ def ten_lines(said: str, controller: r6.Simulator) -> None:
 def script(said: str, controller: r6.Simulator) -> None:
     """What the page says of it: the mode is printed as the name of the program, and a register is not written."""
     assert said == f"{{'version': '{controller.snapshot().firmware}', 'curMold': '7'}}\n"
-    log = [line.text for line in controller.log()]
-    assert any("answered ok, but nothing was done" in text and "whole number" in text for text in log), log[-20:]
+    log = [line.event for line in controller.log()]
+    assert any(event["event"] == "command_without_effect" for event in log), log[-20:]
     with r6.Robot.connect(controller.address) as robot:
         assert robot.read_registers(800).tolist() == [0]
 

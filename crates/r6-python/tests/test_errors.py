@@ -3,6 +3,7 @@
 import pickle
 
 import pytest
+from logged import lists
 from relay import Relay
 
 import r6
@@ -70,8 +71,7 @@ def test_a_motion_without_a_reply_is_never_sent_again(virtual_controller: r6.Sim
             robot.add_rcc(r6.Motion().axis_move(r6.AxisPosition.degrees([5]), r6.Percent(10)), replace=True)
         assert (error.value.reason, error.value.request) == ("timed_out", "AddRCC")
         assert error.value.effect == "moves" and not error.value.may_send_again
-        lists = [line for line in virtual_controller.log() if line.text.startswith("AddRCC")]
-        assert len(lists) == 1, "it came once, and was carried out"
+        assert len(lists(virtual_controller.log())) == 1, "it came once, and was carried out"
 
 
 def test_what_follows_a_lost_connection(relay: Relay, virtual_controller: r6.Simulator) -> None:

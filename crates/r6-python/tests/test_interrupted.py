@@ -11,6 +11,7 @@ from typing import Literal
 
 import pytest
 from interrupts import GivenUp, Loop, endless, interrupted_at, stands, told, until
+from logged import commands, lists
 from relay import Relay
 from test_process import PATH, program
 
@@ -29,17 +30,17 @@ def start(controller: Controller) -> None:
 
 def begun(controller: Controller) -> bool:
     """Whether the controller was told to stop since the last look."""
-    return any("actionStop" in line.text for line in controller.log())
+    return "actionStop" in commands(controller.log())
 
 
 def assert_owned(error: BaseException, controller: Controller) -> None:
     """The arm stands by the time the exception is out; where it was stopped for that, the exception says so."""
-    lists = [line.text for line in controller.log() if "AddRCC" in line.text or "actionStop" in line.text]
-    assert stands(controller), f"{told(error)}: {lists}"
-    if any("actionStop" in line for line in lists):
+    lines = controller.log()
+    assert stands(controller), f"{told(error)}: {lines}"
+    if "actionStop" in commands(lines):
         assert not NOTES or "the arm stands" in told(error)
     else:
-        assert not any("AddRCC" in line for line in lists), "it began, and nobody stopped it"
+        assert not lists(lines), "it began, and nobody stopped it"
 
 
 # The signal of the usual time limit is what this is about.

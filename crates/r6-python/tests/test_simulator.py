@@ -26,7 +26,7 @@ def test_a_person_at_the_machine() -> None:
         assert robot.status().is_ready
         controller.raise_alarm(5001)
         assert robot.query("curAlarm")["curAlarm"] == 5001
-        assert any("5001" in line.text for line in controller.log()) and controller.log() == []
+        assert any(line.event.get("alarm") == 5001 for line in controller.log()) and controller.log() == []
         assert str(controller.port) in controller.address and controller.address in repr(controller)
         with pytest.raises(ValueError, match="single_step"):
             controller.press("go")  # type: ignore[arg-type]

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::str::FromStr;
 use std::time::Duration;
 
-use r6_controller::Level;
+use r6_controller::event::{Detail, ShellEvent};
 use r6_controller::random::Random;
 use socket2::{SockRef, TcpKeepalive};
 use tokio::net::TcpStream;
@@ -107,8 +107,8 @@ pub(crate) async fn dial(controller: ControllerHandle, camera: Camera, seed: u64
             Err(why) if failing => debug!(%camera, why, "still not reached"),
             Err(why) => {
                 failing = true;
-                let text = format!("{camera} cannot be reached: {why}; it is tried again until it is there");
-                controller.tell(None, Level::Warning, text);
+                let (camera, why) = (Detail::of(camera), Detail::of(why));
+                controller.tell(None, ShellEvent::CameraUnreachable { camera, why });
             }
         }
         tokio::time::sleep(waits.next()).await;

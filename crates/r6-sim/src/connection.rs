@@ -8,8 +8,9 @@ use std::pin::Pin;
 use std::task::Poll;
 use std::time::Duration;
 
+use r6_controller::ConnectionId;
+use r6_controller::event::{Detail, ShellEvent};
 use r6_controller::fault::link::Link;
-use r6_controller::{ConnectionId, Level};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::sync::Notify;
 use tracing::{debug, trace};
@@ -48,9 +49,10 @@ pub(crate) async fn serve<W: Wire>(controller: ControllerHandle, stream: W) {
 /// Serves a connection that was opened to a camera, until it ends.
 pub(crate) async fn serve_camera<W: Wire>(controller: &ControllerHandle, stream: W, camera: Camera) {
     let (id, notice) = controller.connect_camera(camera.cam_id);
-    controller.tell(Some(id), Level::Info, format!("connected to {camera}"));
+    controller.tell(Some(id), ShellEvent::CameraConnected { camera: Detail::of(camera) });
     let how = Conversation::new(controller, stream, id, &notice).converse().await;
-    controller.tell(Some(id), Level::Warning, format!("{camera} is lost: {how}"));
+    let (camera, how) = (Detail::of(camera), Detail::of(how));
+    controller.tell(Some(id), ShellEvent::CameraLost { camera, how });
 }
 
 /// One connection, and what is known of it.

@@ -4,7 +4,7 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
-use r6_controller::Level;
+use r6_controller::event::{Detail, ShellEvent};
 use r6_controller::fault::link::Door;
 use socket2::{Domain, Protocol, SockRef, Socket, Type};
 use tokio::net::{TcpListener, TcpStream};
@@ -21,11 +21,6 @@ const BACKLOG: i32 = 1024;
 
 /// After how long a system asks again that wants to connect and gets no answer; then after twice as long, and so on.
 const FIRST_ASKED_AGAIN: Duration = Duration::from_secs(1);
-
-/// What the log says of the door.
-const REFUSES: &str = "connections are refused";
-const GIVES_NO_ANSWER: &str = "attempts to connect get no answer";
-const TAKES_AGAIN: &str = "connections are taken again";
 
 /// The waits before a port is tried again that somebody took while it was closed: the first, and the longest.
 const FIRST_WAIT: Duration = Duration::from_millis(10);
@@ -70,9 +65,9 @@ pub(crate) async fn attend_in_memory(
                 let door = *entrance.door.borrow_and_update();
                 match std::mem::replace(&mut before, door) {
                     same if same == door => {}
-                    _ if door == Door::Refuses => entrance.tell(REFUSES),
-                    _ if door == Door::BlackHole => entrance.tell(GIVES_NO_ANSWER),
-                    _ => entrance.tell(TAKES_AGAIN),
+                    _ if door == Door::Refuses => entrance.tell(ShellEvent::Refuses),
+                    _ if door == Door::BlackHole => entrance.tell(ShellEvent::GivesNoAnswer),
+                    _ => entrance.tell(ShellEvent::TakesAgain),
                 }
             }
             Some(_) = entrance.connections.join_next() => {}
@@ -157,22 +152,21 @@ impl Entrance {
         let address = self.controller.address();
         drop(listener);
         let mut socket = bind(address);
-        self.tell(REFUSES);
+        self.tell(ShellEvent::Refuses);
         self.wait().await;
         let mut wait = FIRST_WAIT;
         let mut told = false;
         loop {
             match socket.and_then(listen) {
                 Ok(listener) => {
-                    self.tell(TAKES_AGAIN);
+                    self.tell(ShellEvent::TakesAgain);
                     return listener;
                 }
                 Err(error) => {
                     if !told {
                         told = true;
-                        let text =
-                            format!("cannot listen on {address} again: {error}; it is tried until it can");
-                        self.controller.tell(None, Level::Warning, text);
+                        let (address, why) = (Detail::of(address), Detail::of(&error));
+                        self.controller.tell(None, ShellEvent::CannotListen { address, why });
                     }
                     debug!(controller = %address, %error, "still not listening");
                 }
@@ -193,10 +187,9 @@ impl Entrance {
             Ok(Vec::new())
         };
         match &fillers {
-            Ok(_) => self.tell(GIVES_NO_ANSWER),
+            Ok(_) => self.tell(ShellEvent::GivesNoAnswer),
             Err(error) => {
-                let text = format!("connections are not served, but they are made: {error}");
-                self.controller.tell(None, Level::Warning, text);
+                self.controller.tell(None, ShellEvent::DoesNotServe { why: Detail::of(error) });
             }
         }
         self.wait().await;
@@ -205,11 +198,11 @@ impl Entrance {
         if let Err(error) = SockRef::from(listener).listen(BACKLOG) {
             warn!(controller = %self.controller.address(), %error, "few connections can wait to be accepted");
         }
-        self.tell(TAKES_AGAIN);
+        self.tell(ShellEvent::TakesAgain);
     }
 
-    fn tell(&self, text: &str) {
-        self.controller.tell(None, Level::Info, text.to_owned());
+    fn tell(&self, event: ShellEvent) {
+        self.controller.tell(None, event);
     }
 }
 

@@ -7,10 +7,11 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use r6_controller::event::{Detail, ShellEvent};
 use r6_controller::fault::LinkFaultNow;
 use r6_controller::fault::link::{Door, Link};
 use r6_controller::{
-    ConnectionId, Controller, ControllerSnapshot, Level, LogLine, PanelAction, Refused, SavedState,
+    ConnectionId, Controller, ControllerSnapshot, Level, LogEntry, PanelAction, Refused, SavedState,
 };
 use r6_proto::time::Instant;
 use tokio::sync::{Notify, broadcast, mpsc, watch};
@@ -42,9 +43,9 @@ struct Shared {
     keeper: Option<Keeper>,
     /// The next deadline may have changed.
     timers: Notify,
-    log: broadcast::Sender<LogLine>,
+    log: broadcast::Sender<LogEntry>,
     /// A reader of the log who was there before anything happened, until somebody takes its place.
-    log_from_start: Mutex<Option<broadcast::Receiver<LogLine>>>,
+    log_from_start: Mutex<Option<broadcast::Receiver<LogEntry>>>,
     /// What becomes of attempts to connect.
     door: watch::Sender<Door>,
     /// Takes connections in memory, where the controller is reached that way.
@@ -82,7 +83,7 @@ pub(crate) enum Next {
 /// Who is told of everything.
 struct Observer(Box<Observe>);
 
-type Observe = dyn FnMut(Instant, &Controller, &[LogLine]) + Send;
+type Observe = dyn FnMut(Instant, &Controller, &[LogEntry]) + Send;
 
 impl fmt::Debug for Observer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -154,7 +155,7 @@ impl ControllerHandle {
     /// Has this called after everything that happens to the controller, from now on, with the time and the log lines
     /// that came of it: for tests that hold it to promises at every step, or count what it carries out. It must not wait, and
     /// not call the handle: the controller stands meanwhile.
-    pub fn observe(&self, observer: impl FnMut(Instant, &Controller, &[LogLine]) + Send + 'static) {
+    pub fn observe(&self, observer: impl FnMut(Instant, &Controller, &[LogEntry]) + Send + 'static) {
         self.state().observers.push(Observer(Box::new(observer)));
     }
 
@@ -166,7 +167,7 @@ impl ControllerHandle {
 
     /// What happens from now on. A reader that falls behind loses the oldest lines and is told how many.
     #[must_use]
-    pub fn log(&self) -> broadcast::Receiver<LogLine> {
+    pub fn log(&self) -> broadcast::Receiver<LogEntry> {
         self.shared.log.subscribe()
     }
 
@@ -198,7 +199,7 @@ impl ControllerHandle {
 
     /// What happens, from the start on: for the first who asks, and from now on for all others.
     #[must_use]
-    pub fn log_from_start(&self) -> broadcast::Receiver<LogLine> {
+    pub fn log_from_start(&self) -> broadcast::Receiver<LogEntry> {
         let first = self.shared.log_from_start.lock().unwrap_or_else(PoisonError::into_inner).take();
         first.unwrap_or_else(|| self.log())
     }
@@ -299,7 +300,7 @@ impl ControllerHandle {
             Err(_) => Err(self.not_finished(io::ErrorKind::TimedOut.into())),
         };
         if let Err(error) = &kept {
-            self.tell(None, Level::Warning, format!("the last state was not kept: {error}"));
+            self.tell(None, ShellEvent::LastStateLost { why: Detail::of(error) });
         }
         kept
     }
@@ -369,10 +370,10 @@ impl ControllerHandle {
     }
 
     /// Tells the program's own log. Without the lock: whoever writes that log may wait for its reader.
-    fn trace(&self, lines: &[LogLine]) {
+    fn trace(&self, lines: &[LogEntry]) {
         let address = self.shared.address;
         for line in lines {
-            match line.level {
+            match line.level() {
                 Level::Info => info!(controller = %address, "{line}"),
                 Level::Warning => warn!(controller = %address, "{line}"),
             }
@@ -392,8 +393,8 @@ impl ControllerHandle {
     }
 
     /// Adds a line to the log.
-    pub(crate) fn tell(&self, connection: Option<ConnectionId>, level: Level, text: String) {
-        self.look(|controller, now| controller.log(now, connection, level, text));
+    pub(crate) fn tell(&self, connection: Option<ConnectionId>, event: ShellEvent) {
+        self.look(|controller, now| controller.log(now, connection, event));
     }
 
     fn enter(&self, id: ConnectionId) -> (ConnectionId, Arc<Notify>) {

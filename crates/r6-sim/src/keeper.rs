@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use r6_controller::Level;
+use r6_controller::event::{Detail, ShellEvent};
 use tokio::sync::{Notify, Semaphore};
 
 use crate::handle::ControllerHandle;
@@ -123,9 +123,6 @@ struct Trouble {
     told: Option<tokio::time::Instant>,
 }
 
-/// What follows of it, for whoever reads the log.
-const NOT_ACKNOWLEDGED: &str = "nothing that changes the state is acknowledged until it can be written";
-
 impl Trouble {
     /// Waits for a write, and tells of one that does not end.
     async fn watch<T>(
@@ -152,14 +149,14 @@ impl Trouble {
     fn tell(&mut self, controller: &ControllerHandle, why: &dyn std::fmt::Display) {
         if self.told.is_none_or(|told| told.elapsed() >= TOLD_AGAIN_AFTER) {
             self.told = Some(tokio::time::Instant::now());
-            controller.tell(None, Level::Warning, format!("{why}; {NOT_ACKNOWLEDGED}"));
+            controller.tell(None, ShellEvent::StateNotWritten { why: Detail::of(why) });
         }
     }
 
     /// The state was written.
     fn is_over(&mut self, controller: &ControllerHandle, file: &StateFile) {
         if self.told.take().is_some() {
-            controller.tell(None, Level::Info, format!("{} can be written again", file.path().display()));
+            controller.tell(None, ShellEvent::StateWritten { path: Detail::of(file.path().display()) });
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Time that goes as fast as it can, over TCP: the same bytes as without any socket.
 
+use r6_controller::Event;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
@@ -138,7 +139,7 @@ async fn a_list_that_nobody_asks_about_goes_on_by_itself() {
     let raised = async {
         loop {
             let line = log.recv().await.unwrap();
-            if line.text.contains("alarm 2051") {
+            if matches!(line.event, Event::AlarmRaised { alarm: 2051, .. }) {
                 return line;
             }
         }

@@ -1,5 +1,7 @@
 //! What a controller says and does whose state cannot be written, on a disk without room.
 
+use r6_controller::event::ShellEvent;
+use r6_controller::{Event, LogEntry};
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -40,17 +42,25 @@ async fn robot(disk: &Arc<Room>) -> VirtualController {
     VirtualController::builder().state("cell").disk(disk).start_in_memory().await.unwrap()
 }
 
-/// The next log line with these words.
-async fn line(log: &mut Receiver<r6_controller::LogLine>, words: &str) -> String {
+fn not_written(event: &ShellEvent) -> bool {
+    matches!(event, ShellEvent::StateNotWritten { .. })
+}
+
+fn written(event: &ShellEvent) -> bool {
+    matches!(event, ShellEvent::StateWritten { .. })
+}
+
+/// The next event of this kind, in words.
+async fn line(log: &mut Receiver<LogEntry>, is_it: impl Fn(&ShellEvent) -> bool) -> String {
     let wait = async {
         loop {
-            let line = log.recv().await.unwrap().to_string();
-            if line.contains(words) {
-                return line;
+            let entry = log.recv().await.unwrap();
+            if matches!(&entry.event, Event::Shell(event) if is_it(event)) {
+                return entry.to_string();
             }
         }
     };
-    timeout(Duration::from_secs(300), wait).await.unwrap_or_else(|_| panic!("no line with {words:?}"))
+    timeout(Duration::from_secs(300), wait).await.unwrap_or_else(|_| panic!("it is not told"))
 }
 
 #[tokio::test(start_paused = true)]
@@ -61,16 +71,16 @@ async fn a_full_disk_is_told_in_the_log_and_so_is_its_end() {
     let mut stream = robot.handle().dial().await.unwrap();
     disk.full.store(true, Ordering::SeqCst);
     stream.write_all(COUNT).await.unwrap();
-    let told = line(&mut log, "cannot be written").await;
+    let told = line(&mut log, not_written).await;
     assert!(told.contains("cell") && told.contains("acknowledged"), "{told}");
     let mut reply = [0; 512];
     assert!(timeout(Duration::from_secs(5), stream.read(&mut reply)).await.is_err(), "it is not on the disk");
     // It is told again, not each second.
     let begun = tokio::time::Instant::now();
-    line(&mut log, "cannot be written").await;
+    line(&mut log, not_written).await;
     assert!((30..=120).contains(&begun.elapsed().as_secs()), "{:?}", begun.elapsed());
     disk.full.store(false, Ordering::SeqCst);
-    line(&mut log, "can be written again").await;
+    line(&mut log, written).await;
     assert!(timeout(Duration::from_secs(5), stream.read(&mut reply)).await.unwrap().unwrap() > 0);
     robot.shutdown().await.unwrap();
 }
@@ -86,9 +96,9 @@ async fn a_disk_that_does_not_answer_is_told_in_the_log() {
     disk.stuck.store(true, Ordering::SeqCst);
     let begun = tokio::time::Instant::now();
     stream.write_all(COUNT).await.unwrap();
-    line(&mut log, "has not been written for").await;
+    line(&mut log, not_written).await;
     assert!(begun.elapsed() < Duration::from_secs(10), "{:?}", begun.elapsed());
-    line(&mut log, "can be written again").await;
+    line(&mut log, written).await;
     let mut reply = [0; 512];
     assert!(timeout(Duration::from_secs(5), stream.read(&mut reply)).await.unwrap().unwrap() > 0);
 }
@@ -105,5 +115,5 @@ async fn an_end_with_an_unwritten_state_is_no_good_end() {
     second.handle().operate(&r6_controller::PanelAction::TurnKey(r6_controller::Key::Manual)).unwrap();
     let error = second.shutdown().await.unwrap_err();
     assert!(matches!(&error, StateError::Io { tried: "written", .. }), "{error}");
-    line(&mut log, "was not kept").await;
+    line(&mut log, |event| matches!(event, ShellEvent::LastStateLost { .. })).await;
 }

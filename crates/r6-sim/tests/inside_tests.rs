@@ -1,5 +1,7 @@
 //! A virtual controller inside a test, as a user of this crate writes it.
 
+use r6_controller::scenario::Happening;
+use r6_controller::{Event, PanelAction};
 use std::net::TcpStream;
 
 use r6_controller::{Profile, StartState};
@@ -48,7 +50,8 @@ async fn the_first_reader_of_the_log_misses_nothing() {
     let _ = robot.handle().snapshot();
     let mut log = robot.handle().log_from_start();
     let line = tokio::time::timeout(std::time::Duration::from_secs(20), log.recv()).await.unwrap().unwrap();
-    assert_eq!(line.text, "scenario: alarm 5001");
+    let what = Happening::Panel(PanelAction::RaiseAlarm(5001));
+    assert_eq!(line.event, Event::Happens { what });
     // The second reader hears what comes.
     let mut second = robot.handle().log_from_start();
     assert!(second.try_recv().is_err());

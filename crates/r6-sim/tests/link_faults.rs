@@ -1,13 +1,16 @@
 //! What is broken on purpose on the link, over real sockets: what happens, that it stays on its link, and that everything works
 //! again afterwards.
 
+use r6_controller::Event;
+use r6_controller::event::ShellEvent;
+use r6_controller::scenario::Happening;
 use std::io::ErrorKind;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use r6_controller::fault::{LinkFault, LinkFaultNow};
 use r6_controller::scenario::Scenario;
-use r6_controller::{LogLine, Profile};
+use r6_controller::{LogEntry, Profile};
 use r6_proto::frame::{FrameBuffer, Limits};
 use r6_sim::{Clock, ControllerHandle, SimSettings, Simulation};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -113,8 +116,12 @@ async fn assert_silent(stream: &mut TcpStream) {
 }
 
 /// Waits until the log tells something.
-async fn told(log: &mut Receiver<LogLine>, what: &str) {
-    soon(async { while !log.recv().await.unwrap().text.contains(what) {} }).await;
+async fn told(log: &mut Receiver<LogEntry>, what: impl Fn(&Event) -> bool) {
+    soon(async { while !what(&log.recv().await.unwrap().event) {} }).await;
+}
+
+fn of(event: ShellEvent) -> impl Fn(&Event) -> bool {
+    move |told| *told == Event::Shell(event.clone())
 }
 
 /// The whole frames in these bytes.
@@ -140,12 +147,12 @@ async fn t1_connections_are_refused_and_then_taken_on_the_same_port() {
     let mut log = cell.broken().log();
     for _ in 0..3 {
         cell.set(&[LinkFault::Refuse]);
-        told(&mut log, "connections are refused").await;
+        told(&mut log, of(ShellEvent::Refuses)).await;
         assert_eq!(soon(cell.try_connect()).await.unwrap_err().kind(), ErrorKind::ConnectionRefused);
         assert_answered(&mut before).await;
         cell.assert_others_are_served().await;
         cell.set(&[]);
-        told(&mut log, "connections are taken again").await;
+        told(&mut log, of(ShellEvent::TakesAgain)).await;
         cell.connect().await;
     }
     cell.assert_works_again().await;
@@ -158,7 +165,7 @@ async fn t2_an_attempt_to_connect_gets_no_answer_until_it_is_over() {
     let mut before = cell.connect().await;
     let mut log = cell.broken().log();
     cell.set(&[LinkFault::BlackHole]);
-    told(&mut log, "attempts to connect get no answer").await;
+    told(&mut log, of(ShellEvent::GivesNoAnswer)).await;
     let mut attempts = Vec::new();
     for _ in 0..3 {
         let mut attempt = Box::pin(cell.try_connect());
@@ -169,7 +176,7 @@ async fn t2_an_attempt_to_connect_gets_no_answer_until_it_is_over() {
     assert_answered(&mut before).await;
     cell.assert_others_are_served().await;
     cell.set(&[]);
-    told(&mut log, "connections are taken again").await;
+    told(&mut log, of(ShellEvent::TakesAgain)).await;
     // Those who were patient are served: their systems ask again.
     for attempt in attempts {
         assert_answered(&mut soon(attempt).await.unwrap()).await;
@@ -182,17 +189,17 @@ async fn t2_an_attempt_to_connect_gets_no_answer_until_it_is_over() {
 async fn t1_and_t2_follow_one_another() {
     let cell = Cell::start().await;
     let mut log = cell.broken().log();
-    for (fault, text) in [
-        (LinkFault::Refuse, "connections are refused"),
-        (LinkFault::BlackHole, "attempts to connect get no answer"),
-        (LinkFault::Refuse, "connections are refused"),
+    for (fault, event) in [
+        (LinkFault::Refuse, ShellEvent::Refuses),
+        (LinkFault::BlackHole, ShellEvent::GivesNoAnswer),
+        (LinkFault::Refuse, ShellEvent::Refuses),
     ] {
         cell.set(&[fault]);
-        told(&mut log, text).await;
+        told(&mut log, of(event)).await;
     }
     assert_eq!(soon(cell.try_connect()).await.unwrap_err().kind(), ErrorKind::ConnectionRefused);
     cell.set(&[]);
-    told(&mut log, "connections are taken again").await;
+    told(&mut log, of(ShellEvent::TakesAgain)).await;
     cell.assert_works_again().await;
 }
 
@@ -209,7 +216,8 @@ async fn a_strike_is_told_once_for_each_connection() {
         cell.set(&[]);
         assert_answered(&mut stream).await;
     }
-    let strikes = std::iter::from_fn(|| log.try_recv().ok()).filter(|line| line.text.contains("struck"));
+    let strikes =
+        std::iter::from_fn(|| log.try_recv().ok()).filter(|line| matches!(line.event, Event::Struck { .. }));
     let strikes: Vec<_> = strikes.map(|line| line.to_string()).collect();
     assert_eq!(strikes, ["connection 0: the connection was struck by fault pieces"; 2]);
 }
@@ -295,7 +303,7 @@ async fn t6_connections_go_deaf_and_keep_their_places() {
     assert_answered(&mut served).await;
     let mut log = cell.broken().log();
     let mut late = soon(cell.try_connect()).await.unwrap();
-    told(&mut log, "3 connections are served already").await;
+    told(&mut log, |event| matches!(event, Event::TooManyConnections { limit: 3 })).await;
     assert_silent(&mut late).await;
     assert_eq!(cell.broken().snapshot().connections, 3);
     cell.broken().request_photo(1);
@@ -492,9 +500,9 @@ async fn a_scenario_begins_and_ends_them() {
     let scenario = Some(Arc::new(Scenario::read(scenario).unwrap()));
     let cell = Cell::with(SimSettings { scenario, ..SimSettings::default() }).await;
     let mut log = cell.broken().log();
-    told(&mut log, "connections are refused").await;
+    told(&mut log, of(ShellEvent::Refuses)).await;
     assert_eq!(soon(cell.try_connect()).await.unwrap_err().kind(), ErrorKind::ConnectionRefused);
-    told(&mut log, "connections are taken again").await;
+    told(&mut log, of(ShellEvent::TakesAgain)).await;
     let mut stream = soon(cell.try_connect()).await.unwrap();
     // It is served until the second fault closes it.
     let closed = async {
@@ -528,10 +536,10 @@ async fn a_scenario_cuts_the_power() {
     let write = br#"{"reqType":"command","cmdData":["rewriteData","800","4711","1"]}"#;
     stream.write_all(write).await.unwrap();
     assert!(read_object(&mut stream).await.contains(r#","ok"]"#));
-    told(&mut log, "the mains fail").await;
+    told(&mut log, |event| matches!(event, Event::Happens { what: Happening::PowerCut { .. } })).await;
     ask(&mut stream).await;
     assert_silent(&mut stream).await;
-    told(&mut log, "the mains are back").await;
+    told(&mut log, |event| *event == Event::MainsAreBack).await;
     let mut rest = [0; 64];
     assert_eq!(soon(stream.read(&mut rest)).await.unwrap_err().kind(), ErrorKind::ConnectionReset);
     let mut stream = soon(cell.try_connect()).await.unwrap();

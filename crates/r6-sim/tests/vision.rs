@@ -3,7 +3,8 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use r6_controller::{LogLine, PanelAction};
+use r6_controller::event::ShellEvent;
+use r6_controller::{Event, LogEntry, PanelAction};
 use r6_sim::{Camera, Clock, SimError, SimSettings, Simulation};
 use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -125,16 +126,32 @@ fn settings(cameras: Vec<Camera>, clock: Clock, ids: &[i64]) -> SimSettings {
     SimSettings { mold: "test".to_owned(), ..settings }
 }
 
-/// The next line of the log that has this in it, and how many lines before it had something else in them.
-async fn line(log: &mut broadcast::Receiver<LogLine>, part: &str, other: &str) -> (String, usize) {
+/// The next event of the log that is this one, and how many before it were another.
+async fn event(
+    log: &mut broadcast::Receiver<LogEntry>,
+    is_it: impl Fn(&Event) -> bool,
+    is_other: impl Fn(&Event) -> bool,
+) -> (Event, usize) {
     let mut others = 0;
     loop {
-        let line = in_time(log.recv()).await.unwrap().to_string();
-        if line.contains(part) {
-            return (line, others);
+        let event = in_time(log.recv()).await.unwrap().event;
+        if is_it(&event) {
+            return (event, others);
         }
-        others += usize::from(line.contains(other));
+        others += usize::from(is_other(&event));
     }
+}
+
+fn unreachable(event: &Event) -> bool {
+    matches!(event, Event::Shell(ShellEvent::CameraUnreachable { .. }))
+}
+
+fn connected(event: &Event) -> bool {
+    matches!(event, Event::Shell(ShellEvent::CameraConnected { .. }))
+}
+
+fn nothing(_: &Event) -> bool {
+    false
 }
 
 #[tokio::test]
@@ -186,16 +203,20 @@ async fn a_camera_that_goes_away_is_dialled_again_and_the_program_goes_on() {
         eye.requested().await;
         // Its program ends, and is started again later.
         drop((eye, listener));
-        let (lost, _) = line(&mut log, "cannot be reached", "").await;
-        assert!(lost.contains(&place.address.to_string()), "{lost}");
+        let (Event::Shell(ShellEvent::CameraUnreachable { camera, .. }), _) =
+            event(&mut log, unreachable, nothing).await
+        else {
+            panic!("that is what was waited for")
+        };
+        assert!(camera.as_str().contains(&place.address.to_string()), "{camera}");
         let listener = place.listen();
         let mut eye = Eye::accept(&listener).await;
         for _ in 0..3 {
             eye.requested().await;
             eye.find(0, &[3.0]).await;
         }
-        let (_, connected) = line(&mut log, "connected to the camera at", "connected to the camera at").await;
-        assert_eq!(connected, 0, "{clock}");
+        let (_, before) = event(&mut log, connected, connected).await;
+        assert_eq!(before, 0, "{clock}");
         assert_eq!(simulation.controllers()[0].snapshot().alarm, 0, "{clock}");
     }
 }
@@ -207,14 +228,14 @@ async fn a_camera_may_come_later_than_the_controller() {
         let settings = settings(vec![place.camera(7)], clock, &[7]);
         let simulation = Simulation::start(settings).await.unwrap();
         let mut log = simulation.controllers()[0].log();
-        let cannot = "camera 7 at";
-        line(&mut log, cannot, "").await;
-        line(&mut log, "photo requested from camera 7, but the camera is not connected", "").await;
+        event(&mut log, unreachable, nothing).await;
+        let lost = Event::PhotoLost { camera: 7, away: true };
+        event(&mut log, |event| *event == lost, nothing).await;
         let listener = place.listen();
         let mut eye = Eye::accept(&listener).await;
         // The failures in between were not told each by itself.
-        let (connected, told) = line(&mut log, "connected to camera 7 at", "cannot be reached").await;
-        assert!(told == 0, "{clock}: {connected}");
+        let (camera, told) = event(&mut log, connected, unreachable).await;
+        assert!(told == 0, "{clock}: {camera}");
         assert_eq!(eye.requested().await, 7);
         eye.find(7, &[1.0]).await;
         assert_eq!(eye.requested().await, 7);
@@ -266,7 +287,10 @@ async fn every_controller_dials() {
     for controller in simulation.controllers() {
         let mut log = controller.log();
         controller.request_photo(0);
-        assert!(!line(&mut log, "photo requested", "").await.0.contains("lost"), "{}", controller.address());
+        let about_photo =
+            |event: &Event| matches!(event, Event::PhotoRequested { .. } | Event::PhotoLost { .. });
+        let (told, _) = event(&mut log, about_photo, nothing).await;
+        assert_eq!(told, Event::PhotoRequested { camera: 0 }, "{}", controller.address());
     }
 }
 

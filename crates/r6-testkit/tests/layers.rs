@@ -138,6 +138,57 @@ fn only_the_hands_of_the_client_know_sockets_clocks_and_threads() {
     assert!(!sources.names_of(&OF_THE_HANDS, &[]).is_empty(), "the hands name them");
 }
 
+/// What reads the log of a virtual controller decides by its events, which have fields; their text is for people.
+#[test]
+fn nothing_outside_the_controller_decides_by_the_text_of_an_event() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let (mut sources, mut folders) = (Vec::new(), vec![crates.clone()]);
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let is_controller = path == crates.join("r6-controller");
+            if path.is_dir() && !is_controller {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs" || extension == "py") {
+                sources.push(path);
+            }
+        }
+    }
+    let parses = |line: &&str| {
+        let shown = [
+            "line.to_string()",
+            "entry.to_string()",
+            "event.to_string()",
+            ".text(Language",
+            "in line.text",
+            "line.text.",
+        ];
+        let asks = [
+            "contains(",
+            "starts_with(",
+            "ends_with(",
+            "strip_prefix(",
+            "split_once(",
+            " in ",
+            "startswith(",
+            "==",
+        ];
+        shown.iter().any(|shown| line.contains(shown)) && asks.iter().any(|ask| line.contains(ask))
+    };
+    let reads_a_log =
+        |text: &str| text.contains("LogEntry") || text.contains(".log()") || text.contains("poll_log");
+    let mut read = 0;
+    for path in &sources {
+        let text = fs::read_to_string(path).unwrap();
+        if reads_a_log(&text) && !path.ends_with("r6-testkit/tests/layers.rs") {
+            read += 1;
+            let lines: Vec<_> = text.lines().filter(parses).collect();
+            assert!(lines.is_empty(), "{}: {lines:#?}", path.display());
+        }
+    }
+    assert!(read > 20, "only {read} files read a log: is this looking in the right place?");
+}
+
 #[test]
 fn a_circle_of_files_is_reported() {
     let files = [

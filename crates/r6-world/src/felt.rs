@@ -1,35 +1,19 @@
 //! Which faults took effect at a controller: what its log says of them, and what people did.
 
 use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
 
+use r6_controller::event::{AlarmCause, ListRefusal};
 use r6_controller::fault::file::FAULTS;
-use r6_controller::{Key, Level, LogLine, PanelAction};
+use r6_controller::fault::{Fault, TaskFault};
+use r6_controller::scenario::Happening;
+use r6_controller::{Event, Key, LogEntry, PanelAction};
 
 use crate::fault::{CLASSES, Class};
 use crate::record::Record;
 
-/// What the log says of what a fault struck; the fault's word follows.
-const STRUCK: [&str; 7] = [
-    "the connection was struck by fault ",
-    "a reply was struck by fault ",
-    "not answered: fault ",
-    "answered with old values: fault ",
-    "answered ok and not carried out (fault ",
-    "answered err and not carried out (fault ",
-    "at its point (fault ",
-];
-
-/// How lines of the log begin, or what they have, that tell of a fault without its word.
-const SAYS: [(&str, Class); 8] = [
-    ("AddRCC refused: the instruction list is full", Class::P11),
-    ("AddRCC refused: an instruction in the middle", Class::P12),
-    ("scenario: another master speaks", Class::P14),
-    ("scenario: the mains fail", Class::C4),
-    ("scenario: counter ", Class::C5),
-    ("scenario: input ", Class::C8),
-    ("scenario: output ", Class::C8),
-    (" beyond its soft limit", Class::C6),
-];
+/// The alarms of the soft limits, of eight axes each.
+const SOFT_LIMITS: [RangeInclusive<u32>; 2] = [130..=137, 140..=147];
 
 /// What a scenario has in force at a controller.
 #[derive(Debug, Default)]
@@ -53,46 +37,57 @@ impl Felt {
         *self = Self::default();
     }
 
-    /// A line of the log; `moves`: whether the arm moves after it.
-    pub fn read(&mut self, line: &LogLine, moves: bool, record: &mut Record) {
-        let text = line.text.as_str();
-        if let Some(window) = text.strip_prefix("scenario: fault ") {
-            return self.change(window);
-        }
-        let struck = STRUCK.iter().find_map(|says| text.split_once(says)).map(|(_, fault)| word(fault));
-        // Without mains every connection is half-open, which no fault has done.
-        if let Some(word) = struck.filter(|word| *word != "half-open" || self.is_in_force(word))
-            && let Some(class) = class_of(word)
-        {
-            record.strikes(class);
-        }
-        let is_masters =
-            std::mem::replace(&mut self.master_speaks, text == "scenario: another master speaks");
-        if is_masters && text.starts_with("AddRCC: 0 instructions, list replaced") && moves {
-            record.strikes(Class::E5);
-        }
-        // What the machine refused is told once more, as a warning.
-        let is_told_of = |says: &str| {
-            let is_done = line.level == Level::Info || !says.starts_with("scenario: ");
-            is_done && if says.starts_with(' ') { text.contains(says) } else { text.starts_with(says) }
+    /// An entry of the log; `moves`: whether the arm moves after it.
+    pub fn read(&mut self, entry: &LogEntry, moves: bool, record: &mut Record) {
+        let is_masters = std::mem::take(&mut self.master_speaks);
+        let pause = |command: &str| ["modifyGSPD", "actionPause"].contains(&command);
+        let class = match &entry.event {
+            Event::FaultBegins { fault } => {
+                self.in_force.insert(fault.word().to_owned());
+                None
+            }
+            Event::FaultEnds { fault } => {
+                if self.in_force.remove(fault.word()) && fault.word() == "list-frozen" {
+                    self.waits = false;
+                }
+                None
+            }
+            Event::Struck { fault } => self.class_in_force(fault),
+            Event::NotAnswered { fault } | Event::OldValues { fault } => {
+                self.class_in_force(&Fault::Task(*fault))
+            }
+            Event::StopIgnored { how, .. } => self.class_in_force(&Fault::Task(TaskFault::StopIgnored(*how))),
+            Event::Dwells { rest } => self.class_in_force(&Fault::Task(TaskFault::Dwell { rest: *rest })),
+            Event::ListComesLate { .. } => class_of("late-list"),
+            Event::CommandAccepted { done: false, .. } | Event::ListTaken { done: false, .. } => {
+                class_of("not-executed")
+            }
+            Event::ListTaken { instructions: 0, replaced: true, .. } if is_masters && moves => {
+                Some(Class::E5)
+            }
+            Event::CommandAccepted { command, .. } if moves && pause(command.as_str()) => Some(Class::C7),
+            Event::ListRefused { why: ListRefusal::ListFull } => Some(Class::P11),
+            Event::ListRefused { why: ListRefusal::InTheMiddle } => Some(Class::P12),
+            Event::AlarmRaised { alarm, why: AlarmCause::Step { .. } }
+                if SOFT_LIMITS.iter().any(|limits| limits.contains(alarm)) =>
+            {
+                Some(Class::C6)
+            }
+            Event::Happens { what } => {
+                self.master_speaks = matches!(what, Happening::Request(_));
+                class_of_happening(what)
+            }
+            _ => None,
         };
-        for (_, class) in SAYS.iter().filter(|(says, _)| is_told_of(says)) {
-            record.strikes(*class);
-        }
-        let is_pace = ["modifyGSPD ", "actionPause"].iter().any(|word| text.starts_with(word));
-        if is_pace && moves && !text.contains("not carried out") {
-            record.strikes(Class::C7);
+        if let Some(class) = class {
+            record.strikes(class);
         }
     }
 
-    /// A fault begins or ends.
-    fn change(&mut self, window: &str) {
-        let word = word(window).to_owned();
-        if window.ends_with("begins") {
-            self.in_force.insert(word);
-        } else if self.in_force.remove(&word) && word == "list-frozen" {
-            self.waits = false;
-        }
+    /// The class of a fault that struck. Without mains every connection is half-open, which no fault has done.
+    fn class_in_force(&self, fault: &Fault) -> Option<Class> {
+        let word = fault.word();
+        (word != "half-open" || self.is_in_force(word)).then(|| class_of(word)).flatten()
     }
 
     /// The machine may run, and has instructions that it does not begin where its list is frozen.
@@ -103,9 +98,17 @@ impl Felt {
     }
 }
 
-/// The word of a fault that a line goes on with.
-fn word(text: &str) -> &str {
-    text.split([' ', ')']).next().unwrap_or_default()
+/// The class of what a scenario has happen.
+fn class_of_happening(what: &Happening) -> Option<Class> {
+    match what {
+        Happening::Request(_) => Some(Class::P14),
+        Happening::PowerCut { .. } => Some(Class::C4),
+        Happening::Counter { .. } => Some(Class::C5),
+        Happening::Output(..)
+        | Happening::Bounce(_)
+        | Happening::Panel(PanelAction::SetInput { .. } | PanelAction::SetEuInput { .. }) => Some(Class::C8),
+        Happening::Panel(_) | Happening::Photo(_) => None,
+    }
 }
 
 fn class_of(word: &str) -> Option<Class> {
@@ -136,16 +139,17 @@ pub fn class_of_deed(action: &PanelAction) -> Option<Class> {
 
 #[cfg(test)]
 mod tests {
+    use r6_controller::event::{Detail, DidNot};
+    use r6_controller::fault::{BadList, LinkFault, ReplyFault};
     use r6_proto::time::Instant;
 
     use super::*;
 
-    fn strikes(lines: &[(Level, &str)]) -> Vec<(Class, u64)> {
+    fn strikes(events: &[Event]) -> Vec<(Class, u64)> {
         let (mut felt, mut record) = (Felt::default(), Record::new(false));
-        for (level, text) in lines {
-            let line =
-                LogLine { at: Instant::ORIGIN, connection: None, level: *level, text: (*text).to_owned() };
-            felt.read(&line, false, &mut record);
+        for event in events {
+            let entry = LogEntry { at: Instant::ORIGIN, connection: None, event: event.clone() };
+            felt.read(&entry, false, &mut record);
         }
         let struck = CLASSES.iter().map(|(class, ..)| (*class, record.tally.faults[class.index()].strikes));
         struck.filter(|(_, strikes)| *strikes > 0).collect()
@@ -160,17 +164,20 @@ mod tests {
 
     #[test]
     fn only_what_struck_counts() {
-        let info = |text| (Level::Info, text);
-        let begins = (Level::Warning, "scenario: fault half-open begins");
-        let half_open = info("the connection was struck by fault half-open");
-        assert_eq!(strikes(&[begins]), []);
-        assert_eq!(strikes(&[half_open]), []);
-        assert_eq!(strikes(&[begins, half_open]), [(Class::T6, 1)]);
-        assert_eq!(strikes(&[info("a reply was struck by fault bad-list (short)")]), [(Class::P5, 1)]);
-        let not_done = "actionStop: answered ok and not carried out (fault not-executed)";
-        assert_eq!(strikes(&[info(not_done)]), [(Class::P10, 1)]);
-        let counter = "scenario: counter 0 is set to 7";
-        assert_eq!(strikes(&[info(counter)]), [(Class::C5, 1)]);
-        assert_eq!(strikes(&[(Level::Warning, counter)]), []);
+        let half_open = Fault::Link(LinkFault::HalfOpen);
+        let begins = Event::FaultBegins { fault: half_open.clone() };
+        let struck = Event::Struck { fault: half_open };
+        assert_eq!(strikes(std::slice::from_ref(&begins)), []);
+        assert_eq!(strikes(std::slice::from_ref(&struck)), []);
+        assert_eq!(strikes(&[begins, struck]), [(Class::T6, 1)]);
+        let short = Event::Struck { fault: Fault::Reply(ReplyFault::BadList(BadList::Short)) };
+        assert_eq!(strikes(&[short]), [(Class::P5, 1)]);
+        let not_done =
+            Event::CommandAccepted { command: Detail::of("actionStop"), arguments: Vec::new(), done: false };
+        assert_eq!(strikes(&[not_done]), [(Class::P10, 1)]);
+        let what = Happening::Counter { id: 0, current: 7, target: None };
+        let refused = DidNot::TooManyCounters { limit: 1 };
+        assert_eq!(strikes(&[Event::Happens { what: what.clone() }]), [(Class::C5, 1)]);
+        assert_eq!(strikes(&[Event::DidNotHappen { what, why: refused }]), []);
     }
 }

@@ -6,8 +6,11 @@ mod sights;
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
+use r6_controller::event::ListRefusal;
 use r6_controller::fault::{LinkFault, LinkFaultNow};
-use r6_controller::{Controller, LogLine};
+use r6_controller::panel::EMERGENCY_STOP;
+use r6_controller::scenario::Happening;
+use r6_controller::{Button, Controller, Event, LogEntry, PanelAction};
 use tokio::sync::watch;
 
 use crate::felt::Felt;
@@ -214,7 +217,7 @@ impl Floor {
     pub fn look(
         &mut self,
         controller: &Controller,
-        lines: &[LogLine],
+        lines: &[LogEntry],
         clients: &[Line],
         record: &mut Record,
     ) {
@@ -224,9 +227,9 @@ impl Floor {
         for line in lines {
             record.tell(at, format_args!("{}: {line}", self.name));
             self.felt.read(line, moves, record);
-            self.read(at, &line.text);
-            if line.text.starts_with("alarm ") && !line.text.ends_with("cleared") {
-                record.tally.alarms[usize::from(!line.text.starts_with("alarm 7:"))] += 1;
+            self.read(at, &line.event);
+            if let Event::AlarmRaised { alarm, .. } = line.event {
+                record.tally.alarms[usize::from(alarm != EMERGENCY_STOP)] += 1;
             }
         }
         if machine.mode().may_run() && !machine.list().is_empty() {
@@ -244,34 +247,47 @@ impl Floor {
     }
 
     /// What the log says that sets it in motion, or ends that.
-    fn read(&mut self, at: Duration, text: &str) {
-        const STARTS: [&str; 8] = [
-            "startButton",
-            "actionSingleCycle",
-            "clearAlarmRunNext",
-            "clearAlarmContinue",
-            "scenario: button start",
-            "scenario: button single",
-            "AddRCC refused: an instruction in the middle",
-            "switchMold",
-        ];
-        let takes =
-            text.starts_with("AddRCC: ") && !text.starts_with("AddRCC: 0 ") && text.contains(" instruction");
-        self.taken += u64::from(takes);
-        let is_done = !text.contains("not carried out");
-        if is_done && (takes || STARTS.iter().any(|start| text.starts_with(start))) {
-            self.starts(at);
-        } else if text.starts_with("actionStop") {
-            self.last_stop = at;
-        } else if text.starts_with("alarm ") {
-            self.halted.get_or_insert((at + COMES_TO_REST, None));
-            self.rests.get_or_insert(at);
-            self.last_alarm = Some(at);
-        }
-        if text.contains("the mains fail") {
-            // The brakes catch it at once, and nothing runs when they are back.
-            self.pace.clear();
-            self.rests.get_or_insert(at);
+    fn read(&mut self, at: Duration, event: &Event) {
+        const STARTS: [&str; 5] =
+            ["startButton", "actionSingleCycle", "clearAlarmRunNext", "clearAlarmContinue", "switchMold"];
+        match event {
+            Event::ListTaken { instructions: 0, .. } => {}
+            Event::ListTaken { done, .. } => {
+                self.taken += 1;
+                if *done {
+                    self.starts(at);
+                }
+            }
+            Event::ListAnsweredErr { .. } | Event::LateListTaken { .. } => {
+                self.taken += 1;
+                self.starts(at);
+            }
+            Event::CommandAccepted { command, done: true, .. } if STARTS.contains(&command.as_str()) => {
+                self.starts(at);
+            }
+            Event::ListRefused { why: ListRefusal::InTheMiddle }
+            | Event::Happens {
+                what:
+                    Happening::Panel(PanelAction::Press(Button::Start | Button::SingleCycle | Button::SingleStep)),
+            } => {
+                self.starts(at);
+            }
+            Event::CommandAccepted { command, .. } | Event::StopIgnored { request: command, .. }
+                if command.as_str() == "actionStop" =>
+            {
+                self.last_stop = at;
+            }
+            Event::AlarmRaised { .. } | Event::AlarmCleared { .. } => {
+                self.halted.get_or_insert((at + COMES_TO_REST, None));
+                self.rests.get_or_insert(at);
+                self.last_alarm = Some(at);
+            }
+            Event::Happens { what: Happening::PowerCut { .. } } => {
+                // The brakes catch it at once, and nothing runs when they are back.
+                self.pace.clear();
+                self.rests.get_or_insert(at);
+            }
+            _ => {}
         }
     }
 }

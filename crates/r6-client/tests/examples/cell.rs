@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use r6_client::{Robot, RobotSettings};
-use r6_controller::{LogLine, Program, StartState};
+use r6_controller::{Event, LogEntry, Program, StartState};
 use r6_sim::{ControllerHandle, VirtualController};
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::TryRecvError;
@@ -15,8 +15,8 @@ pub const PATIENCE: Duration = Duration::from_secs(600);
 pub struct Cell {
     pub controller: VirtualController,
     pub robot: Robot,
-    log: Receiver<LogLine>,
-    texts: Vec<String>,
+    log: Receiver<LogEntry>,
+    lists: Vec<(usize, bool)>,
 }
 
 impl Cell {
@@ -44,27 +44,26 @@ impl Cell {
         let log = controller.handle().log();
         let address = controller.address().to_string();
         let robot = Robot::connect(&address, RobotSettings::default()).await.unwrap();
-        Self { controller, robot, log, texts: Vec::new() }
+        Self { controller, robot, log, lists: Vec::new() }
     }
 
     pub fn handle(&self) -> &ControllerHandle {
         self.controller.handle()
     }
 
-    /// The lines of the controller's log so far.
-    pub fn log(&mut self) -> &[String] {
+    /// The lists that it took so far: how many instructions each had, and whether it replaced the one that was there.
+    pub fn lists(&mut self) -> Vec<(usize, bool)> {
         loop {
             match self.log.try_recv() {
-                Ok(line) => self.texts.push(line.text),
-                Err(TryRecvError::Empty | TryRecvError::Closed) => return &self.texts,
+                Ok(line) => {
+                    if let Event::ListTaken { instructions, replaced, .. } = line.event {
+                        self.lists.push((instructions, replaced));
+                    }
+                }
+                Err(TryRecvError::Empty | TryRecvError::Closed) => return self.lists.clone(),
                 Err(TryRecvError::Lagged(lines)) => panic!("{lines} lines were missed"),
             }
         }
-    }
-
-    /// The lists that it took, each as the log has it.
-    pub fn lists(&mut self) -> Vec<String> {
-        self.log().iter().filter(|line| line.starts_with("AddRCC: ")).cloned().collect()
     }
 
     /// How far the farthest axis is from there.

@@ -1,5 +1,7 @@
 //! Which faults there are, what goes wrong in each case, and how it is felt.
 
+use r6_controller::Event;
+use r6_controller::scenario::Happening;
 use std::time::Duration;
 
 use r6_client::Cause;
@@ -119,7 +121,7 @@ pub const CASES: &[Case] = &[
         ..own("P8-gbk", NINE_SECONDS, |seen| seen.machine_name.as_deref() == Some("机器"))
     },
     // A list that is not carried out may also be ended by somebody's stop before that is noticed.
-    file("P10-not-executed", |seen| seen.log.iter().any(|line| line.contains("fault not-executed"))),
+    file("P10-not-executed", |seen| seen.events.iter().any(not_executed)),
     file("P10-not-acknowledged", |seen| seen.notes.commands(&Fate::Unknown) > 0),
     file("P11-list-full", |seen| seen.notes.ended(|cause| matches!(cause, Cause::Refused(_))) > 0),
     file("P11-list-frozen", |seen| {
@@ -135,9 +137,17 @@ pub const CASES: &[Case] = &[
         b"\"ok\"",
         b"\"E4711\"",
     ),
-    file("P14-two-masters", |seen| seen.log.iter().any(|line| line.contains("scenario: another master"))),
+    file("P14-two-masters", |seen| seen.events.iter().any(another_master)),
     Case { another: true, ..own("P14-second-client", NINE_SECONDS, |seen| seen.ended_by_others() > 0) },
 ];
+
+fn not_executed(event: &Event) -> bool {
+    matches!(event, Event::CommandAccepted { done: false, .. } | Event::ListTaken { done: false, .. })
+}
+
+fn another_master(event: &Event) -> bool {
+    matches!(event, Event::Happens { what: Happening::Request(_) })
+}
 
 impl Outcome {
     /// Whether it was learned that this firmware does not say which request it answers.

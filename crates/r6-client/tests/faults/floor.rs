@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use r6_controller::{Controller, LogLine};
+use r6_controller::{Controller, Event, LogEntry};
 use r6_proto::message::Action;
 use r6_proto::time::Instant;
 use r6_sim::ControllerHandle;
@@ -29,6 +29,7 @@ pub struct Seen {
     halted: Option<Instant>,
     pub broken_promises: Vec<String>,
     pub log: Vec<String>,
+    pub events: Vec<Event>,
 }
 
 /// Who stands there. Clones are the same.
@@ -68,7 +69,7 @@ impl Floor {
 }
 
 impl Seen {
-    fn look(&mut self, now: Instant, controller: &Controller, lines: &[LogLine]) {
+    fn look(&mut self, now: Instant, controller: &Controller, lines: &[LogEntry]) {
         let machine = controller.machine();
         let list = machine.list();
         let j1 = machine.motion().axes.degrees()[0];
@@ -82,13 +83,9 @@ impl Seen {
             _ => None,
         });
         for line in lines {
-            let text = line.to_string();
-            if let Some((_, taken)) = text.split_once("AddRCC: ") {
-                let count =
-                    taken.split_once(" instruction").and_then(|(count, _)| count.parse::<usize>().ok());
-                self.taken += count.unwrap_or(0);
-            }
-            self.log.push(format!("{now} {text}"));
+            self.taken += line.event.instructions_taken().unwrap_or(0);
+            self.log.push(format!("{now} {line}"));
+            self.events.push(line.event.clone());
         }
         if let (Some(since), Some((before, place))) = (self.halted, self.places.last())
             && before.as_nanos() > since.as_nanos() + COMES_TO_REST_NANOS

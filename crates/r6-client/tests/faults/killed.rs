@@ -3,6 +3,7 @@
 //!
 //! The client is this test itself, run once more and told so. Nothing sleeps: what is waited for is what the controller has done.
 
+use r6_controller::Event;
 use std::env;
 use std::process::{Child, Command as Process, Stdio};
 use std::time::Duration;
@@ -121,7 +122,9 @@ impl Cell {
         let floor = Floor::at(controller.handle());
         let (tell, done) = watch::channel(Done::default());
         controller.handle().observe(move |_, controller, lines| {
-            let alarm = lines.iter().any(|line| line.text.starts_with("alarm "));
+            let alarm = lines
+                .iter()
+                .any(|line| matches!(line.event, Event::AlarmRaised { .. } | Event::AlarmCleared { .. }));
             tell.send_if_modified(|done| {
                 let now = look(controller, done.alarm || alarm);
                 std::mem::replace(done, now) != now

@@ -94,6 +94,7 @@ pub struct Outcome {
     pub quality: LinkQuality,
     pub notes: Notes,
     pub log: Vec<String>,
+    pub events: Vec<r6_controller::Event>,
     /// How long after the end of the fault the first answer to the subscription came.
     pub recovered: Duration,
     pub profile: &'static str,
@@ -212,7 +213,17 @@ async fn work(scenario: Scenario, setup: Setup) -> Outcome {
     assert_eq!(seen.broken_promises, Vec::<String>::new());
     seen.assert_nothing_twice(|target| notes.targets.contains(&target));
     notes.assert_consistent(&line, &seen.done, setup.executes);
-    Outcome { line, quality, notes, log: seen.log, recovered, profile: setup.profile, learned, machine_name }
+    Outcome {
+        line,
+        quality,
+        notes,
+        log: seen.log,
+        events: seen.events,
+        recovered,
+        profile: setup.profile,
+        learned,
+        machine_name,
+    }
 }
 
 /// A person sees to the machine where it needs one.

@@ -1,10 +1,11 @@
 //! A controller, a client, and what they saw of each other.
 
+use r6_controller::Event;
 use std::time::Duration;
 
 use r6_client::units::{AxisPosition, Percent};
 use r6_client::{Motion, Robot, RobotSettings};
-use r6_controller::{LogLine, Profile, Scenario};
+use r6_controller::{LogEntry, Profile, Scenario};
 use r6_sim::{Clock, ControllerHandle, VirtualController};
 use tokio::sync::broadcast::{Receiver, error::TryRecvError};
 
@@ -14,7 +15,7 @@ pub const PATIENCE: Duration = Duration::from_secs(600);
 pub struct Cell {
     pub controller: VirtualController,
     pub robot: Robot,
-    log: Receiver<LogLine>,
+    log: Receiver<LogEntry>,
     lists: Vec<(usize, bool)>,
 }
 
@@ -40,9 +41,8 @@ impl Cell {
         loop {
             match self.log.try_recv() {
                 Ok(line) => {
-                    if let Some(taken) = line.text.strip_prefix("AddRCC: ") {
-                        let (count, how) = taken.split_once(" instruction").unwrap();
-                        self.lists.push((count.parse().unwrap(), how.ends_with(", list replaced")));
+                    if let Event::ListTaken { instructions, replaced, .. } = line.event {
+                        self.lists.push((instructions, replaced));
                     }
                 }
                 Err(TryRecvError::Empty | TryRecvError::Closed) => return &self.lists,

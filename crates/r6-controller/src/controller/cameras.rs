@@ -6,6 +6,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use super::ConnectionId;
+use crate::event::Event;
 
 /// How many cameras that have spoken are remembered; beyond, the one that was silent for longest is forgotten. A cell has a few,
 /// and a peer can name as many as it likes.
@@ -54,7 +55,7 @@ impl Cameras {
     }
 
     /// A connection has spoken as a camera. What is odd about it, the first time.
-    pub fn spoke(&mut self, id: ConnectionId, cam_id: i64) -> Option<String> {
+    pub fn spoke(&mut self, id: ConnectionId, cam_id: i64) -> Option<Event> {
         let known = self.speakers.iter().any(|speaker| *speaker == (cam_id, id));
         self.speakers.retain(|(camera, _)| *camera != cam_id);
         if self.speakers.len() >= MAX_SPEAKERS {
@@ -63,7 +64,7 @@ impl Cameras {
         self.speakers.push_back((cam_id, id));
         match self.links.get(&id) {
             Some(Some(dialled)) if *dialled != cam_id && !known => {
-                Some(format!("the camera that was dialled as camera {dialled} speaks as camera {cam_id}"))
+                Some(Event::CameraSpeaksAsAnother { dialled: *dialled, speaks_as: cam_id })
             }
             Some(_) | None => None,
         }

@@ -15,14 +15,18 @@ use super::ConnectionId;
 use super::cameras::Cameras;
 use super::scenario::{Asked, Strikes};
 use crate::answer::Answers;
+use crate::event::{Detail, Event, ListRefusal};
 use crate::fault::IgnoredStop;
-use crate::log::{Level, Log};
+use crate::log::Log;
 use crate::machine::{Machine, NotTaken};
 use crate::profile::{MissingOneshot, PathSpeedAnswer, Profile};
 use crate::scenario::LateList;
 
 /// How many oddities of one message are explained, each with its nearest right word.
 const MAX_EXPLAINED: usize = 8;
+
+/// How many arguments of a command the log keeps: no command has more, and a line has no room for them.
+const MAX_ARGUMENTS: usize = 104;
 
 /// Where the messages of one connection are dealt with.
 pub(super) struct Desk<'c> {
@@ -81,25 +85,28 @@ impl<'c> Desk<'c> {
     fn explain(&mut self, oddities: impl Iterator<Item = impl std::fmt::Display>) {
         let mut oddities = oddities;
         for oddity in oddities.by_ref().take(MAX_EXPLAINED) {
-            self.warn(oddity.to_string());
+            self.warn(Event::Odd { problem: Detail::of(oddity) });
         }
-        match oddities.count() {
-            0 => {}
-            more => self.warn(format!("and {more} more of the kind")),
+        self.tell_of_more(oddities.count());
+    }
+
+    fn tell_of_more(&mut self, count: usize) {
+        if count > 0 {
+            self.warn(Event::MoreOfTheKind { count });
         }
     }
 
-    fn info(&mut self, text: String) {
-        self.log.add(self.now, Some(self.id), Level::Info, text);
+    fn info(&mut self, event: Event) {
+        self.log.add(self.now, Some(self.id), event);
     }
 
-    fn warn(&mut self, text: String) {
-        self.log.warn(self.now, self.id, text);
+    fn warn(&mut self, event: Event) {
+        self.log.warn(self.now, self.id, event);
     }
 
     /// Malformed input gets silence and a log line.
     fn malformed(&mut self, error: &InputError) {
-        self.warn(format!("{error}; not answered"));
+        self.warn(Event::NotUnderstood { problem: Detail::of(error) });
     }
 
     fn handle(&mut self, message: &Message<'_>, outbox: &mut Outbox) {
@@ -124,15 +131,15 @@ impl<'c> Desk<'c> {
             Body::Heartbreak => self.heartbreak(header, outbox),
             Body::PhotoAnswer(answer) => {
                 self.speaks_as(answer.cam_id);
-                self.info(format!("camera {} answers: ret {}", answer.cam_id, answer.ret));
+                self.info(Event::PhotoAnswered { camera: answer.cam_id, ret: answer.ret });
                 self.machine.photo_answered(answer.cam_id, answer.ret == 1);
             }
             Body::AddPoints(points) => self.add_points(header, points, outbox),
             Body::AddRcc(list) => self.add_rcc(message, list, outbox),
             Body::Rejected(rejection) => self.rejected(message, rejection, outbox),
-            Body::Unknown(unknown) => self.warn(format!("{unknown}; not answered")),
+            Body::Unknown(unknown) => self.warn(Event::NotUnderstood { problem: Detail::of(unknown) }),
             Body::QueryReply(_) | Body::CommandReply(_) | Body::Photo(_) => {
-                self.warn("a reply came, but a controller asks nothing; not answered".to_owned());
+                self.warn(Event::ReplyCame);
             }
         }
     }
@@ -148,14 +155,8 @@ impl<'c> Desk<'c> {
         if !self.log.is_first_ds_id(self.id) {
             return;
         }
-        let sent = header
-            .ds_id
-            .map_or_else(|| "no `dsID`".to_owned(), |sent| format!("`dsID` is `{}`", sent.text()));
-        let [long, short] = right;
-        let right = if long == short { format!("`{long}`") } else { format!("`{long}` or `{short}`") };
-        self.warn(format!(
-            "{request}: {sent}, and should be {right}: a real controller may not answer; not told again on this connection"
-        ));
+        let sent = header.ds_id.map(|sent| Detail::of(sent.text()));
+        self.warn(Event::WrongDsId { request, sent, right });
     }
 
     /// Lets `write` append a reply, unless the request had no type (manual 5.2, 6: no reply without it). Then the log says so, and
@@ -169,8 +170,7 @@ impl<'c> Desk<'c> {
         write: impl FnOnce(&ReplyWriter<'_>, &Machine, &mut Vec<u8>),
     ) {
         if header.type_word.is_none() {
-            let what = if done { "carried out, not answered" } else { "not answered" };
-            self.warn(format!("{request} without `reqType`: {what}"));
+            self.warn(Event::WithoutType { request, done });
             return;
         }
         let writer = ReplyWriter::new(self.machine.profile.dialect, *header, request);
@@ -225,13 +225,14 @@ impl<'c> Desk<'c> {
         let done = if self.strikes.not_executed { Ok(()) } else { self.machine.execute(words) };
         match done {
             Ok(()) => {
-                let arguments = words.arguments().iter().map(|argument| argument.text());
-                let said: Vec<_> = std::iter::once(word.clone()).chain(arguments).collect();
-                self.info(said.join(" ") + self.not_done());
+                let arguments = words.arguments().iter().take(MAX_ARGUMENTS);
+                let arguments = arguments.map(|argument| Detail::of(argument.text())).collect();
+                let done = !self.strikes.not_executed;
+                self.info(Event::CommandAccepted { command: Detail::of(&word), arguments, done });
                 self.verdict(header, RequestType::Command, &word, Verdict::Ok, outbox);
             }
             Err(reason) => {
-                self.warn(format!("command {word} refused: {reason}"));
+                self.warn(Event::CommandRefused { command: Detail::of(&word), why: Detail::of(&reason) });
                 self.verdict(header, RequestType::Command, &word, Verdict::Err(&reason), outbox);
             }
         }
@@ -246,11 +247,11 @@ impl<'c> Desk<'c> {
         how: IgnoredStop,
         outbox: &mut Outbox,
     ) {
-        let (told, verdict) = match how {
-            IgnoredStop::Err => ("err", Verdict::BareErr),
-            IgnoredStop::Ok | IgnoredStop::Every => ("ok", Verdict::Ok),
+        let verdict = match how {
+            IgnoredStop::Err => Verdict::BareErr,
+            IgnoredStop::Ok | IgnoredStop::Every => Verdict::Ok,
         };
-        self.info(format!("{word}: answered {told} and not carried out (fault stop-ignored)"));
+        self.info(Event::StopIgnored { request: Detail::of(word), how });
         self.verdict(header, request, word, verdict, outbox);
     }
 
@@ -282,7 +283,7 @@ impl<'c> Desk<'c> {
         }
         for step in list.instructions {
             if let Action::Unknown(unknown) = &step.action {
-                self.warn(format!("AddRCC refused: action {} is not known", unknown.number()));
+                self.warn(Event::ListRefused { why: ListRefusal::UnknownAction(unknown.number()) });
                 self.verdict(&message.header, RequestType::AddRcc, "AddRCC", Verdict::BareErr, outbox);
                 return;
             }
@@ -295,34 +296,29 @@ impl<'c> Desk<'c> {
         if let Some(delay) = self.strikes.late_list.filter(|_| !list.instructions.is_empty()) {
             let (replace, steps) = (list.empty_list.unwrap_or(false), list.instructions.to_vec());
             self.late = Some((self.now + delay, LateList { replace, steps }));
-            self.info(format!("a list is taken {delay:?} later, and not answered: fault late-list"));
+            self.info(Event::ListComesLate { after: delay });
             return;
         }
         let steps = self.with_oneshot(list);
         let verdict = match self.take_instructions(list.empty_list.unwrap_or(false), &steps) {
             Ok(()) if self.answers_err_to(&steps) => {
-                let count = steps.len();
-                self.warn(format!(
-                    "AddRCC: {count} instructions answered err, and executed: a linear move stands behind a path speed (actions 51, \
-                     10), as reported of one unit"
-                ));
+                self.warn(Event::ListAnsweredErr { instructions: steps.len() });
                 Verdict::BareErr
             }
             Ok(()) => {
-                let how = if list.empty_list == Some(true) { "replaced" } else { "appended to" };
-                let count = match list.instructions.len() {
-                    1 => "1 instruction".to_owned(),
-                    count => format!("{count} instructions"),
-                };
-                self.info(format!("AddRCC: {count}, list {how}{}", self.not_done()));
+                self.info(Event::ListTaken {
+                    instructions: list.instructions.len(),
+                    replaced: list.empty_list == Some(true),
+                    done: !self.strikes.not_executed,
+                });
                 Verdict::Ok
             }
-            Err(NotTaken::Refused(reason)) => {
-                self.warn(format!("AddRCC refused: {reason}"));
+            Err(NotTaken::Refused(why)) => {
+                self.warn(Event::ListRefused { why });
                 Verdict::BareErr
             }
-            Err(NotTaken::Silent(reason)) => {
-                self.warn(format!("AddRCC neither executed nor answered: {reason}"));
+            Err(NotTaken::Silent(why)) => {
+                self.warn(Event::ListIgnored { why });
                 return;
             }
         };
@@ -333,13 +329,15 @@ impl<'c> Desk<'c> {
     fn with_oneshot<'l>(&mut self, list: &AddRcc<'l>) -> Cow<'l, [Instruction]> {
         let mut steps = Cow::Borrowed(list.instructions);
         let numbers = list.without_oneshot.iter().map(|index| index + 1);
-        let (is_oneshot, taken) = match self.machine.profile.oneshot_missing {
-            MissingOneshot::Keep => (false, "0: it stays, and the list runs again and again"),
-            MissingOneshot::Remove => (true, "1: it is removed once it has run"),
+        let is_oneshot = match self.machine.profile.oneshot_missing {
+            MissingOneshot::Keep => false,
+            MissingOneshot::Remove => true,
         };
-        self.explain(
-            numbers.map(|number| format!("instruction {number} has no `oneshot`: taken as {taken}")),
-        );
+        let mut numbers = numbers;
+        for instruction in numbers.by_ref().take(MAX_EXPLAINED) {
+            self.warn(Event::WithoutOneshot { instruction, stays: !is_oneshot });
+        }
+        self.tell_of_more(numbers.count());
         for index in list.without_oneshot {
             let index = usize::try_from(*index).unwrap_or(usize::MAX);
             if let Some(step) = steps.to_mut().get_mut(index) {
@@ -362,24 +360,19 @@ impl<'c> Desk<'c> {
         }
     }
 
-    /// What the log says besides of something that was answered with ok.
-    fn not_done(&self) -> &'static str {
-        if self.strikes.not_executed { ": answered ok and not carried out (fault not-executed)" } else { "" }
-    }
-
     fn take_instructions(&mut self, replace: bool, steps: &[Instruction]) -> Result<(), NotTaken> {
         if self.strikes.not_executed {
             return Ok(());
         }
         if self.strikes.list_full && !steps.is_empty() {
-            return Err(NotTaken::Refused("the instruction list is full"));
+            return Err(NotTaken::Refused(ListRefusal::ListFull));
         }
         if self.strikes.rejected_mid_batch && !steps.is_empty() {
             let half = steps.get(..steps.len() / 2).unwrap_or_default();
             if !half.is_empty() {
                 self.machine.add_instructions(replace, half)?;
             }
-            return Err(NotTaken::Refused("an instruction in the middle of the list was not taken"));
+            return Err(NotTaken::Refused(ListRefusal::InTheMiddle));
         }
         self.machine.add_instructions(replace, steps)
     }
@@ -391,14 +384,11 @@ impl<'c> Desk<'c> {
         let over = |limit: Option<usize>| limit.is_some_and(|limit| bytes > limit);
         if over(profile.add_rcc_reset_over) {
             self.reset = true;
-            self.warn(format!("AddRCC of {bytes} bytes: the connection is reset, as real controllers do"));
+            self.warn(Event::ListTooLong { bytes, reset: true });
             return false;
         }
         if over(profile.add_rcc_silent_over) {
-            self.warn(format!(
-                "AddRCC of {bytes} bytes: neither executed nor answered, as real controllers do; send fewer \
-                 instructions in one list and append the rest"
-            ));
+            self.warn(Event::ListTooLong { bytes, reset: false });
             return false;
         }
         true
@@ -407,7 +397,7 @@ impl<'c> Desk<'c> {
     /// A known type with a wrong field: what the protocol lets us say is `err`.
     fn rejected(&mut self, message: &Message<'_>, rejection: &Rejection<'_>, outbox: &mut Outbox) {
         let reason = rejection.error.to_string();
-        self.warn(format!("{} refused: {reason}", rejection.request));
+        self.warn(Event::Refused { request: rejection.request, why: Detail::of(&reason) });
         let header = &message.header;
         match rejection.request {
             RequestType::AddRcc if !self.fits(message) => {}

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use r6_proto::time::Instant;
 
 use super::{ConnectionId, Controller, Service};
+use crate::event::{DidNot, Event};
 use crate::fault::{Fault, LinkFault, LinkFaultNow, ReplyFault, TaskFault};
-use crate::log::Level;
 use crate::machine::{CounterState, Machine, NotTaken};
 use crate::panel::Refused;
 use crate::saved::MAX_COUNTERS;
@@ -21,8 +21,6 @@ pub(super) use broken::{Asked, Strikes};
 /// How many turns of a scenario one call carries out. A timeline has at most a thousand a second (`scenario/file.rs`): whoever
 /// was away for longer than a minute and a half misses repetitions, and does not hold everybody up to make up for them.
 const MAX_TURNS: usize = 100_000;
-
-const TOO_MANY: &str = "too many inputs are about to change already";
 
 /// The scenario of a controller, and what is broken now.
 #[derive(Debug)]
@@ -96,7 +94,7 @@ impl Controller {
         let Some(breakage) = &mut self.breakage else { return };
         let skipped = breakage.run.catch_up(now);
         if skipped > 0 {
-            self.tell(at, Level::Warning, format!("{skipped} happenings were left out: too many at once"));
+            self.tell(at, Event::HappeningsLeftOut { count: skipped });
         }
     }
 
@@ -121,7 +119,7 @@ impl Controller {
     pub(super) fn react(&mut self, now: Instant) {
         let Some(breakage) = &mut self.breakage else { return };
         if breakage.run.reacts() && !breakage.run.react(now, self.machine.io()) {
-            self.tell(now, Level::Warning, format!("an input does not follow: {TOO_MANY}"));
+            self.tell(now, Event::InputDoesNotFollow);
         }
     }
 
@@ -130,13 +128,13 @@ impl Controller {
             Turn::FaultsChange => self.change_faults(now),
             Turn::PowerIsBack => self.power_up(now),
             Turn::Happens(what) if self.is_off() && !needs_no_power(&what) => {
-                self.tell(now, Level::Warning, format!("{what}: {}", Refused::PowerOff));
+                self.tell_not(now, &what, DidNot::Refused { why: Refused::PowerOff });
             }
             Turn::Happens(what) => self.happens(now, &what),
             Turn::ListIsTaken(list) => self.take_late(now, &list),
             Turn::Follows(input, on) => {
                 let action = input.set(on);
-                self.tell(now, Level::Info, Happening::Panel(action.clone()).to_string());
+                self.tell(now, Event::Happens { what: Happening::Panel(action.clone()) });
                 let _ = self.machine.operate(&action);
             }
             Turn::Bounces(input, on) => {
@@ -147,11 +145,11 @@ impl Controller {
     }
 
     fn happens(&mut self, now: Instant, what: &Happening) {
-        self.tell(now, Level::Info, what.to_string());
+        self.tell(now, Event::Happens { what: what.for_the_log() });
         match what {
             Happening::Panel(action) => {
-                if let Err(refused) = self.machine.operate(action) {
-                    self.tell(now, Level::Warning, format!("{what}: {refused}"));
+                if let Err(why) = self.machine.operate(action) {
+                    self.tell_not(now, what, DidNot::Refused { why });
                 }
             }
             Happening::Output(point, on) => {
@@ -162,13 +160,13 @@ impl Controller {
                 if let Some(breakage) = &mut self.breakage
                     && !breakage.run.bounce(now, bounce)
                 {
-                    self.tell(now, Level::Warning, format!("{what}: {TOO_MANY}"));
+                    self.tell_not(now, what, DidNot::TooManyInputs);
                 }
             }
             Happening::Counter { id, current, target } => {
                 let counters = &mut self.machine.counters;
                 if !counters.contains_key(id) && counters.len() >= MAX_COUNTERS {
-                    self.tell(now, Level::Warning, format!("{what}: there are {MAX_COUNTERS} already"));
+                    self.tell_not(now, what, DidNot::TooManyCounters { limit: MAX_COUNTERS });
                     return;
                 }
                 let before = counters.get(id).copied().unwrap_or_default();
@@ -183,20 +181,19 @@ impl Controller {
 
     /// A list is taken long after it came.
     fn take_late(&mut self, now: Instant, list: &LateList) {
-        let (level, text) = match self.machine.add_instructions(list.replace, &list.steps) {
-            Ok(()) => {
-                let count = list.steps.len();
-                (Level::Info, format!("AddRCC: {count} instructions, late (fault late-list)"))
-            }
-            Err(NotTaken::Refused(why) | NotTaken::Silent(why)) => {
-                (Level::Warning, format!("a late list is not taken: {why}"))
-            }
+        let event = match self.machine.add_instructions(list.replace, &list.steps) {
+            Ok(()) => Event::LateListTaken { instructions: list.steps.len() },
+            Err(NotTaken::Refused(why) | NotTaken::Silent(why)) => Event::LateListNotTaken { why },
         };
-        self.log.add(now, None, level, text);
+        self.log.add(now, None, event);
     }
 
-    fn tell(&mut self, now: Instant, level: Level, text: String) {
-        self.log.add(now, None, level, format!("scenario: {text}"));
+    fn tell(&mut self, now: Instant, event: Event) {
+        self.log.add(now, None, event);
+    }
+
+    fn tell_not(&mut self, now: Instant, what: &Happening, why: DidNot) {
+        self.tell(now, Event::DidNotHappen { what: what.for_the_log(), why });
     }
 
     /// Another master comes, says this, and goes.
@@ -281,12 +278,16 @@ impl Controller {
             numbers.iter().filter(|number| !others.contains(number)).copied().collect()
         };
         let (ended, begun) = (without(&before, &in_force), without(&in_force, &before));
-        let told = |numbers: &[usize], how| -> Vec<String> {
-            let faults = numbers.iter().filter_map(|number| breakage.run.fault(*number));
-            faults.map(|(fault, _)| format!("fault {fault} {how}")).collect()
+        let faults = |numbers: &[usize]| -> Vec<Fault> {
+            numbers
+                .iter()
+                .filter_map(|number| breakage.run.fault(*number))
+                .map(|(fault, _)| fault.clone())
+                .collect()
         };
-        let lines = [told(&ended, "ends"), told(&begun, "begins")].concat();
-        lines.into_iter().for_each(|text| self.tell(now, Level::Warning, text));
+        let (ends, begins) = (faults(&ended), faults(&begun));
+        ends.into_iter().for_each(|fault| self.tell(now, Event::FaultEnds { fault }));
+        begins.into_iter().for_each(|fault| self.tell(now, Event::FaultBegins { fault }));
         begun
     }
 }

@@ -5,6 +5,7 @@ use r6_proto::message::Instruction;
 use super::Machine;
 use super::execution::Activity;
 use super::halt::AfterHalt;
+use crate::event::{AlarmCause, Event, ListRefusal, ModeReason};
 use crate::instruction_list::MAX_INSTRUCTIONS;
 use crate::mode::Key;
 use crate::panel::Refused;
@@ -15,9 +16,9 @@ use r6_proto::OperationMode;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NotTaken {
     /// It is answered with `err`; the reason is for the log.
-    Refused(&'static str),
+    Refused(ListRefusal),
     /// It is not even answered.
-    Silent(&'static str),
+    Silent(ListRefusal),
 }
 
 impl Machine {
@@ -35,7 +36,7 @@ impl Machine {
             }
             self.mode = OperationMode::Running;
             self.last_pass = false;
-            self.note(format!("{}: started", self.mode));
+            self.note(Event::ModeChanged { mode: self.mode, why: ModeReason::Started });
         } else if self.mode == OperationMode::SingleStep {
             self.mode = OperationMode::Running;
         }
@@ -51,7 +52,7 @@ impl Machine {
         }
         self.mode = OperationMode::SingleCycle;
         self.last_pass = true;
-        self.note("single cycle".to_owned());
+        self.note(Event::SingleCycle);
         self.skip_trigger();
         self.go_on();
         Ok(())
@@ -61,7 +62,7 @@ impl Machine {
     pub(crate) fn press_single_step(&mut self) -> Result<(), Refused> {
         self.ready_to_run()?;
         self.mode = OperationMode::SingleStep;
-        self.note("single step".to_owned());
+        self.note(Event::SingleStep);
         self.go_on();
         Ok(())
     }
@@ -111,7 +112,7 @@ impl Machine {
             Key::Stop => OperationMode::Stop,
             Key::Auto => OperationMode::Auto,
         };
-        self.note(format!("{}: the key was turned", self.mode));
+        self.note(Event::ModeChanged { mode: self.mode, why: ModeReason::KeyTurned });
     }
 
     /// The stop button.
@@ -124,12 +125,12 @@ impl Machine {
         match self.profile.stop_button {
             StopButton::FinishCycle if !second_press && self.cycle_started.is_some() => {
                 self.last_pass = true;
-                self.note("stop button: ends with this cycle".to_owned());
+                self.note(Event::EndsWithCycle);
             }
             StopButton::FinishCycle | StopButton::AtOnce => {
                 self.halt(self.profile.action_stop_time, AfterHalt::Drop);
                 self.cycle_started = None;
-                self.leave_running("stop button");
+                self.leave_running(ModeReason::StopButton);
             }
         }
     }
@@ -143,10 +144,10 @@ impl Machine {
         if ran {
             self.last_pass = false;
             self.mode = self.mode_after_stop();
-            self.note(format!("{}: actionStop", self.mode));
+            self.note(Event::ModeChanged { mode: self.mode, why: ModeReason::ActionStop });
             if self.profile.action_stop_alarm != 0 && self.alarm == 0 {
                 self.alarm = self.profile.action_stop_alarm;
-                self.note(format!("alarm {}: actionStop", self.alarm));
+                self.note(Event::AlarmRaised { alarm: self.alarm, why: AlarmCause::ActionStop });
             }
         }
     }
@@ -165,14 +166,14 @@ impl Machine {
         if self.mode.may_run() {
             self.program_is_paused();
         }
-        self.leave_running("actionPause");
+        self.leave_running(ModeReason::ActionPause);
     }
 
     /// An alarm has come: the motion ends, the program no longer runs, the list stays.
     pub(crate) fn halt_for_alarm(&mut self) {
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
         self.cycle_started = None;
-        self.leave_running("alarm");
+        self.leave_running(ModeReason::Alarm);
     }
 
     /// `clearAlarm`: the alarm goes, unless the emergency stop is pressed; nothing runs by itself.
@@ -181,7 +182,7 @@ impl Machine {
             return Err(Refused::EmergencyStop);
         }
         if self.alarm != 0 {
-            self.note(format!("alarm {} cleared", self.alarm));
+            self.note(Event::AlarmCleared { alarm: self.alarm });
         }
         self.alarm = 0;
         Ok(())
@@ -217,10 +218,9 @@ impl Machine {
         instructions: &[Instruction],
     ) -> Result<(), NotTaken> {
         if instructions.iter().any(|step| self.profile.unsupported_actions.contains(&step.action.number())) {
-            return Err(NotTaken::Refused("this firmware does not know one of the actions"));
+            return Err(NotTaken::Refused(ListRefusal::UnsupportedAction));
         }
-        const NO_ROOM: NotTaken =
-            NotTaken::Refused("the instruction list has no room for so many instructions");
+        const NO_ROOM: NotTaken = NotTaken::Refused(ListRefusal::NoRoom);
         let kept = if replace { 0 } else { self.list.len() };
         if kept + instructions.len() > MAX_INSTRUCTIONS {
             return Err(NO_ROOM);
@@ -243,9 +243,9 @@ impl Machine {
                 | Activity::Resting { .. } => false,
             };
             if in_motion && !clears && self.profile.replace_in_motion == ReplaceInMotion::Alarm200 {
-                self.raise(200, "AddRCC replaced the list in mid-motion".to_owned());
+                self.raise(200, AlarmCause::ListReplacedInMotion);
                 self.clear_list();
-                return Err(NotTaken::Refused("the list was replaced in mid-motion: alarm 200"));
+                return Err(NotTaken::Refused(ListRefusal::InMotion));
             }
             self.clear_list();
         }
@@ -272,13 +272,13 @@ impl Machine {
     }
 
     fn arm_by_itself(&mut self) -> Result<(), NotTaken> {
-        const WHY: &str = "no program waits for remote commands: the mode is not 7, an alarm is present, or another \
-                           program than `remote` is in use, which does something else now";
+        const WHY: ListRefusal = ListRefusal::NotArmed;
         match self.profile.add_rcc_unarmed {
             Unarmed::Refuse => Err(NotTaken::Refused(WHY)),
             Unarmed::Silent => Err(NotTaken::Silent(WHY)),
             Unarmed::Arm if self.mode == OperationMode::Auto && !self.start_needed => {
-                self.press_start().map_err(|refused| NotTaken::Refused(refused.reason()))?;
+                self.press_start()
+                    .map_err(|refused| NotTaken::Refused(ListRefusal::NotStarted(refused.reason())))?;
                 if self.waits_for_remote() { Ok(()) } else { Err(NotTaken::Refused(WHY)) }
             }
             Unarmed::Arm => Err(NotTaken::Refused(WHY)),

@@ -5,6 +5,7 @@ use r6_proto::message::{CommandWords, RequestType};
 use r6_proto::{Command, RegisterIndex};
 
 use super::{AfterHalt, MAX_FRAMES, MAX_STACKS, Machine, Placed, Stack};
+use crate::event::{Detail, Event};
 use crate::io::OutputPoint;
 use r6_motion::{Frame, Pose, Ramps};
 
@@ -25,7 +26,7 @@ impl Machine {
         match words.read() {
             Ok(command) => self.carry_out(&command),
             Err(CommandError::Argument(error)) if !self.profile.checks_arguments => {
-                self.note(format!("answered ok, but nothing was done: {error}"));
+                self.note(Event::CommandWithoutEffect { why: Detail::of(error) });
                 Ok(())
             }
             Err(error @ (CommandError::Argument(_) | CommandError::UnknownCommand { .. })) => {

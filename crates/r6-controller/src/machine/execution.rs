@@ -10,6 +10,7 @@ use r6_proto::time::Instant;
 use super::Machine;
 use super::halt::AfterHalt;
 use super::order::{Told, path_speed, workbench};
+use crate::event::{AlarmCause, Detail, Event, ModeReason};
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
 use crate::program::Photo;
@@ -176,7 +177,7 @@ impl Machine {
     fn dwell_here(&mut self) {
         let waits = matches!(self.activity, Activity::Idle) && self.runs() && self.is_remote();
         let Some(rest) = self.dwell.filter(|_| waits && !self.list.is_empty()) else { return };
-        self.note(format!("the arm stands for {rest:?} at its point (fault dwell)"));
+        self.note(Event::Dwells { rest });
         self.activity = Activity::Resting { until: self.now + rest };
     }
 
@@ -213,7 +214,8 @@ impl Machine {
                 self.pass_started = self.now;
             }
             if let Err((alarm, why)) = self.begin(&step) {
-                self.raise(alarm, format!("{}: {why}", self.said_of(&step)));
+                let step = Some(Detail::of(self.said_of(&step)));
+                self.raise(alarm, AlarmCause::Step { step, why: Detail::of(why) });
                 return;
             }
             if matches!(self.activity, Activity::Idle) {
@@ -239,14 +241,14 @@ impl Machine {
             After::PassOver => {
                 self.close_cycle();
                 if self.last_pass {
-                    self.leave_running("the program has ended");
+                    self.leave_running(ModeReason::ProgramEnded);
                 } else if self.now.since(self.pass_started) < SHORTEST_PASS {
                     self.activity = Activity::Resting { until: self.pass_started + SHORTEST_PASS };
                 }
             }
         }
         if stepped {
-            self.leave_running("single step");
+            self.leave_running(ModeReason::SingleStep);
         }
     }
 
@@ -272,8 +274,8 @@ impl Machine {
                     if self.wait_in_vain() => {}
                 source @ (WaitSource::Input { .. } | WaitSource::M { .. } | WaitSource::Eu { .. }) => {
                     let alarm = wait_alarm(source);
-                    let text = AlarmCode(alarm).decode().text;
-                    self.raise(alarm, format!("{text}: its limit is {} s", wait.limit));
+                    let meaning = Detail::of(AlarmCode(alarm).decode().text);
+                    self.raise(alarm, AlarmCause::WaitedTooLong { limit: wait.limit, meaning });
                 }
             },
             Activity::Delaying { output, .. } => {
@@ -379,11 +381,11 @@ impl Machine {
     }
 
     /// The program stops running, without an alarm.
-    pub(crate) fn leave_running(&mut self, why: &str) {
+    pub(crate) fn leave_running(&mut self, why: ModeReason) {
         self.last_pass = false;
         if self.mode.may_run() {
             self.mode = OperationMode::Auto;
-            self.note(format!("{}: {why}", self.mode));
+            self.note(Event::ModeChanged { mode: self.mode, why });
         }
     }
 }

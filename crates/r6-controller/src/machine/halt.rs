@@ -6,6 +6,7 @@ use r6_proto::time::Instant;
 
 use super::Machine;
 use super::execution::{Activity, Run, fulfilled_at_once, plan_failed};
+use crate::event::{AlarmCause, Detail};
 
 /// What follows once a move has come to rest before its end. Of two reasons to rest the stronger one counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -139,7 +140,7 @@ impl Machine {
                     Ok(movement) => self.activity = Activity::Moving(run.by(movement, self.now)),
                     Err(error) => {
                         let (alarm, why) = plan_failed(error);
-                        self.raise(alarm, why);
+                        self.raise(alarm, AlarmCause::Step { step: None, why: Detail::of(why) });
                     }
                 }
             }

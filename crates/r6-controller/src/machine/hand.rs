@@ -8,6 +8,7 @@ use r6_proto::{AXES, AxisIndex, OperationMode};
 use super::Machine;
 use super::execution::Run;
 use super::halt::AfterHalt;
+use crate::event::{AlarmCause, Event};
 use crate::panel::Refused;
 
 /// How fast a machine homes, percent of the axes' full speed. Chosen: slow enough to be stopped by hand.
@@ -54,14 +55,14 @@ impl Machine {
             _ => Arrival::Rest,
         };
         let target = Axes::new(degrees).map_err(|_| Refused::NoDistance)?;
-        self.note(format!("by hand: {axis} by {by} at {percent} %"));
+        self.note(Event::MovedByHand { axis, by, percent });
         self.begin_hand(target, MoveMask(1 << axis.number()), percent, arrival)
     }
 
     /// Moves all axes to 0, where the machine is homed.
     pub(super) fn home_by_hand(&mut self) -> Result<(), Refused> {
         self.ready_for_hand()?;
-        self.note("homing".to_owned());
+        self.note(Event::Homing);
         self.begin_hand(Axes::ZERO, MoveMask::SIX, HOMING_PERCENT, Arrival::Homed)
     }
 
@@ -137,11 +138,11 @@ impl Machine {
         self.axes = movement.state_at(movement.duration()).axes;
         match hand.arrival {
             Arrival::AtLimit(alarm) if movement.reaches_end() => {
-                self.raise(alarm, "moved by hand to the soft limit".to_owned());
+                self.raise(alarm, AlarmCause::MovedToLimit);
             }
             Arrival::Homed if movement.reaches_end() => {
                 self.homed = true;
-                self.note("homed".to_owned());
+                self.note(Event::Homed);
             }
             Arrival::Rest | Arrival::AtLimit(_) | Arrival::Homed => {}
         }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::Machine;
+use crate::event::{Detail, Event};
 use crate::panel::Refused;
 use crate::program::{Library, LibraryError, MAX_LOADED_BYTES, Program};
 
@@ -31,7 +32,7 @@ impl Machine {
         }
         self.library = library;
         self.loaded.insert(name.to_owned(), text.to_owned());
-        self.note(format!("program `{name}` was loaded: {steps} steps"));
+        self.note(Event::ProgramLoaded { name: Detail::of(name), steps });
         if in_use {
             let mold = self.mold.clone();
             self.switch_mold(&mold).map_err(|reason| Refused::Program { reason })?;
@@ -58,13 +59,11 @@ impl Machine {
         for (name, text) in loaded {
             let given = self.library.named(name).filter(|given| !Library::is_shipped(given));
             if given.is_some_and(|given| given.text() != text) {
-                self.note(format!(
-                    "program `{name}` is the one that was given at the start; the one that was loaded at the panel is kept"
-                ));
+                self.note(Event::ProgramGivenAtStart { name: Detail::of(name) });
             } else if given.is_none()
                 && let Err(error) = self.library.load(name, text)
             {
-                self.note(format!("program `{name}` was loaded at the panel, but is not there now: {error}"));
+                self.note(Event::ProgramGone { name: Detail::of(name), why: Detail::of(error) });
             }
         }
     }

@@ -6,6 +6,7 @@
 use r6_proto::message::{Action, Instruction};
 
 use super::Machine;
+use crate::event::{Detail, Event};
 use crate::profile::LoneCurve;
 
 /// What the present run of the remote list has had so far.
@@ -41,11 +42,8 @@ impl Machine {
     /// Tells that a curve is not executed, the first time in each run.
     pub(super) fn tell_lone_curve(&mut self, step: &Instruction) {
         if !std::mem::replace(&mut self.list_run.told, true) {
-            self.note(format!(
-                "{}: not executed, as on real controllers: no linear move (action 10) was before it since the list was replaced or \
-                 the program began",
-                self.said_of(step)
-            ));
+            let step = Detail::of(self.said_of(step));
+            self.note(Event::CurveNotExecuted { step });
         }
     }
 }

@@ -3,11 +3,12 @@
 use super::Machine;
 use super::execution::Activity;
 use super::halt::AfterHalt;
+use crate::event::{AlarmCause, Event};
 use crate::io::{BOARDS, POINTS};
 use crate::panel::{Button, LAST_ALARM, PanelAction, Refused};
 
 /// The alarm of the emergency stop (the pendant's table).
-const EMERGENCY_STOP: u32 = 7;
+const EMERGENCY_STOP: u32 = crate::panel::EMERGENCY_STOP;
 
 impl Machine {
     /// Does what a person does at the machine. The machine has to stand at the present time.
@@ -53,7 +54,7 @@ impl Machine {
             PanelAction::RaiseAlarm(alarm) if !(1..=LAST_ALARM).contains(alarm) => {
                 return Err(Refused::NoSuchAlarm { alarm: *alarm });
             }
-            PanelAction::RaiseAlarm(alarm) => self.raise(*alarm, "raised at the panel".to_owned()),
+            PanelAction::RaiseAlarm(alarm) => self.raise(*alarm, AlarmCause::Panel),
             PanelAction::Home => self.home_by_hand()?,
             PanelAction::Jog { axis, by, percent } => self.jog(*axis, *by, *percent)?,
             PanelAction::SwitchProgram(name) => {
@@ -91,12 +92,13 @@ impl Machine {
             self.mode = self.mode_after_stop();
         }
         self.alarm = EMERGENCY_STOP;
-        self.note(format!("alarm {EMERGENCY_STOP}: emergency stop, {}", self.mode));
+        let why = AlarmCause::EmergencyStop { mode: self.mode };
+        self.note(Event::AlarmRaised { alarm: EMERGENCY_STOP, why });
     }
 
     fn release_emergency_stop(&mut self) {
         if std::mem::replace(&mut self.emergency_stop, false) {
-            self.note("emergency stop released".to_owned());
+            self.note(Event::EmergencyStopReleased);
         }
     }
 

@@ -16,6 +16,7 @@ use r6_proto::{OperationMode, RegisterIndex};
 
 use super::Machine;
 use super::execution::{Activity, SHORTEST_PASS};
+use crate::event::{AlarmCause, Detail, ModeReason};
 use crate::instruction_list::{After, InstructionList};
 use crate::profile::IdleSingleCycle;
 use crate::program::{Change, Condition, Program, Step};
@@ -190,12 +191,13 @@ impl Machine {
                     && !self.program.remote
                     && !matches!(self.activity, Activity::Awaiting { .. }) =>
             {
-                self.leave_running("single step");
+                self.leave_running(ModeReason::SingleStep);
                 false
             }
             Ok(()) => true,
             Err((alarm, why)) => {
-                self.raise(alarm, format!("{}: {why}", said(&place)));
+                let step = Some(Detail::of(said(&place)));
+                self.raise(alarm, AlarmCause::Step { step, why: Detail::of(why) });
                 false
             }
         }
@@ -210,9 +212,9 @@ impl Machine {
         }
         self.program.last_round = None;
         if self.last_pass && !self.awaits_list_of_single_cycle() {
-            self.leave_running("the program has ended: nothing to run");
+            self.leave_running(ModeReason::ProgramIsEmpty);
         } else if self.mode == OperationMode::SingleStep {
-            self.leave_running("single step: nothing to run");
+            self.leave_running(ModeReason::SingleStepWithoutStep);
         }
         false
     }
@@ -242,7 +244,7 @@ impl Machine {
         self.program.calls.truncate(1);
         self.program.go_to(0);
         if self.last_pass {
-            self.leave_running("the program has ended");
+            self.leave_running(ModeReason::ProgramEnded);
             return false;
         }
         self.another_round();
@@ -432,8 +434,8 @@ impl Machine {
     }
 
     fn raise_here(&mut self, alarm: u32, why: &str) {
-        let place = self.program.place().map(said).unwrap_or_default();
-        self.raise(alarm, format!("{place}: {why}"));
+        let step = Some(Detail::of(self.program.place().map(said).unwrap_or_default()));
+        self.raise(alarm, AlarmCause::Step { step, why: Detail::of(why) });
     }
 
     /// The present instruction, as a complaint names it.

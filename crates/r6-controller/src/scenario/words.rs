@@ -9,6 +9,24 @@ use crate::io::OutputPoint;
 use crate::mode::Key;
 use crate::panel::{Button, PanelAction};
 
+impl Happening {
+    /// The same without texts that a line of the log does not show.
+    pub(crate) fn for_the_log(&self) -> Self {
+        match self {
+            Self::Request(_) => Self::Request(Vec::new()),
+            Self::Panel(PanelAction::LoadProgram { name, .. }) => {
+                Self::Panel(PanelAction::LoadProgram { name: name.clone(), text: String::new() })
+            }
+            Self::Panel(_)
+            | Self::Output(..)
+            | Self::Bounce(_)
+            | Self::Counter { .. }
+            | Self::Photo(_)
+            | Self::PowerCut { .. } => self.clone(),
+        }
+    }
+}
+
 impl fmt::Display for Happening {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -75,7 +93,8 @@ fn panel(f: &mut fmt::Formatter<'_>, action: &PanelAction) -> fmt::Result {
     }
 }
 
-fn output_name(point: OutputPoint) -> IoPoint {
+/// The name of an output on the pendant.
+pub(crate) fn output_name(point: OutputPoint) -> IoPoint {
     let (kind, board, point) = match point {
         OutputPoint::Y(board, point) => (PointKind::Y, board, point),
         OutputPoint::M(board, point) => (PointKind::M, board, point),

@@ -2,6 +2,7 @@
 //! reads along and changes the pattern. All of it in virtual time, from one seed. A test has it work for an hour, a
 //! bench for a day.
 
+use r6_controller::Event;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -195,7 +196,9 @@ impl Cell {
         }
         while self.controller.poll_woken().is_some() {}
         while let Some(line) = self.controller.poll_log() {
-            if self.day.alarm.is_none() && line.text.starts_with("alarm") {
+            if self.day.alarm.is_none()
+                && matches!(line.event, Event::AlarmRaised { .. } | Event::AlarmCleared { .. })
+            {
                 self.day.alarm = Some(line.to_string());
             }
         }

@@ -1,6 +1,7 @@
 //! A controller with a scenario, and three who talk to it, from deadline to deadline on a virtual clock. After every step it is checked
 //! that the arm kept its limits and moved only where somebody had told it to.
 
+use r6_controller::event::{Detail, ShellEvent};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
@@ -335,7 +336,8 @@ impl World {
             br#"{"reqType":"AddRCC","emptyList":"1","instructions":[]}"#,
         );
         self.controller.disconnect(id);
-        self.controller.log(self.now, None, r6_controller::Level::Info, "person: start".to_owned());
+        let text = Detail::of("person: start");
+        self.controller.log(self.now, None, ShellEvent::Note { text });
         self.controller.operate(self.now, &PanelAction::Press(Button::Start)).unwrap();
     }
 

@@ -513,6 +513,9 @@ class LogLine:
     """On which connection; ``None`` for the machine itself."""
     warning: bool
     text: str
+    """What, in English."""
+    event: Mapping[str, Any]
+    """What, as data: its word is ``event["event"]``, such as ``"alarm_raised"`` or ``"list_taken"``; its fields stand beside it."""
 
 
 @dataclass(frozen=True, eq=False)

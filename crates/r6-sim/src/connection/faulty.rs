@@ -3,8 +3,6 @@
 use std::io;
 use std::time::Duration;
 
-use r6_controller::Level;
-use r6_controller::fault::Fault;
 use r6_controller::fault::link::{Delivery, Link};
 use tokio::io::AsyncReadExt;
 use tracing::trace;
@@ -59,8 +57,7 @@ impl<W: Wire> Conversation<'_, W> {
 
     fn tell_strikes(&self, link: &mut Link) {
         while let Some(fault) = link.poll_strike() {
-            let text = format!("the connection was struck by fault {}", Fault::Link(fault));
-            self.controller.tell(Some(self.id), Level::Info, text);
+            self.controller.look(|controller, now| controller.struck(now, self.id, fault));
         }
     }
 

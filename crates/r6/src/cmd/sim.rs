@@ -8,15 +8,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
-use r6_controller::{LogLine, Profile, RobotModel, Scenario, StartState};
-use r6_proto::printable;
+use r6_controller::{Language, Level, LogEntry, Profile, RobotModel, Scenario, StartState};
 use r6_sim::{Camera, Clock, ControllerHandle, SimSettings, Simulation};
+use serde::Serialize;
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::task::JoinSet;
 
 use crate::exit::{Exit, Failure};
-use crate::output::{self, queue::LineQueue};
+use crate::output;
+use crate::output::queue::{LineQueue, WhenFull};
 use crate::signals::Ending;
 use crate::{text_file, units};
 
@@ -76,6 +77,46 @@ enum Start {
     Auto,
 }
 
+/// How the log is told.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct Told {
+    /// How each thing that happens is printed
+    #[arg(long, value_enum, default_value = "text")]
+    log: Form,
+    /// In which language
+    #[arg(long, value_enum, default_value = "en")]
+    lang: Lang,
+}
+
+/// How a line of the log is printed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Form {
+    /// A line for eyes
+    #[default]
+    Text,
+    /// A JSON object: its word is `event`, its fields stand beside it, `text` says it in words
+    Json,
+}
+
+/// The language of a log.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Lang {
+    /// English
+    #[default]
+    En,
+    /// 简体中文 (Simplified Chinese)
+    Zh,
+}
+
+impl Told {
+    fn language(self) -> Language {
+        match self.lang {
+            Lang::En => Language::English,
+            Lang::Zh => Language::Chinese,
+        }
+    }
+}
+
 /// Run virtual controllers, without a screen
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -104,6 +145,8 @@ Examples:
   r6 sim --clock max                            moves take no time; the same requests, the same bytes
   r6 sim --state my-cell                        counters, tools and the like survive a restart
   echo input 0 3 on | r6 sim                    input 3 is on from the start
+  r6 sim --log json | jq 'select(.event == \"alarm_raised\")'
+  r6 sim --lang zh                              日志用中文
   r6 sim --panel 127.0.0.1:9770                 then: r6 panel status")]
 pub struct SimArgs {
     /// Where to listen, may be given several times; port 0 takes any free port
@@ -114,6 +157,8 @@ pub struct SimArgs {
     /// How many controllers for each --listen, on ports that follow one another
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
     count: u16,
+    #[command(flatten)]
+    told: Told,
     /// Where to offer the panel over HTTP: what a person does at the machine; port 0 takes any free port
     #[arg(long, value_name = "ADDR:PORT", value_parser = units::panel_address)]
     panel: Option<SocketAddr>,
@@ -140,9 +185,18 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
     let listening: Vec<_> = listening.chain(panel).collect();
     let named = controllers.len() > 1;
     let mut logs = JoinSet::new();
-    lines.line(listening.join("\n"));
+    match args.told.log {
+        Form::Text => lines.line(listening.join("\n")),
+        Form::Json => say_where(&simulation, &lines),
+    }
     for controller in controllers {
-        logs.spawn(print_log(controller.clone(), controller.log_from_start(), named, lines.clone()));
+        logs.spawn(print_log(
+            controller.clone(),
+            controller.log_from_start(),
+            named,
+            args.told,
+            lines.clone(),
+        ));
     }
     stdin::listen(controllers.to_vec())?;
     ending.signalled().await;
@@ -238,25 +292,65 @@ pub fn model(text: &str) -> Result<RobotModel, String> {
     })
 }
 
+/// Says as JSON where the controllers and the panel listen.
+fn say_where(simulation: &Simulation, lines: &LineQueue) {
+    for controller in simulation.controllers() {
+        let address = controller.address().to_string();
+        json_line(&serde_json::json!({ "event": "listening", "controller": address }), lines);
+    }
+    if let Some(panel) = simulation.panel() {
+        json_line(&serde_json::json!({ "event": "panel", "url": format!("http://{panel}") }), lines);
+    }
+}
+
+fn json_line(line: &impl Serialize, lines: &LineQueue) {
+    // Numbers, words and lists: nothing in it can fail.
+    if let Ok(text) = serde_json::to_string(line) {
+        lines.push(format!("{text}\n").into_bytes(), WhenFull::DropJson);
+    }
+}
+
+/// A line of the log as JSON.
+#[derive(Serialize)]
+struct Line<'l> {
+    controller: String,
+    level: Level,
+    #[serde(flatten)]
+    entry: &'l LogEntry,
+    text: String,
+}
+
 /// Prints what happens, for ever.
 pub async fn print_log(
     controller: ControllerHandle,
-    mut log: broadcast::Receiver<LogLine>,
+    mut log: broadcast::Receiver<LogEntry>,
     named: bool,
+    told: Told,
     lines: LineQueue,
 ) {
+    let address = controller.address();
     loop {
-        match log.recv().await {
-            Ok(line) if named => lines.line(format_args!("{}  {}", controller.address(), log_text(&line))),
-            Ok(line) => lines.line(log_text(&line)),
-            Err(RecvError::Lagged(lost)) => lines.lose(lost),
-            Err(RecvError::Closed) => return,
+        match (log.recv().await, told.log) {
+            (Ok(entry), Form::Json) => {
+                let text = entry.event.text(told.language());
+                let line =
+                    Line { controller: address.to_string(), level: entry.level(), entry: &entry, text };
+                json_line(&line, &lines);
+            }
+            (Ok(entry), Form::Text) if named => {
+                lines.line(format_args!("{address}  {}", log_text(&entry, told.language())));
+            }
+            (Ok(entry), Form::Text) => lines.line(log_text(&entry, told.language())),
+            (Err(RecvError::Lagged(count)), Form::Json) => {
+                json_line(&serde_json::json!({ "event": "lost", "lines": count }), &lines);
+            }
+            (Err(RecvError::Lagged(lost)), Form::Text) => lines.lose(lost),
+            (Err(RecvError::Closed), _) => return,
         }
     }
 }
 
 /// A line of a controller's log with its time since it was switched on.
-pub fn log_text(line: &LogLine) -> String {
-    let said = line.to_string();
-    format!("{:10.3} s  {}", line.at.as_secs_f64(), printable(&said))
+pub fn log_text(entry: &LogEntry, language: Language) -> String {
+    format!("{:10.3} s  {}", entry.at.as_secs_f64(), entry.text(language))
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 use crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use r6_controller::Language;
 use r6_sim::panel::DEFAULT_PORT;
 use r6_sim::{ControllerHandle, SimError, SimSettings, Simulation};
 use tokio::sync::broadcast::error::TryRecvError;
@@ -142,7 +143,7 @@ async fn show_lines(controller: &ControllerHandle, panel: Option<SocketAddr>) ->
     for hint in hints(controller, panel) {
         lines.line(format_args!("try: {hint}"));
     }
-    sim::print_log(controller.clone(), log, false, lines).await;
+    sim::print_log(controller.clone(), log, false, sim::Told::default(), lines).await;
     Ok(())
 }
 
@@ -156,7 +157,7 @@ async fn show_screen(controller: &ControllerHandle, panel: Option<SocketAddr>) -
         ticks.tick().await;
         loop {
             match log.try_recv() {
-                Ok(line) => view.add_line(sim::log_text(&line)),
+                Ok(line) => view.add_line(sim::log_text(&line, Language::English)),
                 Err(TryRecvError::Lagged(lost)) => view.add_line(output::lost_lines(lost)),
                 Err(TryRecvError::Empty | TryRecvError::Closed) => break,
             }

@@ -277,6 +277,31 @@ fn a_scenario_happens() {
     assert!(out.code == 2 && out.err.contains("the file cannot be read"), "{out:?}");
 }
 
+#[test]
+fn the_log_is_json_for_machines() {
+    let mut sim = Running::start(&["sim", "--listen", "127.0.0.1:0", "--log", "json", "--lang", "zh"]);
+    let mut line = || -> serde_json::Value { serde_json::from_str(&sim.line()).unwrap() };
+    let listening = line();
+    assert_eq!(listening["event"], "listening");
+    let address = listening["controller"].as_str().unwrap().to_owned();
+    assert_eq!(r6(&["-r", &address, "command", "modifyGSPD", "5"]).code, 0);
+    let set = line();
+    assert_eq!((&set["event"], &set["level"]), (&"command_accepted".into(), &"info".into()), "{set}");
+    assert_eq!((&set["command"], &set["arguments"]), (&"modifyGSPD".into(), &["50"].into()), "{set}");
+    assert_eq!((&set["controller"], &set["connection"]), (&address.into(), &0.into()), "{set}");
+    assert_eq!(set["text"], "命令 modifyGSPD 50");
+    assert!(set["at_s"].as_f64().is_some_and(|at| at >= 0.0), "{set}");
+}
+
+#[test]
+fn the_log_speaks_chinese() {
+    let mut sim = Running::start(&["sim", "--listen", "127.0.0.1:0", "--lang", "zh"]);
+    let address = sim.line().strip_prefix("listening on ").unwrap().to_owned();
+    assert_eq!(r6(&["-r", &address, "command", "actionStop"]).code, 0);
+    let lines = [sim.line(), sim.line()];
+    assert!(lines.iter().any(|line| line.ends_with("连接 0：命令 actionStop")), "{lines:?}");
+}
+
 /// Where the new file would go there is a folder: as on a full disk, it cannot be written.
 #[test]
 fn a_state_that_cannot_be_written_is_told_and_is_no_good_end() {

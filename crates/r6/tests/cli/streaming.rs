@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use r6_controller::{LogLine, Profile, Scenario};
+use r6_controller::{LogEntry, Profile, Scenario};
 use r6_sim::{Clock, VirtualController};
 use serde_json::Value;
 use tokio::runtime::Runtime;
@@ -20,7 +20,7 @@ pub const MANY_LOOKS: usize = 10_000;
 pub struct Cell {
     _runtime: Runtime,
     pub controller: VirtualController,
-    log: Receiver<LogLine>,
+    log: Receiver<LogEntry>,
     pub address: String,
 }
 
@@ -58,9 +58,7 @@ impl Cell {
     pub fn taken(&mut self) -> usize {
         let mut taken = 0;
         while let Ok(line) = self.log.try_recv() {
-            if let Some(text) = line.text.strip_prefix("AddRCC: ") {
-                taken += text.split_once(" instruction").unwrap().0.parse::<usize>().unwrap();
-            }
+            taken += line.event.instructions_taken().unwrap_or(0);
         }
         taken
     }

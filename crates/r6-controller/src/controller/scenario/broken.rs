@@ -9,9 +9,9 @@ use r6_proto::time::Instant;
 use super::super::desk::Desk;
 use super::super::{ConnectionId, Controller, Service};
 use super::Breakage;
+use crate::event::Event;
 use crate::fault::reply::{self, Fate, Outgoing};
 use crate::fault::{Fault, IgnoredStop, TaskFault};
-use crate::log::Level;
 
 /// How many frames faults make of one reply at most, but for the last one's: enough to see what each of them does.
 const MAX_FRAMES: usize = 16;
@@ -67,14 +67,14 @@ impl Breakage {
         &mut self,
         asked: &Asked,
         frames: Vec<(Option<Instant>, Vec<u8>)>,
-    ) -> (Vec<(Option<Instant>, Fate)>, Vec<String>) {
+    ) -> (Vec<(Option<Instant>, Fate)>, Vec<Event>) {
         let mut fates = Vec::with_capacity(frames.len());
         let mut struck = Vec::new();
         for (due, frame) in frames {
             let mut fate = Fate { to_asker: vec![Outgoing::at_once(frame)], ..Fate::default() };
             for (fault, chance) in &self.replies {
                 if self.run.random().strikes(*chance) && !fate.is_full() {
-                    struck.push(format!("a reply was struck by fault {}", Fault::Reply(*fault)));
+                    struck.push(Event::Struck { fault: Fault::Reply(*fault) });
                     for outgoing in std::mem::take(&mut fate.to_asker) {
                         let next = reply::strike(fault, &asked.frame, outgoing.bytes, self.run.random());
                         fate.take(next, outgoing.later);
@@ -94,15 +94,15 @@ impl Strikes {
     }
 
     /// What the log says of a request that gets no answer.
-    fn unanswered(self, is_order: bool) -> Option<String> {
-        let task = if self.task_dead {
+    fn unanswered(self, is_order: bool) -> Option<Event> {
+        let fault = if self.task_dead {
             TaskFault::TaskDead
         } else if self.not_acknowledged && is_order {
             TaskFault::NotAcknowledged
         } else {
             return None;
         };
-        Some(format!("not answered: fault {}", Fault::Task(task)))
+        Some(Event::NotAnswered { fault })
     }
 }
 
@@ -136,10 +136,9 @@ impl Controller {
         let (fates, struck) = breakage.fate_of(&asked, frames);
         let unanswered = strikes.unanswered(is_order).filter(|_| may_be_answered(asked.request));
         let is_old = strikes.answers_of_before() && asked.request == Some(RequestType::Query);
-        let old = is_old
-            .then(|| format!("answered with old values: fault {}", Fault::Task(TaskFault::FrozenValues)));
-        for text in unanswered.into_iter().chain(old).chain(struck) {
-            self.log.add(now, Some(id), Level::Info, text);
+        let old = is_old.then_some(Event::OldValues { fault: TaskFault::FrozenValues });
+        for event in unanswered.into_iter().chain(old).chain(struck) {
+            self.log.add(now, Some(id), event);
         }
         for (due, fate) in fates {
             to_others.extend(breakage.send(now, id, due, fate, outbox));

@@ -6,7 +6,7 @@ use r6_proto::server::ServerSession;
 use r6_proto::time::Instant;
 
 use super::super::{Controller, LIMITS, Service};
-use crate::log::Level;
+use crate::event::Event;
 use crate::machine::Machine;
 use crate::panel::PanelAction;
 
@@ -29,8 +29,8 @@ impl Controller {
         for connection in self.connections.values_mut() {
             connection.session = ServerSession::new(LIMITS);
         }
-        if let Err(refused) = chosen {
-            self.tell(now, Level::Warning, refused.to_string());
+        if let Err(why) = chosen {
+            self.tell(now, Event::ProgramNotChosen { why });
         }
         self.change_faults(now);
     }
@@ -45,7 +45,7 @@ impl Controller {
             connection.service = Service::Over;
             self.woken.push_back(*id);
         }
-        self.tell(now, Level::Info, "the mains are back".to_owned());
+        self.tell(now, Event::MainsAreBack);
         self.change_faults(now);
     }
 

@@ -5,6 +5,7 @@ use r6_proto::time::Instant;
 use r6_proto::{OperationMode, RegisterIndex};
 
 use super::{Machine, PROGRAM_ERROR, Place};
+use crate::event::ModeReason;
 use crate::machine::execution::{Activity, Awaited, duration};
 use crate::program::{Photo, Step};
 
@@ -115,7 +116,7 @@ impl Machine {
         if taken {
             self.program.next();
             if self.mode == OperationMode::SingleStep {
-                self.leave_running("single step");
+                self.leave_running(ModeReason::SingleStep);
             }
         } else {
             self.photo_failed(&photo, tries, "the camera could not take the photo");

@@ -1,5 +1,7 @@
 //! Plays a program on a virtual controller, on a virtual clock: what a client, the arm and the cell do.
 
+use r6_controller::Event;
+use r6_controller::event::AlarmCause;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -190,8 +192,8 @@ impl Player {
     /// What the controller complains about.
     fn warning(&mut self) -> Option<String> {
         std::iter::from_fn(|| self.controller.poll_log())
-            .find(|line| line.level == Level::Warning)
-            .map(|line| line.text)
+            .find(|entry| entry.level() == Level::Warning)
+            .map(|entry| entry.event.to_string())
     }
 
     /// Reads the controller's log: an alarm is the one thing in it that a picture shows.
@@ -200,10 +202,15 @@ impl Player {
         while let Some(line) = self.controller.poll_log() {
             if line.connection.is_none()
                 && self.alarm.is_none()
-                && let Some((code, why)) = alarm_of(&line.text)
+                && let Event::AlarmRaised { alarm, why } = line.event
             {
                 let instruction = usize::try_from(done).unwrap_or(usize::MAX).saturating_add(1);
-                self.alarm = Some(Alarm { code, why: why.to_owned(), at: line.at, instruction });
+                // The number of the instruction in it counts from the present front of the list.
+                let why = match why {
+                    AlarmCause::Step { why, .. } => why.to_string(),
+                    other => other.to_string(),
+                };
+                self.alarm = Some(Alarm { code: i64::from(alarm), why, at: line.at, instruction });
             }
         }
     }
@@ -221,18 +228,6 @@ impl Player {
     }
 }
 
-/// The number and the reason of the alarm that a line of the log tells of. The number of the instruction in it counts
-/// from the present front of the list, and is left out.
-fn alarm_of(line: &str) -> Option<(i64, &str)> {
-    let (code, why) = line.strip_prefix("alarm ")?.split_once(": ")?;
-    let code = code.parse().ok()?;
-    let why = match why.strip_prefix("instruction ").and_then(|rest| rest.split_once("): ")) {
-        Some((_, why)) => why,
-        None => why,
-    };
-    Some((code, why))
-}
-
 /// Whether a reply to AddRCC says ok.
 fn reply_is_ok(reply: &[u8]) -> bool {
     let reply: Option<serde_json::Value> = serde_json::from_slice(reply).ok();
@@ -242,17 +237,6 @@ fn reply_is_ok(reply: &[u8]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn alarms_are_read_from_the_log() {
-        assert_eq!(
-            alarm_of("alarm 135: instruction 1 (action 4): J6 ends at 400"),
-            Some((135, "J6 ends at 400"))
-        );
-        assert_eq!(alarm_of("alarm 2049: waited too long"), Some((2049, "waited too long")));
-        assert_eq!(alarm_of("alarm 12 cleared"), None);
-        assert_eq!(alarm_of("auto: alarm"), None);
-    }
 
     #[test]
     fn only_ok_is_ok() {

@@ -1,0 +1,175 @@
+//! Events of the log: as data, in English and in Chinese.
+
+use r6_controller::event::{
+    AlarmCause, Detail, DidNot, Event, Language, ListRefusal, ModeReason, ShellEvent,
+};
+use r6_controller::fault::{BadList, Fault, LinkFault, ReplyFault, TaskFault};
+use r6_controller::scenario::Happening;
+use r6_controller::{Level, LogEntry, PanelAction, Refused};
+use r6_proto::time::Instant;
+use r6_proto::{OperationMode, RequestType};
+use serde_json::{Value, json};
+use std::time::Duration;
+
+fn some() -> Vec<(Event, Level, &'static str, &'static str, Value)> {
+    let (info, warning) = (Level::Info, Level::Warning);
+    vec![
+        (
+            Event::CommandAccepted {
+                command: Detail::of("modifyGSPD"),
+                arguments: vec![Detail::of("50")],
+                done: true,
+            },
+            info,
+            "modifyGSPD 50",
+            "命令 modifyGSPD 50",
+            json!({ "event": "command_accepted", "command": "modifyGSPD", "arguments": ["50"], "done": true }),
+        ),
+        (
+            Event::ListTaken { instructions: 1, replaced: true, done: false },
+            info,
+            "AddRCC: 1 instruction, list replaced: answered ok and not carried out (fault not-executed)",
+            "AddRCC：1 条指令，替换列表：已应答 ok，但没有执行（故障 not-executed）",
+            json!({ "event": "list_taken", "instructions": 1, "replaced": true, "done": false }),
+        ),
+        (
+            Event::ListRefused { why: ListRefusal::ListFull },
+            warning,
+            "AddRCC refused: the instruction list is full",
+            "拒绝 AddRCC：指令列表已满",
+            json!({ "event": "list_refused", "why": "the instruction list is full" }),
+        ),
+        (
+            Event::AlarmRaised {
+                alarm: 135,
+                why: AlarmCause::Step {
+                    step: Some(Detail::of("instruction 1 (action 4)")),
+                    why: Detail::of("J6 beyond its soft limit +"),
+                },
+            },
+            info,
+            "alarm 135: instruction 1 (action 4): J6 beyond its soft limit +",
+            "报警 135：instruction 1 (action 4)：J6 beyond its soft limit +",
+            json!({
+                "event": "alarm_raised", "alarm": 135,
+                "why": { "cause": "step", "step": "instruction 1 (action 4)", "why": "J6 beyond its soft limit +" },
+            }),
+        ),
+        (
+            Event::AlarmRaised { alarm: 7, why: AlarmCause::EmergencyStop { mode: OperationMode::Auto } },
+            info,
+            "alarm 7: emergency stop, auto (2)",
+            "报警 7：急停，自动 (2)",
+            json!({ "event": "alarm_raised", "alarm": 7, "why": { "cause": "emergency_stop", "mode": "auto (2)" } }),
+        ),
+        (
+            Event::ModeChanged { mode: OperationMode::Running, why: ModeReason::Started },
+            info,
+            "running (7): started",
+            "运行中 (7)：已启动",
+            json!({ "event": "mode_changed", "mode": "running (7)", "why": "started" }),
+        ),
+        (
+            Event::WrongDsId { request: RequestType::Query, sent: None, right: ["long", "short"] },
+            warning,
+            "query: no `dsID`, and should be `long` or `short`: a real controller may not answer; not told again on this connection",
+            "query：没有 `dsID`，应为 `long` 或 `short`：真实控制器可能不应答；本连接不再提示",
+            json!({ "event": "wrong_ds_id", "request": "query", "sent": null, "right": ["long", "short"] }),
+        ),
+        (
+            Event::Struck { fault: Fault::Link(LinkFault::HalfOpen) },
+            info,
+            "the connection was struck by fault half-open",
+            "连接受到故障 half-open 影响",
+            json!({ "event": "struck", "fault": "half-open" }),
+        ),
+        (
+            Event::Struck { fault: Fault::Reply(ReplyFault::BadList(BadList::Short)) },
+            info,
+            "a reply was struck by fault bad-list (short)",
+            "应答受到故障 bad-list (short) 影响",
+            json!({ "event": "struck", "fault": "bad-list (short)" }),
+        ),
+        (
+            Event::NotAnswered { fault: TaskFault::TaskDead },
+            info,
+            "not answered: fault task-dead",
+            "不应答：故障 task-dead",
+            json!({ "event": "not_answered", "fault": "task-dead" }),
+        ),
+        (
+            Event::Happens { what: Happening::PowerCut { off: Duration::from_secs(2), program: None } },
+            info,
+            "scenario: the mains fail for 2 s",
+            "场景：断电 2 s",
+            json!({ "event": "happens", "what": "the mains fail for 2 s" }),
+        ),
+        (
+            Event::DidNotHappen {
+                what: Happening::Panel(PanelAction::Home),
+                why: DidNot::Refused { why: Refused::EmergencyStop },
+            },
+            warning,
+            "scenario: home: the emergency stop is pressed: make the cell safe, release it, then clear the alarm",
+            "场景：回原点：急停已按下：确认安全后释放急停，再清除报警",
+            json!({
+                "event": "did_not_happen", "what": "home",
+                "why": {
+                    "because": "refused",
+                    "why": "the emergency stop is pressed: make the cell safe, release it, then clear the alarm",
+                },
+            }),
+        ),
+        (
+            Event::Dwells { rest: Duration::from_millis(1500) },
+            info,
+            "the arm stands for 1.5s at its point (fault dwell)",
+            "机械臂在该点停留 1.5s（故障 dwell）",
+            json!({ "event": "dwells", "rest": 1.5 }),
+        ),
+        (
+            Event::Shell(ShellEvent::StateNotWritten { why: Detail::of("cell: no room") }),
+            warning,
+            "cell: no room; nothing that changes the state is acknowledged until it can be written",
+            "cell: no room；在能够写入之前，改变状态的请求都不确认",
+            json!({ "event": "shell", "what": "state_not_written", "why": "cell: no room" }),
+        ),
+    ]
+}
+
+#[test]
+fn an_event_is_the_same_as_data_and_in_both_languages() {
+    for (event, level, english, chinese, data) in some() {
+        assert_eq!(event.level(), level, "{english}");
+        assert_eq!(event.text(Language::English), english);
+        assert_eq!(event.to_string(), english);
+        assert_eq!(event.text(Language::Chinese), chinese);
+        assert_eq!(serde_json::to_value(&event).unwrap(), data, "{english}");
+    }
+}
+
+#[test]
+fn an_entry_tells_when_and_on_which_connection() {
+    let at = Instant::ORIGIN + Duration::from_millis(1250);
+    let entry = LogEntry { at, connection: None, event: Event::Homed };
+    assert_eq!(
+        serde_json::to_value(&entry).unwrap(),
+        json!({ "at_s": 1.25, "connection": null, "event": "homed" })
+    );
+    assert_eq!((entry.to_string().as_str(), entry.text(Language::Chinese).as_str()), ("homed", "已回原点"));
+}
+
+#[test]
+fn a_hostile_text_is_one_line_and_not_without_end() {
+    let event = Event::CommandRefused {
+        command: Detail::of("no\r\nalarm 7: forged"),
+        why: Detail::of("x".repeat(10_000)),
+    };
+    for language in [Language::English, Language::Chinese] {
+        let text = event.text(language);
+        assert!(!text.chars().any(char::is_control), "{text}");
+        assert_eq!(text.chars().count(), 401, "{text}");
+    }
+    let data = serde_json::to_string(&event).unwrap();
+    assert!(data.len() < 600 && data.contains(r"no\\r\\nalarm"), "{data}");
+}
