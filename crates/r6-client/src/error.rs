@@ -18,6 +18,7 @@ use crate::pushed::LostReason;
 mod invalid;
 
 pub use invalid::Invalid;
+pub use r6_proto::Effect;
 
 /// Why a request failed, sorted by what the caller must do.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -208,19 +209,6 @@ pub struct Sent {
 
 impl Sent {
     pub(crate) const QUERY: Self = Self { word: "query", effect: Effect::Reads };
-}
-
-/// What a request can do to the machine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Effect {
-    /// Nothing: it reads.
-    Reads,
-    /// It changes a value or an output.
-    Changes,
-    /// It can set the arm in motion.
-    Moves,
-    /// It can only end a motion.
-    Stops,
 }
 
 impl From<NotSent> for RequestError {

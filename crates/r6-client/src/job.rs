@@ -12,7 +12,7 @@ use r6_proto::address::Address;
 use r6_proto::client::{ClientSession, SendError, Ticket};
 use r6_proto::message::command::Outcome;
 use r6_proto::message::{
-    Body, Command, CommandName, CommandReply, Instruction, Message, PhotoAnswer, Point, QueryReply, Reading,
+    Body, Command, CommandReply, Instruction, Message, PhotoAnswer, Point, QueryReply, Reading,
 };
 use r6_proto::request::{CameraPoints, Request};
 use r6_proto::time::Instant;
@@ -108,7 +108,7 @@ impl Work {
     pub fn sent(&self) -> Sent {
         let (word, effect) = match self {
             Self::Query(_) => ("query", Effect::Reads),
-            Self::Command(command) => (command.name().word(), effect_of(command.name())),
+            Self::Command(command) => (command.name().word(), command.name().effect()),
             Self::AddRcc { instructions, .. } if instructions.is_empty() => ("AddRCC", Effect::Changes),
             Self::AddRcc { .. } => ("AddRCC", Effect::Moves),
             // A program may wait for nothing but these points.
@@ -220,29 +220,6 @@ fn values(addresses: &[Address], reply: &QueryReply<'_>, on: Answered, mut rows:
     }
 }
 
-fn effect_of(command: CommandName) -> Effect {
-    match command {
-        CommandName::ActionStop | CommandName::ActionPause | CommandName::StopButton => Effect::Stops,
-        CommandName::ActionSingleCycle
-        | CommandName::StartButton
-        | CommandName::ClearAlarmRunNext
-        | CommandName::ClearAlarmContinue
-        // A cell may start motion by an output (a pulse on M011), by a register (800 to 805) or by another program.
-        | CommandName::SwitchMold
-        | CommandName::ModifyOutput
-        | CommandName::RewriteData
-        | CommandName::RewriteDataList => Effect::Moves,
-        CommandName::ModifyCounter
-        | CommandName::ModifyStackData
-        | CommandName::ModifyGspd
-        | CommandName::ModifyAccDec
-        | CommandName::SwitchTool
-        | CommandName::ModifyTool
-        | CommandName::SwitchCoordinate
-        | CommandName::ClearAlarm => Effect::Changes,
-    }
-}
-
 impl Job {
     pub fn new(work: Work, asked_at: Instant, reply: ReplyTo) -> Self {
         Self {
@@ -296,23 +273,5 @@ impl Job {
             Some(reason) => OutcomeUnknown::ConnectionLost { request: self.work.sent(), reason }.into(),
         };
         self.finish(Err(error));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_can_start_a_register_driven_cell_counts_as_motion() {
-        for command in [
-            CommandName::ModifyOutput,
-            CommandName::RewriteData,
-            CommandName::RewriteDataList,
-            CommandName::SwitchMold,
-        ] {
-            assert_eq!(effect_of(command), Effect::Moves, "{}", command.word());
-        }
-        assert_eq!(effect_of(CommandName::ModifyGspd), Effect::Changes);
     }
 }

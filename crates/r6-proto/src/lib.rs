@@ -38,7 +38,7 @@ pub mod value;
 pub use address::{ADDRESSES, Address, Port, RegisterIndex};
 pub use axis::{AXES, AxisIndex, AxisMask};
 pub use json::MAX_DEPTH;
-pub use message::{Body, Command, CommandName, Decoder, Message, Reading, RequestType};
+pub use message::{Body, Command, CommandName, Decoder, Effect, Message, Reading, RequestType};
 pub use mode::OperationMode;
 pub use printable::{Printable, printable};
 pub use request::Request;

@@ -16,7 +16,7 @@ pub mod vision;
 
 use std::fmt;
 
-pub use command::{Command, CommandName, CommandReply, CommandWords};
+pub use command::{Command, CommandName, CommandReply, CommandWords, Effect};
 pub use decoder::Decoder;
 pub use extra::{Extra, ExtraKind, Place};
 pub use instruction::{Action, Instruction};

@@ -173,9 +173,10 @@ fn the_pages_address_rows_agree_with_the_table_in_the_code() {
 fn the_pages_command_rows_agree_with_the_table_in_the_code() {
     for row in &COMMANDS {
         let cells = documented(row.word);
+        assert!(cells.iter().any(|cell| cell == row.effect.word()), "{}: its effect", row.word);
         if let Some(number) = row.source.strip_prefix("4.2.1 #") {
             assert_eq!(cells[0], number, "{}: its number in the manual", row.word);
-            assert_eq!(cells[4], port_word(row.ports), "{}: its port", row.word);
+            assert_eq!(cells[5], port_word(row.ports), "{}: its port", row.word);
             let told = if cells[2].is_empty() { 0 } else { cells[2].split(", ").count() };
             // The page sums up "x, y, z" and "0 or 1" in its own words; none and some must agree.
             assert_eq!(told == 0, row.arguments.is_empty(), "{}: its arguments", row.word);

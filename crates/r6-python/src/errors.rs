@@ -9,7 +9,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::PyModule;
 use r6_client::units::OutOfRange;
 use r6_client::{
-    Cause, Checked, Effect, Invalid, MotionError, NoReading, NotSent, NotSubscribed, OutcomeUnknown, Refused,
+    Cause, Checked, Invalid, MotionError, NoReading, NotSent, NotSubscribed, OutcomeUnknown, Refused,
     RequestError, StepError, Violation, WaitError,
 };
 use r6_proto::address::UnknownAddress;
@@ -128,7 +128,7 @@ impl Raise for RequestError {
                 let error = error
                     .with("reason", unknown_word(unknown))
                     .with("request", sent.word)
-                    .with("effect", effect_word(sent.effect));
+                    .with("effect", sent.effect.word());
                 match unknown {
                     OutcomeUnknown::AnotherRobot { expected, found, .. } => error
                         .with_made("expected", convert::identity(py, expected))
@@ -193,15 +193,6 @@ fn unknown_word(error: &OutcomeUnknown) -> &'static str {
         OutcomeUnknown::Unreadable { .. } => "unreadable",
         OutcomeUnknown::Unclear { .. } => "unclear",
         OutcomeUnknown::AnotherRobot { .. } => "another_robot",
-    }
-}
-
-fn effect_word(effect: Effect) -> &'static str {
-    match effect {
-        Effect::Reads => "reads",
-        Effect::Changes => "changes",
-        Effect::Moves => "moves",
-        Effect::Stops => "stops",
     }
 }
 

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyString};
 use r6_client::{CameraSet, OperationMode, RequestError, Robot, WaitOptions};
 use r6_proto::Address;
-use r6_proto::message::{Command as Sent, PhotoAnswer};
+use r6_proto::message::{Effect, PhotoAnswer};
 
 use crate::closing::{Connection, stopping};
 use crate::command::Command;
@@ -146,7 +146,7 @@ impl RobotCore {
 
     fn command(&self, py: Python<'_>, command: &Command) -> PyResult<Operation> {
         let (robot, command) = (self.robot(py)?, command.0.clone());
-        let stops = matches!(command, Sent::ActionStop | Sent::ActionPause | Sent::StopButton);
+        let stops = command.name().effect() == Effect::Stops;
         let sending = self.accepted(async move { robot.command(command).await })?;
         let goes_on = "whether it was accepted was not told before this: it is sent all the same";
         Ok(if stops { sending.going_on(goes_on) } else { sending })

@@ -17,6 +17,39 @@ use crate::value::{Value, Values};
 
 pub use reply::{CommandReply, Outcome};
 
+/// What a request can do to the machine. Whoever decides about requests (a lease, a firewall, an audit) decides by it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Effect {
+    /// Nothing: it reads.
+    Reads,
+    /// It changes a value or an output.
+    Changes,
+    /// It can set the arm in motion. A cell may start one by an output (a pulse on M011), by a register (800 to 805) or by
+    /// another program, so what writes those counts as well.
+    Moves,
+    /// It can only end a motion.
+    Stops,
+}
+
+impl Effect {
+    /// Its word: `reads`, `changes`, `moves` or `stops`.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Reads => "reads",
+            Self::Changes => "changes",
+            Self::Moves => "moves",
+            Self::Stops => "stops",
+        }
+    }
+}
+
+impl fmt::Display for Effect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
 /// One row of the table of commands.
 #[derive(Clone, Copy, Debug)]
 pub struct CommandInfo {
@@ -26,6 +59,8 @@ pub struct CommandInfo {
     pub arguments: &'static [ArgumentInfo],
     /// What it does.
     pub meaning: &'static str,
+    /// What it can do to the machine.
+    pub effect: Effect,
     /// Which port has it.
     pub ports: Ports,
     /// The first manual or firmware that knows it.
@@ -80,35 +115,36 @@ pub enum CommandName {
 
 /// Every command, in the order of [`CommandName`].
 pub const COMMANDS: [CommandInfo; 19] = {
+    use Effect::{Changes, Moves, Stops};
     use Ports::{Both, Pendant};
     #[rustfmt::skip]
     const fn row(
         word: &'static str, arguments: &'static [ArgumentInfo], meaning: &'static str,
-        ports: Ports, since: &'static str, source: &'static str,
+        effect: Effect, ports: Ports, since: &'static str, source: &'static str,
     ) -> CommandInfo {
-        CommandInfo { word, arguments, meaning, ports, since, source }
+        CommandInfo { word, arguments, meaning, effect, ports, since, source }
     }
     #[rustfmt::skip]
     let table = [
-        row("actionStop", &[], "stops the motion at once; start begins from the first step", Both, "V6.0", "4.2.1 #1"),
-        row("actionPause", &[], "pauses the motion; start goes on from the present step", Both, "V6.0", "4.2.1 #2"),
-        row("actionSingleCycle", &[], "enters single cycle", Both, "V6.0", "4.2.1 #3"),
-        row("startButton", &[], "the start button", Both, "V6.0", "4.2.1 #4"),
-        row("stopButton", &[], "the stop button: first press ends with the cycle, second at once", Both, "V6.0", "4.2.1 #5"),
-        row("switchMold", &[argument("mold", "name of the program")], "switches to another program (mold)", Pendant, "V6.0", "4.2.1 #6"),
-        row("modifyCounter", &[argument("id", "counter"), argument("current", "its count, -1 to keep"), argument("target", "its target, -1 to keep; the mainboard's port of 2020 cannot change it")], "changes a counter", Both, "V6.0", "4.2.1 #7"),
-        row("modifyOutput", &[argument("board", "0-3 output boards, 4-6 M (not on the pendant's port of 2020), 7 EU"), argument("point", "0-31"), argument("state", "0 off, 1 on")], "sets one output", Both, "V6.0", "4.2.1 #8"),
-        row("clearAlarmRunNext", &[], "clears the alarm and runs the next step", Both, "V6.0", "4.2.1 #9"),
-        row("clearAlarmContinue", &[], "clears the alarm and goes on automatically", Both, "V6.0", "4.2.1 #10"),
-        row("modifyStackData", &[argument("stack", "stack"), argument("dx", "spacing in X, mm"), argument("dy", "spacing in Y, mm"), argument("dz", "spacing in Z, mm"), argument("nx", "count in X"), argument("ny", "count in Y"), argument("nz", "count in Z")], "changes a stack (palletising pattern)", Pendant, "V6.0", "4.2.1 #11"),
-        row("modifyGSPD", &[argument("percent", "global speed in percent; the wire has percent x 10")], "changes the global speed", Both, "V6.0", "4.2.1 #12"),
-        row("rewriteData", &[argument("register", "800-900"), argument("value", "a whole number"), argument("savable", "1 to keep it over a power cut")], "writes one register", Both, "V6.0", "4.2.1 #13"),
-        row("rewriteDataList", &[argument("register", "the first, 800-900"), argument("length", "how many values follow"), argument("savable", "1 to keep them over a power cut"), argument("values", "whole numbers")], "writes several registers", Both, "V6.0", "4.2.1 #14"),
-        row("modifyAccDec", &[argument("acceleration", "seconds; the wire has seconds x 1000"), argument("deceleration", "seconds; the wire has seconds x 1000")], "changes the acceleration and deceleration time of the path", Both, "V6.0", "4.2.1 #15"),
-        row("switchTool", &[argument("tool", "number of the tool")], "switches to another tool", Both, "V6.0", "4.2.1 #16"),
-        row("modifyTool", &[argument("tool", "number of the tool"), argument("x", "mm; the wire has mm x 1000"), argument("y", "mm"), argument("z", "mm"), argument("rx", "degrees; the wire has degrees x 1000"), argument("ry", "degrees"), argument("rz", "degrees")], "changes a tool", Both, "V6.0", "4.2.1 #17"),
-        row("switchCoordinate", &[argument("workbench", "number of the workbench")], "switches to another workbench", Both, "V6.0", "4.2.1 #18"),
-        row("clearAlarm", &[optional("first_line", "1: the program goes to its first line (newest manual)"), optional("only_alarm", "1: only the alarm is cleared (newest manual)")], "resets and clears the alarm", Both, "207beta57", "later manual"),
+        row("actionStop", &[], "stops the motion at once; start begins from the first step", Stops, Both, "V6.0", "4.2.1 #1"),
+        row("actionPause", &[], "pauses the motion; start goes on from the present step", Stops, Both, "V6.0", "4.2.1 #2"),
+        row("actionSingleCycle", &[], "enters single cycle", Moves, Both, "V6.0", "4.2.1 #3"),
+        row("startButton", &[], "the start button", Moves, Both, "V6.0", "4.2.1 #4"),
+        row("stopButton", &[], "the stop button: first press ends with the cycle, second at once", Stops, Both, "V6.0", "4.2.1 #5"),
+        row("switchMold", &[argument("mold", "name of the program")], "switches to another program (mold)", Moves, Pendant, "V6.0", "4.2.1 #6"),
+        row("modifyCounter", &[argument("id", "counter"), argument("current", "its count, -1 to keep"), argument("target", "its target, -1 to keep; the mainboard's port of 2020 cannot change it")], "changes a counter", Changes, Both, "V6.0", "4.2.1 #7"),
+        row("modifyOutput", &[argument("board", "0-3 output boards, 4-6 M (not on the pendant's port of 2020), 7 EU"), argument("point", "0-31"), argument("state", "0 off, 1 on")], "sets one output", Moves, Both, "V6.0", "4.2.1 #8"),
+        row("clearAlarmRunNext", &[], "clears the alarm and runs the next step", Moves, Both, "V6.0", "4.2.1 #9"),
+        row("clearAlarmContinue", &[], "clears the alarm and goes on automatically", Moves, Both, "V6.0", "4.2.1 #10"),
+        row("modifyStackData", &[argument("stack", "stack"), argument("dx", "spacing in X, mm"), argument("dy", "spacing in Y, mm"), argument("dz", "spacing in Z, mm"), argument("nx", "count in X"), argument("ny", "count in Y"), argument("nz", "count in Z")], "changes a stack (palletising pattern)", Changes, Pendant, "V6.0", "4.2.1 #11"),
+        row("modifyGSPD", &[argument("percent", "global speed in percent; the wire has percent x 10")], "changes the global speed", Changes, Both, "V6.0", "4.2.1 #12"),
+        row("rewriteData", &[argument("register", "800-900"), argument("value", "a whole number"), argument("savable", "1 to keep it over a power cut")], "writes one register", Moves, Both, "V6.0", "4.2.1 #13"),
+        row("rewriteDataList", &[argument("register", "the first, 800-900"), argument("length", "how many values follow"), argument("savable", "1 to keep them over a power cut"), argument("values", "whole numbers")], "writes several registers", Moves, Both, "V6.0", "4.2.1 #14"),
+        row("modifyAccDec", &[argument("acceleration", "seconds; the wire has seconds x 1000"), argument("deceleration", "seconds; the wire has seconds x 1000")], "changes the acceleration and deceleration time of the path", Changes, Both, "V6.0", "4.2.1 #15"),
+        row("switchTool", &[argument("tool", "number of the tool")], "switches to another tool", Changes, Both, "V6.0", "4.2.1 #16"),
+        row("modifyTool", &[argument("tool", "number of the tool"), argument("x", "mm; the wire has mm x 1000"), argument("y", "mm"), argument("z", "mm"), argument("rx", "degrees; the wire has degrees x 1000"), argument("ry", "degrees"), argument("rz", "degrees")], "changes a tool", Changes, Both, "V6.0", "4.2.1 #17"),
+        row("switchCoordinate", &[argument("workbench", "number of the workbench")], "switches to another workbench", Changes, Both, "V6.0", "4.2.1 #18"),
+        row("clearAlarm", &[optional("first_line", "1: the program goes to its first line (newest manual)"), optional("only_alarm", "1: only the alarm is cleared (newest manual)")], "resets and clears the alarm", Changes, Both, "207beta57", "later manual"),
     ];
     table
 };
@@ -155,6 +191,12 @@ impl CommandName {
         // A discriminant counts from 0 in the table's order and is always inside it.
         #[expect(clippy::indexing_slicing, reason = "a discriminant is below the number of variants")]
         &COMMANDS[self as usize]
+    }
+
+    /// What it can do to the machine.
+    #[must_use]
+    pub fn effect(self) -> Effect {
+        self.info().effect
     }
 
     /// The word of the table that comes nearest to one that is none.
@@ -675,6 +717,15 @@ mod tests {
         ] {
             assert_eq!(command.to_string(), shown);
         }
+    }
+
+    #[test]
+    fn what_can_start_a_register_driven_cell_counts_as_motion() {
+        use CommandName::{ModifyGspd, ModifyOutput, RewriteData, RewriteDataList, SwitchMold};
+        for command in [ModifyOutput, RewriteData, RewriteDataList, SwitchMold] {
+            assert_eq!(command.effect(), Effect::Moves, "{command}");
+        }
+        assert_eq!(ModifyGspd.effect(), Effect::Changes);
     }
 
     #[test]

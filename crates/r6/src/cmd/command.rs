@@ -175,7 +175,8 @@ fn list(json: bool) {
                     })
                     .collect();
                 serde_json::json!({
-                    "word": row.word, "arguments": arguments, "meaning": row.meaning, "since": row.since,
+                    "word": row.word, "arguments": arguments, "meaning": row.meaning, "effect": row.effect.word(),
+                    "since": row.since,
                 })
             })
             .collect();
