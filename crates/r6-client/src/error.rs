@@ -3,7 +3,7 @@
 mod advice;
 
 use std::fmt;
-use std::io;
+use std::io::ErrorKind;
 use std::time::Duration;
 
 use r6_proto::CommandName;
@@ -68,7 +68,7 @@ pub enum NotSent {
         /// Host and port.
         address: String,
         /// What the operating system calls it.
-        kind: io::ErrorKind,
+        kind: ErrorKind,
         /// What the operating system says.
         detail: String,
     },

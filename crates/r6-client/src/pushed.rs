@@ -1,7 +1,7 @@
 //! What happens on a connection without being asked for.
 
 use std::fmt;
-use std::io;
+use std::io::ErrorKind;
 use std::sync::Arc;
 
 use r6_proto::client::StrayReason;
@@ -53,7 +53,7 @@ pub enum LostReason {
     /// The controller closed it.
     ClosedByPeer,
     /// The operating system reported a failure.
-    Io(io::ErrorKind),
+    Io(ErrorKind),
     /// A frame could not leave: the controller takes no more bytes.
     Stalled,
     /// Requests in a row timed out, and none was answered in between.

@@ -59,22 +59,25 @@ impl Sources {
         circles.iter().filter(|circle| circle.len() > most).map(told).collect()
     }
 
-    /// What files name of these paths, such as `["std::net"]`, each as one sentence. `exempt`: files, and folders with all that is in
-    /// them, by their modules. A file that names a whole module around such a path names the path, too.
-    pub fn names_of(&self, banned: &[&str], exempt: &[&str]) -> Vec<String> {
-        let banned: Vec<Vec<&str>> = banned.iter().map(|path| path.split("::").collect()).collect();
+    /// What files name below these roots (`std`, `tokio`) and is not allowed, each as one sentence. What begins with an allowed path,
+    /// such as `["std::fmt"]`, is allowed; a whole module around one is not. `exempt`: files, and folders with all that is in them, by
+    /// their modules.
+    pub fn names_outside(&self, roots: &[&str], allowed: &[&str], exempt: &[&str]) -> Vec<String> {
+        let allowed: Vec<Vec<&str>> = allowed.iter().map(|path| path.split("::").collect()).collect();
         let is_exempt = |module: &str| {
             exempt.iter().any(|exempt| {
                 module.strip_prefix(exempt).is_some_and(|rest| rest.is_empty() || rest.starts_with("::"))
             })
         };
-        let is_banned = |path: &[String]| {
-            let same = |banned: &[&str]| path.iter().zip(banned).all(|(part, banned)| part == banned);
-            banned.iter().any(|banned| same(banned))
+        let is_allowed = |path: &[String]| {
+            let begins = |allowed: &Vec<&str>| {
+                path.len() >= allowed.len() && path.iter().zip(allowed).all(|(part, allowed)| part == allowed)
+            };
+            !roots.contains(&path[0].as_str()) || allowed.iter().any(begins)
         };
         let mut found = Vec::new();
         for (module, paths) in self.paths.iter().filter(|(module, _)| !is_exempt(module)) {
-            let named = paths.iter().filter(|path| is_banned(path));
+            let named = paths.iter().filter(|path| !is_allowed(path));
             found.extend(named.map(|path| format!("`{module}` names `{}`", path.join("::"))));
         }
         found

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use r6_testkit::imports::Sources;
-use r6_testkit::layers::{self, Layer, RULES};
+use r6_testkit::layers::{self, Layer, PURE_STD, RULES};
 use serde_json::json;
 
 #[test]
@@ -105,19 +105,21 @@ fn a_path_dependency_without_a_rule_is_reported() {
     assert_eq!(found, ["`r6` depends on `r6-newcomer`: its rule does not allow this crate"]);
 }
 
-/// What only the hands of the client may name, and its blocking face: sockets, clocks, tasks, threads, files.
-const OF_THE_HANDS: [&str; 11] = [
-    "tokio::net",
-    "tokio::time",
-    "tokio::task",
-    "tokio::runtime",
-    "tokio::io",
-    "tokio::spawn",
-    "std::net",
-    "std::thread",
-    "std::fs",
-    "std::time::Instant",
-    "std::time::SystemTime",
+/// What the brain of the client may name besides [`PURE_STD`]: futures and what they wait for, but nothing that carries bytes or time.
+const BRAIN: [&str; 13] = [
+    "std::future",
+    "std::io::ErrorKind",
+    "std::panic",
+    "std::pin",
+    "std::slice",
+    "std::sync::Mutex",
+    "std::sync::MutexGuard",
+    "std::sync::PoisonError",
+    "std::sync::atomic",
+    "std::task",
+    "tokio::pin",
+    "tokio::select",
+    "tokio::sync",
 ];
 const HANDS: [&str; 2] = ["hands", "blocking"];
 
@@ -133,9 +135,26 @@ fn no_large_circle_of_files_is_in_the_client() {
 #[test]
 fn only_the_hands_of_the_client_know_sockets_clocks_and_threads() {
     let sources = Sources::of_package("r6-client");
-    let named = sources.names_of(&OF_THE_HANDS, &HANDS);
+    let named = names_outside(&sources, &HANDS);
     assert!(named.is_empty(), "\n{}", named.join("\n"));
-    assert!(!sources.names_of(&OF_THE_HANDS, &[]).is_empty(), "the hands name them");
+    assert!(!names_outside(&sources, &[]).is_empty(), "the hands name them");
+}
+
+fn names_outside(brain: &Sources, exempt: &[&str]) -> Vec<String> {
+    brain.names_outside(&["std", "core", "tokio"], &[PURE_STD, &BRAIN].concat(), exempt)
+}
+
+#[test]
+fn pure_crates_name_nothing_of_the_standard_library_that_is_not_allowed() {
+    for rule in RULES.iter().filter(|rule| rule.layer == Layer::Pure) {
+        let allowed = match rule.package {
+            // Instructions of the processor: `chunk.rs` and `frame/stride.rs`.
+            "r6-proto" => [PURE_STD, &["std::arch"]].concat(),
+            _ => PURE_STD.to_vec(),
+        };
+        let named = Sources::of_package(rule.package).names_outside(&["std", "core", "alloc"], &allowed, &[]);
+        assert!(named.is_empty(), "{}:\n{}", rule.package, named.join("\n"));
+    }
 }
 
 /// What reads the log of a virtual controller decides by its events, which have fields; their text is for people.
@@ -213,7 +232,7 @@ fn a_circle_of_files_is_reported() {
 
 #[test]
 fn a_socket_outside_of_the_hands_is_reported() {
-    let named = |text| Sources::of([("robot/requests.rs", text)]).names_of(&OF_THE_HANDS, &HANDS);
+    let named = |text| names_outside(&Sources::of([("robot/requests.rs", text)]), &HANDS);
     for (text, path) in [
         ("use tokio::time::sleep;", "tokio::time::sleep"),
         ("use tokio::{sync::watch, net::TcpStream as Stream};", "tokio::net::TcpStream"),
@@ -224,6 +243,10 @@ fn a_socket_outside_of_the_hands_is_reported() {
         ("use std::time::*;", "std::time"),
         ("const QUOTE: char = '\"'; use std::thread;", "std::thread"),
         ("#[cfg(test)] mod tests { use std::fs; } use std::net::TcpStream;", "std::net::TcpStream"),
+        ("use std::net::UdpSocket;", "std::net::UdpSocket"),
+        ("fn f() { std::process::Command::new(text) }", "std::process::Command::new"),
+        ("use std::thread::Builder;", "std::thread::Builder"),
+        ("use std::fs::OpenOptions;", "std::fs::OpenOptions"),
     ] {
         let found = named(text);
         assert!(found.contains(&format!("`robot::requests` names `{path}`")), "{text}: {found:?}");
@@ -238,6 +261,6 @@ fn a_socket_outside_of_the_hands_is_reported() {
         assert_eq!(named(text), Vec::<String>::new(), "{text}");
     }
     let hand = Sources::of([("hands/tokio.rs", "use tokio::net;"), ("blocking.rs", "use std::thread;")]);
-    assert_eq!(hand.names_of(&OF_THE_HANDS, &HANDS), Vec::<String>::new());
-    assert_eq!(hand.names_of(&OF_THE_HANDS, &["hand"]).len(), 2, "a part of a name is no folder");
+    assert_eq!(names_outside(&hand, &HANDS), Vec::<String>::new());
+    assert_eq!(names_outside(&hand, &["hand"]).len(), 2, "a part of a name is no folder");
 }
