@@ -5,7 +5,7 @@
 //! # let address = controller.address().to_string();
 //! use r6_client::blocking::Robot;
 //! use r6_client::RobotSettings;
-//! use r6_proto::Address;
+//! use r6_client::Address;
 //!
 //! let robot = Robot::connect(&address, RobotSettings::default())?;
 //! let values = robot.query(&[Address::CurMode, Address::CurAlarm])?;

@@ -6,7 +6,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use tokio::sync::watch;
+use tokio::sync::{OwnedSemaphorePermit, watch};
 
 use crate::done::Done;
 use crate::evidence::About;
@@ -56,8 +56,8 @@ impl Motions {
         number
     }
 
-    /// The motion has ended.
-    pub fn end(&self, number: u64, end: &End) {
+    /// The motion has ended. The next one may have its turn as soon as anybody can see that, and not before.
+    pub fn end(&self, number: u64, end: &End, turn: OwnedSemaphorePermit) {
         if end.is_ok() {
             self.forget_sent_on();
         }
@@ -66,6 +66,7 @@ impl Motions {
             if this {
                 last.state = State::Ended { end: Box::new(end.clone()), told: false };
             }
+            drop(turn);
             this
         });
     }
@@ -147,5 +148,47 @@ impl Motions {
     /// Nothing is under way any more, or the caller was told that its end cannot be seen.
     pub fn forget_sent_on(&self) {
         *self.sent_on.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::pin::pin;
+    use std::sync::Arc;
+    use std::task::{Context, Wake, Waker};
+    use std::time::Duration;
+
+    use tokio::sync::Semaphore;
+
+    use super::*;
+
+    /// Whoever waits begins the next motion from within its waking.
+    struct Next {
+        turns: Arc<Semaphore>,
+        had_a_turn: Mutex<Vec<bool>>,
+    }
+
+    impl Wake for Next {
+        fn wake(self: Arc<Self>) {
+            let turn = self.turns.try_acquire().is_ok();
+            self.had_a_turn.lock().unwrap().push(turn);
+        }
+    }
+
+    #[test]
+    fn who_is_told_of_the_end_may_begin_the_next_motion_at_once() {
+        let turns = Arc::new(Semaphore::new(1));
+        let turn = Arc::clone(&turns).try_acquire_owned().unwrap();
+        let motions = Motions::default();
+        let number = motions.begin();
+        let next = Arc::new(Next { turns, had_a_turn: Mutex::default() });
+        let waker = Waker::from(Arc::clone(&next));
+        let mut waits = pin!(motions.end_of_last());
+        assert!(waits.as_mut().poll(&mut Context::from_waker(&waker)).is_pending());
+        let cause = Cause::Stalled { after: Duration::from_secs(1) };
+        let error = MotionError { cause, progress: crate::Progress::default(), stop: None };
+        motions.end(number, &Err(error), turn);
+        assert_eq!(*next.had_a_turn.lock().unwrap(), [true]);
+        assert!(waits.as_mut().poll(&mut Context::from_waker(&waker)).is_ready());
     }
 }

@@ -50,9 +50,27 @@ impl Robot {
         self.drive(query).await
     }
 
-    /// Reads the values of the same addresses again, into the same result: a query that is repeated then asks for no memory.
+    /// Reads the values of the same addresses again, into the same result.
     ///
-    /// After an error, or where this is given up, the result has no rows; the addresses it keeps, so it can be read again.
+    /// A list that fits into one frame, and whose values are numbers that the firmware has, is then read without asking for memory; texts,
+    /// lists and what has to be asked for in parts still need some.
+    ///
+    /// The old values are gone as soon as this begins: after an error, or where it is given up, the result has no rows. It remembers what
+    /// it was asked for, so it can be read again.
+    ///
+    /// ```no_run
+    /// use r6_client::{Address, AxisIndex, Robot};
+    ///
+    /// # async fn watch(robot: Robot) -> Result<(), r6_client::RequestError> {
+    /// let j1 = Address::Axis(AxisIndex::ALL[0]);
+    /// let mut read = robot.query(&[j1, Address::CurMode]).await?;
+    /// for _ in 0..100 {
+    ///     println!("{:?} deg", read.decimal(j1));
+    ///     robot.query_again(&mut read).await?;
+    /// }
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// As [`Self::query`].

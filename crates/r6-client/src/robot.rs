@@ -2,6 +2,7 @@
 
 pub(crate) mod requests;
 
+use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -35,7 +36,7 @@ use crate::told::Tell;
 ///
 /// An executor's waker may only schedule its task, as all usual ones do: it is called while the client holds its locks, and one that polls
 /// or calls the robot from within would wait for itself for ever.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Robot {
     lanes: Arc<Lanes>,
     /// What every list is checked against before it is sent.
@@ -44,7 +45,6 @@ pub struct Robot {
     guarded_at: u64,
 }
 
-#[derive(Debug)]
 struct Lanes {
     address: String,
     settings: RobotSettings,
@@ -70,6 +70,12 @@ struct Lanes {
     tell: Tell,
     /// Held by the task that serves photos: two tasks would both answer each request.
     photos: Arc<Semaphore>,
+}
+
+impl fmt::Debug for Robot {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Robot").field("address", &self.lanes.address).finish_non_exhaustive()
+    }
 }
 
 impl Robot {

@@ -89,7 +89,7 @@ impl Robot {
     /// use std::time::Duration;
     ///
     /// use r6_client::{Robot, RobotSettings};
-    /// use r6_proto::Address;
+    /// use r6_client::Address;
     ///
     /// # async fn run() -> Result<(), Box<dyn std::error::Error>> {
     /// let robot = Robot::connect("192.168.1.10", RobotSettings::default()).await?;

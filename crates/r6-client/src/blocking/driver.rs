@@ -23,7 +23,7 @@ use crate::hands::blocking::StdHand;
 ///
 /// use r6_client::blocking::Driver;
 /// use r6_client::RobotSettings;
-/// use r6_proto::Address;
+/// use r6_client::Address;
 ///
 /// let (driver, robot) = Driver::connect(&address, RobotSettings::default())?;
 /// let mut query = pin!(robot.query(&[Address::CurAlarm]));

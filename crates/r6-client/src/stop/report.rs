@@ -258,7 +258,7 @@ impl fmt::Display for DoubtAfterStop {
         }
         write!(
             f,
-            "a frame that can move the arm had no answer; after it was answered or too old, {}",
+            "a frame that can move the arm had no answer yet; once it could no longer be carried out, {}",
             self.cleared
         )
     }

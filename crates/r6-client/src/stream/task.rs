@@ -115,9 +115,7 @@ impl Task {
     ) -> Ended {
         let (robot, number, progress) = (self.robot.clone(), self.number, self.progress.clone());
         let ended = self.run_and_stop(ended, stops, lists).await;
-        // Stored before the turn is given back, so that the next motion finds this result.
-        robot.motions().end(number, &ended.result);
-        drop(turn);
+        robot.motions().end(number, &ended.result, turn);
         // Another thread that waits for this may begin the next motion at once.
         drop(progress);
         ended
