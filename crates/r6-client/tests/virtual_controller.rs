@@ -150,7 +150,7 @@ async fn silence_is_an_unknown_outcome_and_nothing_is_sent_again() {
     robot.query(&[Address::CurMode]).await.unwrap();
     let mut seen = 0;
     while let Ok(line) = log.try_recv() {
-        seen += usize::from(matches!(line.event, Event::ListTooLong { reset: false, .. }));
+        seen += usize::from(matches!(line.event, Event::ListIgnored { .. }));
     }
     assert_eq!(seen, 1);
 }
