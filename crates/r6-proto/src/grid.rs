@@ -59,6 +59,11 @@ impl Grid {
         self.wanted
     }
 
+    /// How many steps a unit has.
+    pub(crate) fn steps_in_unit(self) -> f64 {
+        f64::from(self.per_unit)
+    }
+
     /// The step of a value that is to be sent.
     pub(crate) fn sendable(self, field: &'static str, value: f64) -> Result<i64, EncodeError> {
         self.step(value).map_err(|nearest| match nearest {

@@ -360,10 +360,10 @@ fn what_lies_between_two_steps_of_the_wire_is_not_rounded() {
     for (command, told) in [
         (Command::ModifyGspd { percent: 5.55 }, "percent: 5.5 or 5.6"),
         (Command::ModifyGspd { percent: 0.04 }, "percent: 0 or 0.1"),
-        (tool(0.0004), "offset: 0 or 0.001"),
-        (tool(-120.2505), "offset: -120.251 or -120.25"),
+        (tool(0.0004), "x: 0 or 0.001"),
+        (tool(-120.2505), "x: -120.251 or -120.25"),
         (ramps(0.2505), "deceleration: 0.25 or 0.251"),
-        (stack(10.0004), "spacing: 10 or 10.001"),
+        (stack(10.0004), "dx: 10 or 10.001"),
     ] {
         assert_eq!(refused(&Request::Command(&command)), told);
     }

@@ -170,8 +170,12 @@ fn list(json: bool) {
                     .arguments
                     .iter()
                     .map(|argument| {
-                        let (name, meaning, optional) = (argument.name, argument.meaning, argument.optional);
-                        serde_json::json!({ "name": name, "meaning": meaning, "optional": optional })
+                        let range = argument.kind.range();
+                        serde_json::json!({
+                            "name": argument.name, "meaning": argument.meaning, "optional": argument.optional,
+                            "unit": argument.kind.unit(),
+                            "lowest": range.map(|(lowest, _)| lowest), "highest": range.map(|(_, highest)| highest),
+                        })
                     })
                     .collect();
                 serde_json::json!({

@@ -1,226 +1,33 @@
-//! The arguments of a command, from the words of the command line to the units of the wire.
+//! The arguments of a command, from the words of the command line.
 
-use std::borrow::Cow;
-use std::str::FromStr;
-
-use r6_proto::address::RegisterIndex;
-use r6_proto::grid::Grid;
-use r6_proto::io_point::IoPoint;
+use r6_proto::io_point::{BadPoint, IoPoint};
 use r6_proto::{Command, CommandName};
 
 use super::said;
 
-/// Reads the arguments of a command, in the units of the table of commands.
+/// Reads the arguments of a command, in the units of the table of commands. `modifyOutput` takes a signal's name in place of board and
+/// point, too.
 pub fn read(name: CommandName, words: &[String]) -> Result<Command<'static>, String> {
-    let arguments = Arguments { name, words };
-    arguments.check_count()?;
-    Ok(match name {
-        CommandName::ActionStop => Command::ActionStop,
-        CommandName::ActionPause => Command::ActionPause,
-        CommandName::ActionSingleCycle => Command::ActionSingleCycle,
-        CommandName::StartButton => Command::StartButton,
-        CommandName::StopButton => Command::StopButton,
-        CommandName::ClearAlarmRunNext => Command::ClearAlarmRunNext,
-        CommandName::ClearAlarmContinue => Command::ClearAlarmContinue,
-        CommandName::ClearAlarm if words.is_empty() => Command::ClearAlarm,
-        CommandName::ClearAlarm => {
-            Command::ClearAlarmWith { first_line: arguments.flag(0)?, only_alarm: arguments.flag(1)? }
+    let by_name = |word: &&String| word.starts_with(|first: char| first.is_ascii_alphabetic());
+    let typed = match words.first().filter(by_name) {
+        Some(signal) if name == CommandName::ModifyOutput => {
+            let [_, state] = words else {
+                let given = words.len() - 1;
+                return Err(format!("a signal's name takes 1 more argument, on or off; {given} given"));
+            };
+            let signal: IoPoint = signal.parse().map_err(|error: BadPoint| error.to_string())?;
+            let board = said::board_of(signal)?.to_string();
+            Command::typed(name, &[&board, &signal.point.to_string(), state])
         }
-        CommandName::SwitchMold => Command::SwitchMold { mold: Cow::Owned(arguments.word(0).to_owned()) },
-        CommandName::ModifyCounter => Command::ModifyCounter {
-            id: arguments.whole(0)?,
-            current: arguments.count(1)?,
-            target: arguments.count(2)?,
-        },
-        CommandName::ModifyOutput => match arguments.signal()? {
-            Some(named) => Command::ModifyOutput {
-                board: said::board_of(named)?,
-                point: named.point,
-                on: arguments.flag_at(1, 2)?,
-            },
-            None => Command::ModifyOutput {
-                board: arguments.up_to(0, 7)?,
-                point: arguments.up_to(1, 31)?,
-                on: arguments.flag(2)?,
-            },
-        },
-        CommandName::ModifyStackData => Command::ModifyStackData {
-            stack: arguments.whole(0)?,
-            spacing: [arguments.thousandths(1)?, arguments.thousandths(2)?, arguments.thousandths(3)?],
-            count: [arguments.whole(4)?, arguments.whole(5)?, arguments.whole(6)?],
-        },
-        CommandName::ModifyGspd => Command::ModifyGspd {
-            percent: arguments.between(0, 0.0..=100.0, "percent from 0 to 100", Grid::PERCENT)?,
-        },
-        CommandName::RewriteData => Command::RewriteData {
-            register: arguments.register(0)?,
-            value: arguments.whole(1)?,
-            savable: arguments.flag(2)?,
-        },
-        CommandName::RewriteDataList => arguments.register_list()?,
-        CommandName::ModifyAccDec => {
-            Command::ModifyAccDec { acceleration: arguments.ramp(0)?, deceleration: arguments.ramp(1)? }
-        }
-        CommandName::SwitchTool => Command::SwitchTool { tool: arguments.whole(0)? },
-        CommandName::ModifyTool => Command::ModifyTool {
-            tool: arguments.whole(0)?,
-            offset: [
-                arguments.thousandths(1)?,
-                arguments.thousandths(2)?,
-                arguments.thousandths(3)?,
-                arguments.thousandths(4)?,
-                arguments.thousandths(5)?,
-                arguments.thousandths(6)?,
-            ],
-        },
-        CommandName::SwitchCoordinate => Command::SwitchCoordinate { workbench: arguments.whole(0)? },
-    })
-}
-
-struct Arguments<'a> {
-    name: CommandName,
-    words: &'a [String],
-}
-
-impl Arguments<'_> {
-    fn check_count(&self) -> Result<(), String> {
-        let wanted = self.name.info().arguments.len();
-        let optional = self.name.info().arguments.iter().filter(|argument| argument.optional).count();
-        let given = self.words.len();
-        let open_ended = self.name == CommandName::RewriteDataList;
-        let by_name = self.names_signal();
-        let enough = match by_name {
-            true => given == 2,
-            false => given == wanted || given + optional == wanted || (open_ended && given > wanted),
-        };
-        if enough {
-            return Ok(());
-        }
-        let arguments = match wanted {
-            0 => "no argument".to_owned(),
-            1 => "1 argument".to_owned(),
-            _ => format!("{wanted} arguments"),
-        };
-        if optional > 0 {
-            return Err(format!(
-                "it takes {arguments}, or {} without the optional ones; {given} given",
-                wanted - optional
-            ));
-        }
-        if by_name {
-            return Err(format!("a signal's name takes 1 more argument, on or off; {} given", given - 1));
-        }
-        Err(format!("it takes {arguments}, {given} given"))
-    }
-
-    /// Whether `modifyOutput` is told the name of a signal instead of board and point.
-    fn names_signal(&self) -> bool {
-        let begins_with_letter = self.word(0).starts_with(|first: char| first.is_ascii_alphabetic());
-        self.name == CommandName::ModifyOutput && begins_with_letter
-    }
-
-    /// The signal that is named, if one is.
-    fn signal(&self) -> Result<Option<IoPoint>, String> {
-        if !self.names_signal() {
-            return Ok(None);
-        }
-        self.word(0).parse().map(Some).map_err(|error: r6_proto::io_point::BadPoint| error.to_string())
-    }
-
-    fn word(&self, index: usize) -> &str {
-        self.words.get(index).map_or("", String::as_str)
-    }
-
-    fn wrong(&self, index: usize, wanted: &str) -> String {
-        let name = self.name.info().arguments.get(index).map_or("argument", |argument| argument.name);
-        format!("{name} is `{}`, but has to be {wanted}", self.word(index))
-    }
-
-    fn whole<T: FromStr>(&self, index: usize) -> Result<T, String> {
-        self.word(index).parse().map_err(|_| self.wrong(index, "a whole number in range"))
-    }
-
-    fn up_to(&self, index: usize, last: u8) -> Result<u8, String> {
-        let value = self.word(index).parse().ok().filter(|value| *value <= last);
-        value.ok_or_else(|| self.wrong(index, &format!("a whole number from 0 to {last}")))
-    }
-
-    /// A count, or -1 to keep what it has.
-    fn count(&self, index: usize) -> Result<Option<u32>, String> {
-        match self.word(index) {
-            "-1" => Ok(None),
-            word => word.parse().map(Some).map_err(|_| self.wrong(index, "a count from 0, or -1 to keep it")),
-        }
-    }
-
-    fn flag(&self, index: usize) -> Result<bool, String> {
-        self.flag_at(index, index)
-    }
-
-    /// The flag in the place of another argument.
-    fn flag_at(&self, index: usize, of: usize) -> Result<bool, String> {
-        match self.word(index) {
-            "1" | "on" => Ok(true),
-            "0" | "off" => Ok(false),
-            other => {
-                let name = self.name.info().arguments.get(of).map_or("argument", |argument| argument.name);
-                Err(format!("{name} is `{other}`, but has to be 1 (on) or 0 (off)"))
-            }
-        }
-    }
-
-    fn thousandths(&self, index: usize) -> Result<f64, String> {
-        self.between(index, -1e6..=1e6, "a number of mm or degrees", Grid::THOUSANDTHS)
-    }
-
-    fn ramp(&self, index: usize) -> Result<f64, String> {
-        self.between(index, 0.001..=60.0, "seconds from 0.001 to 60", Grid::MILLISECONDS)
-    }
-
-    /// A number that the wire can carry as it is.
-    fn between(
-        &self,
-        index: usize,
-        range: std::ops::RangeInclusive<f64>,
-        wanted: &str,
-        grid: Grid,
-    ) -> Result<f64, String> {
-        let value = self.word(index).parse::<f64>().ok().filter(|value| range.contains(value));
-        let value = value.ok_or_else(|| self.wrong(index, wanted))?;
-        match grid.step(value) {
-            Ok(_) => Ok(value),
-            Err(Some(nearest)) => Err(self.wrong(index, &format!("{}; nearest: {nearest}", grid.wanted()))),
-            Err(None) => Err(self.wrong(index, wanted)),
-        }
-    }
-
-    fn register(&self, index: usize) -> Result<RegisterIndex, String> {
-        let register = self.word(index).parse().ok().and_then(RegisterIndex::new);
-        register.ok_or_else(|| self.wrong(index, "a register from 800 to 900"))
-    }
-
-    fn register_list(&self) -> Result<Command<'static>, String> {
-        let first = self.register(0)?;
-        let length: usize = self.whole(1)?;
-        let savable = self.flag(2)?;
-        let words = self.words.get(3..).unwrap_or_default();
-        if words.len() != length {
-            return Err(format!("length says {length}, but {} values follow", words.len()));
-        }
-        let room = usize::from(RegisterIndex::LAST - first.number()) + 1;
-        if length == 0 || length > room {
-            return Err(format!("{length} values do not fit into registers {} to 900", first.number()));
-        }
-        let values = words
-            .iter()
-            .map(|word| word.parse().map_err(|_| format!("value `{word}` has to be a whole number")))
-            .collect::<Result<_, _>>()?;
-        Ok(Command::RewriteDataList { first, savable, values })
-    }
+        Some(_) | None => Command::typed(name, words),
+    };
+    typed.map_err(|error| error.to_string())
 }
 
 #[cfg(test)]
 mod tests {
+    use r6_proto::RegisterIndex;
+
     use super::*;
 
     fn read_words(line: &str) -> Result<Command<'static>, String> {
@@ -268,14 +75,10 @@ mod tests {
             read_words("rewriteDataList 899 2 0 1 -2"),
             Ok(Command::RewriteDataList { first, savable: false, values: vec![1, -2] })
         );
-        assert_eq!(
-            read_words("rewriteDataList 899 3 0 1 -2"),
-            Err("length says 3, but 2 values follow".to_owned())
-        );
-        assert_eq!(
-            read_words("rewriteDataList 899 3 0 1 2 3"),
-            Err("3 values do not fit into registers 899 to 900".to_owned())
-        );
+        for line in ["rewriteDataList 899 3 0 1 -2", "rewriteDataList 899 3 0 1 2 3"] {
+            let error = read_words(line).unwrap_err();
+            assert!(error.starts_with("length is `3`, but has to be how many values follow"), "{error}");
+        }
     }
 
     #[test]
@@ -332,7 +135,7 @@ mod tests {
         }
         assert_eq!(
             read_words("modifyOutput 0 32 1"),
-            Err("point is `32`, but has to be a whole number from 0 to 31".to_owned())
+            Err("point is `32`, but has to be a point from 0 to 31".to_owned())
         );
         assert_eq!(read_words("actionStop now"), Err("it takes no argument, 1 given".to_owned()));
         assert_eq!(

@@ -67,7 +67,7 @@ pub fn on_the_wire(command: &Command<'_>) -> Vec<String> {
 
 /// Whether the wire has other numbers than the command line, so that both are told.
 pub fn is_scaled(command: &Command<'_>) -> bool {
-    matches!(command, Command::ModifyGspd { .. } | Command::ModifyAccDec { .. } | Command::ModifyTool { .. })
+    command.name().info().arguments.iter().any(|argument| argument.kind.is_scaled())
 }
 
 /// The signal that `modifyOutput` means by a board and a point (manual 4.2.1 #8).
