@@ -1,4 +1,4 @@
-//! What happens at a virtual controller, as data. In words it is in [`mod@english`] and [`mod@chinese`]: only people read those.
+//! What happens at a virtual controller, as data. In words, which only people read, it is in `event/english.rs` and `event/chinese.rs`.
 
 mod chinese;
 mod english;

@@ -85,6 +85,7 @@ METHODS: list[tuple[str, str, type[Any], Table]] = [
             "as_async": " AsyncRobot.connect",
             "add_motion": "add_rcc",
             "learned": " what the wire looks like",
+            "query_again": " values are made anew in Python, whatever asks for them",
         },
     ),
     ("blocking/cell.rs", "Robot", r6.Robot, {}),
