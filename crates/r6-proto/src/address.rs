@@ -4,12 +4,13 @@
 
 use std::fmt;
 
-use crate::axis::AxisIndex;
 use crate::printable::printable;
 use crate::spelling;
 
 mod item;
-mod known;
+mod table;
+
+pub use table::{ADDRESSES, Address};
 
 /// Which network port of the cabinet a thing exists on (manual 4.1.1, 4.2.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,57 +98,6 @@ pub struct AddressInfo {
     pub source: &'static str,
 }
 
-/// Input and output words: one board has 32 points, and boards 0 to 7 can be named in a command.
-const LAST_WORD: u32 = 7;
-/// Counter ids are not bounded by the manual; nine digits are more than any pendant shows.
-const LAST_COUNTER: u32 = 999_999_999;
-
-/// Every address, in the manual's order, then the later ones.
-pub const ADDRESSES: [AddressInfo; 26] = {
-    use Ports::{Both, Mainboard, Pendant};
-    use ValueType::{Counter, Decimal, Flag, Integer, Text, TextList, Word};
-    const AXIS: Option<(u32, u32)> = Some((0, 7));
-    const WORD: Option<(u32, u32)> = Some((0, LAST_WORD));
-    #[rustfmt::skip]
-    #[expect(clippy::too_many_arguments, reason = "a row of a table")]
-    const fn row(
-        name: &'static str, indices: Option<(u32, u32)>, value: ValueType, unit: &'static str,
-        meaning: &'static str, ports: Ports, since: &'static str, source: &'static str,
-    ) -> AddressInfo {
-        AddressInfo { name, indices, value, unit, meaning, ports, since, source }
-    }
-    #[rustfmt::skip]
-    let table = [
-        row("version", None, Text, "", "firmware version", Both, "V6.0", "4.1.1 #1"),
-        row("curMold", None, Text, "", "name of the program (mold) in use", Pendant, "V6.0", "4.1.1 #2"),
-        row("counterList", None, TextList, "", "ids of the counters", Both, "V6.0", "4.1.1 #3"),
-        row("counter-n", Some((0, LAST_COUNTER)), Counter, "", "one counter: id, target, current", Both, "V6.0", "4.1.1 #4"),
-        row("curMode", None, Integer, "", "operation mode: 0 none, 1 manual, 2 auto, 3 stop, 7 running, 8 single step, 9 single cycle", Both, "V6.0", "4.1.1 #5"),
-        row("boardIOnum", None, Integer, "", "number of IO boards", Both, "V6.0", "4.1.1 #6"),
-        row("input-n", WORD, Word, "", "inputs 32n+1 to 32n+32", Both, "V6.0", "4.1.1 #7"),
-        row("output-n", WORD, Word, "", "outputs 32n+1 to 32n+32", Both, "V6.0", "4.1.1 #8"),
-        row("axisNum", None, Integer, "", "number of axes", Both, "V6.0", "4.1.1 #9"),
-        row("axis-n", AXIS, Decimal, "deg", "position of axis n (mm on a linear axis)", Both, "V6.0", "4.1.1 #10"),
-        row("world-n", AXIS, Decimal, "mm, deg", "pose: X, Y, Z in mm, U, V, W in degrees, M7, M8", Both, "V6.0", "4.1.1 #11"),
-        row("curAlarm", None, Integer, "", "number of the present alarm, 0 for none", Both, "V6.0", "4.1.1 #12"),
-        row("curCycle", None, Decimal, "s", "time of the present cycle", Both, "V6.0", "4.1.1 #13"),
-        row("lastCycle", None, Decimal, "s", "time of the last cycle", Both, "V6.0", "4.1.1 #14"),
-        row("machineName", None, Text, "", "name of the machine", Both, "V6.0", "4.1.1 #15"),
-        row("curTorque-n", AXIS, Integer, "1/2580 of rated", "torque of axis n; 2580 is the rated torque", Mainboard, "V6.0", "4.1.1 #16"),
-        row("curSpeed-n", AXIS, Integer, "RPM", "motor speed of axis n", Mainboard, "V6.0", "4.1.1 #17"),
-        row("curAccount", None, Text, "", "user logged in at the pendant", Pendant, "V6.0", "4.1.1 #18"),
-        row("origin", None, Flag, "", "1 once the machine is homed", Both, "V6.0", "4.1.1 #19"),
-        row("moldList", None, TextList, "", "names of the programs (molds)", Both, "V6.0", "4.1.1 #20"),
-        row("isMoving", None, Flag, "", "1 while moving, 0 at rest", Both, "V6.0", "4.1.1 #21"),
-        row("M-n", WORD, Word, "", "M points 32n+1 to 32n+32", Both, "V6.0", "4.1.1 #22"),
-        row("Addr-n", Some((800, 900)), Integer, "", "register n, a whole number", Both, "206 master F1", "later manual; captured, unit C"),
-        row("RemoteCmdLen", None, Integer, "", "instructions left in the instruction list", Both, "207beta25", "later manual; used by units A, B, C"),
-        row("toolCoord", None, TextList, "", "tool, workbench and collaborative desk in use", Both, "207beta91", "later manual"),
-        row("faxis-n", AXIS, Decimal, "deg", "undocumented; taken for the commanded position of axis n", Both, "unknown", "asked for by the maker's viewer"),
-    ];
-    table
-};
-
 /// Spellings that are accepted besides the table's: (spelling, the table's).
 pub const ACCEPTED_SPELLINGS: [(&str, &str); 2] = [("boardIONum", "boardIOnum"), ("Version", "version")];
 
@@ -174,91 +124,13 @@ impl RegisterIndex {
     }
 }
 
-/// The name of one readable value (manual 4.1.1 and later manuals).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[expect(missing_docs, reason = "each variant is a row of ADDRESSES, which says what it is")]
-pub enum Address {
-    Version,
-    CurMold,
-    CounterList,
-    Counter(u32),
-    CurMode,
-    BoardIoNum,
-    Input(u8),
-    Output(u8),
-    AxisNum,
-    Axis(AxisIndex),
-    World(AxisIndex),
-    CurAlarm,
-    CurCycle,
-    LastCycle,
-    MachineName,
-    CurTorque(AxisIndex),
-    CurSpeed(AxisIndex),
-    CurAccount,
-    Origin,
-    MoldList,
-    IsMoving,
-    M(u8),
-    Addr(RegisterIndex),
-    RemoteCmdLen,
-    ToolCoord,
-    Faxis(AxisIndex),
-}
-
 impl Address {
     /// The address with exactly this name, or `None`: no accepted misspellings, no leading zeros.
     #[must_use]
     pub fn exact(name: &[u8]) -> Option<Self> {
-        if let Some(digits) = name.strip_prefix(b"axis-") {
-            return axis(digits).map(Self::Axis);
-        }
-        if let Some(digits) = name.strip_prefix(b"world-") {
-            return axis(digits).map(Self::World);
-        }
-        Some(match name {
-            b"version" => Self::Version,
-            b"curMold" => Self::CurMold,
-            b"counterList" => Self::CounterList,
-            b"curMode" => Self::CurMode,
-            b"boardIOnum" => Self::BoardIoNum,
-            b"axisNum" => Self::AxisNum,
-            b"curAlarm" => Self::CurAlarm,
-            b"curCycle" => Self::CurCycle,
-            b"lastCycle" => Self::LastCycle,
-            b"machineName" => Self::MachineName,
-            b"curAccount" => Self::CurAccount,
-            b"origin" => Self::Origin,
-            b"moldList" => Self::MoldList,
-            b"isMoving" => Self::IsMoving,
-            b"RemoteCmdLen" => Self::RemoteCmdLen,
-            b"toolCoord" => Self::ToolCoord,
-            _ => return Self::exact_indexed(name),
-        })
-    }
-
-    fn exact_indexed(name: &[u8]) -> Option<Self> {
-        if let Some(digits) = name.strip_prefix(b"counter-") {
-            return index(digits, LAST_COUNTER).map(Self::Counter);
-        }
-        let dash = name.iter().position(|byte| *byte == b'-')?;
-        let (stem, digits) = (name.get(..dash)?, name.get(dash + 1..)?);
-        Some(match stem {
-            b"input" => Self::Input(word(digits)?),
-            b"output" => Self::Output(word(digits)?),
-            b"M" => Self::M(word(digits)?),
-            b"curTorque" => Self::CurTorque(axis(digits)?),
-            b"curSpeed" => Self::CurSpeed(axis(digits)?),
-            b"faxis" => Self::Faxis(axis(digits)?),
-            b"Addr" => Self::Addr(RegisterIndex::new(u16::try_from(index(digits, 900)?).ok()?)?),
-            _ => return None,
-        })
-    }
-
-    /// The address whose name stands from `start` to `end`, as [`Self::exact`] has it.
-    #[inline]
-    pub(crate) fn exact_at(bytes: &[u8], start: usize, end: usize) -> Option<Self> {
-        known::address(bytes, start, end).or_else(|| Self::exact(bytes.get(start..end)?))
+        let stem = name.iter().position(|byte| *byte == b'-').map_or(name.len(), |dash| dash + 1);
+        let (stem, digits) = name.split_at_checked(stem)?;
+        Self::of(stem, |(first, last)| index(digits, last).filter(|number| *number >= first))
     }
 
     /// The address a peer meant by this name: exact, or one of [`ACCEPTED_SPELLINGS`].
@@ -276,71 +148,6 @@ impl Address {
     pub fn info(self) -> &'static AddressInfo {
         #[expect(clippy::indexing_slicing, reason = "a constant below the table's length in every arm")]
         &ADDRESSES[self.row()]
-    }
-
-    /// The number of the row.
-    #[inline]
-    fn row(self) -> usize {
-        // The variants stand in the table's order; `every_variant_has_its_own_row` checks it.
-        match self {
-            Self::Version => 0,
-            Self::CurMold => 1,
-            Self::CounterList => 2,
-            Self::Counter(_) => 3,
-            Self::CurMode => 4,
-            Self::BoardIoNum => 5,
-            Self::Input(_) => 6,
-            Self::Output(_) => 7,
-            Self::AxisNum => 8,
-            Self::Axis(_) => 9,
-            Self::World(_) => 10,
-            Self::CurAlarm => 11,
-            Self::CurCycle => 12,
-            Self::LastCycle => 13,
-            Self::MachineName => 14,
-            Self::CurTorque(_) => 15,
-            Self::CurSpeed(_) => 16,
-            Self::CurAccount => 17,
-            Self::Origin => 18,
-            Self::MoldList => 19,
-            Self::IsMoving => 20,
-            Self::M(_) => 21,
-            Self::Addr(_) => 22,
-            Self::RemoteCmdLen => 23,
-            Self::ToolCoord => 24,
-            Self::Faxis(_) => 25,
-        }
-    }
-
-    /// The index of an indexed address.
-    #[must_use]
-    pub fn index(self) -> Option<u32> {
-        match self {
-            Self::Counter(id) => Some(id),
-            Self::Input(n) | Self::Output(n) | Self::M(n) => Some(u32::from(n)),
-            Self::Axis(axis)
-            | Self::World(axis)
-            | Self::CurTorque(axis)
-            | Self::CurSpeed(axis)
-            | Self::Faxis(axis) => Some(u32::from(axis.number())),
-            Self::Addr(register) => Some(u32::from(register.number())),
-            Self::Version
-            | Self::CurMold
-            | Self::CounterList
-            | Self::CurMode
-            | Self::BoardIoNum
-            | Self::AxisNum
-            | Self::CurAlarm
-            | Self::CurCycle
-            | Self::LastCycle
-            | Self::MachineName
-            | Self::CurAccount
-            | Self::Origin
-            | Self::MoldList
-            | Self::IsMoving
-            | Self::RemoteCmdLen
-            | Self::ToolCoord => None,
-        }
     }
 
     /// The name without its index, up to and with the dash.
@@ -400,17 +207,6 @@ fn index(digits: &[u8], last: u32) -> Option<u32> {
     (value <= last).then_some(value)
 }
 
-fn axis(digits: &[u8]) -> Option<AxisIndex> {
-    match digits {
-        [digit @ b'0'..=b'7'] => AxisIndex::new(digit - b'0'),
-        _ => None,
-    }
-}
-
-fn word(digits: &[u8]) -> Option<u8> {
-    index(digits, LAST_WORD).and_then(|value| u8::try_from(value).ok())
-}
-
 /// A name that is no query address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownAddress {
@@ -453,6 +249,7 @@ impl std::error::Error for UnknownAddress {}
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::axis::AxisIndex;
 
     #[test]
     fn a_name_is_as_long_as_it_is_told() {
@@ -465,7 +262,7 @@ mod tests {
             Address::Counter(0),
             Address::Counter(9),
             Address::Counter(10),
-            Address::Counter(LAST_COUNTER),
+            Address::Counter(999_999_999),
         ] {
             let mut name = Vec::new();
             address.write_name(&mut name);

@@ -50,6 +50,20 @@ pub enum CommandReplyForm {
     NameAndVerdict,
 }
 
+impl CommandReplyForm {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Verdict, Self::NameAndVerdict];
+
+    /// The firmware that answers so (manual 4.2).
+    #[must_use]
+    pub const fn firmware(self) -> &'static str {
+        match self {
+            Self::Verdict => "before 2.0.2.1 / 1.6.4",
+            Self::NameAndVerdict => "since 2.0.2.1 / 1.6.4",
+        }
+    }
+}
+
 /// How `counter-n` is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CounterForm {

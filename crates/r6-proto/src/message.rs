@@ -4,6 +4,7 @@
 //! a frame that is JSON but not well formed as a message is in the message too ([`Body::Rejected`]), because
 //! the header is still needed to answer it.
 
+pub mod action;
 pub mod command;
 mod decoder;
 mod extra;
@@ -12,6 +13,7 @@ pub(crate) mod fields;
 pub mod instruction;
 pub mod query;
 pub mod reading;
+mod top;
 pub mod vision;
 
 use std::fmt;
@@ -28,23 +30,6 @@ use crate::encode::{Key, key};
 use crate::error::FieldError;
 use crate::printable::printable;
 use crate::value::{Node, Value};
-
-/// The keys that can stand at the top of a frame.
-pub(crate) const TOP_KEYS: [&str; 13] = [
-    "dsID",
-    "reqType",
-    "cmdType",
-    "packID",
-    "queryAddr",
-    "queryData",
-    "cmdData",
-    "cmdReply",
-    "camID",
-    "ret",
-    "emptyList",
-    "instructions",
-    "dsData",
-];
 
 /// The six request types of manual 3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

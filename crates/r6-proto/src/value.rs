@@ -121,9 +121,7 @@ impl<'a> Value<'a> {
     #[inline]
     pub(crate) fn address(&self) -> Option<Address> {
         match self.node.kind {
-            Kind::Text { has_escape: false, .. } => {
-                Address::exact_at(self.bytes, self.node.span.start as usize, self.node.span.end as usize)
-            }
+            Kind::Text { has_escape: false, .. } => Address::exact(self.node.span.of(self.bytes)),
             Kind::Text { has_escape: true, .. }
             | Kind::Number
             | Kind::True

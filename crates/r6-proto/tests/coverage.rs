@@ -3,76 +3,11 @@
 use std::collections::BTreeSet;
 
 use r6_proto::alarm::AlarmCode;
+use r6_proto::dialect::CommandReplyForm;
+use r6_proto::message::action::{ACTIONS, COMMON, HEADER, VISION};
 use r6_proto::message::command::COMMANDS;
 use r6_proto::{ADDRESSES, RequestType};
 use r6_testkit::{coverage, vector};
-
-/// The fields of the instructions of manual 6 and later, as `action.field`.
-const INSTRUCTION_FIELDS: &[&str] = &[
-    "oneshot",
-    "action",
-    "4.m0-m7",
-    "4.ckStatus",
-    "4.speed",
-    "4.delay",
-    "4.smooth",
-    "4.tool",
-    "4.coord",
-    "10.m0-m7",
-    "10.ckStatus",
-    "10.speed",
-    "10.delay",
-    "10.smooth",
-    "10.tool",
-    "10.coord",
-    "17.ckStatus",
-    "17.speed",
-    "17.delay",
-    "17.smooth",
-    "17.tool",
-    "17.coord",
-    "17.m0-m7",
-    "17.m0_p-m7_p",
-    "51.isUse",
-    "51.speed",
-    "52.isUse",
-    "52.ioNumber",
-    "52.io_status",
-    "100.type",
-    "100.point",
-    "100.io_status",
-    "100.limit",
-    "100.isUnlimit",
-    "200.type",
-    "200.io_status",
-    "200.point",
-    "200.delay",
-    "204.type",
-    "204.point",
-    "204.point2",
-    "800.cnt_id",
-];
-
-/// The fields of points and photos (manual 5).
-const VISION_FIELDS: &[&str] = &[
-    "camID",
-    "ret",
-    "dsData.camID",
-    "dsData.data",
-    "ModelID",
-    "X",
-    "Y",
-    "Z",
-    "U",
-    "V",
-    "Angel",
-    "Similarity",
-    "Color",
-    "Rel",
-];
-
-/// The fields of every frame (manual 3; packID from later manuals).
-const HEADER_FIELDS: &[&str] = &["dsID", "reqType", "cmdType", "packID", "emptyList"];
 
 fn items(group: &str) -> BTreeSet<String> {
     let rows = coverage::protocol_rows();
@@ -98,16 +33,24 @@ fn every_request_type_has_a_row() {
     assert_eq!(items("request type"), set(RequestType::ALL.map(RequestType::word)));
 }
 
+/// The members of instructions, an action's own as `action.member`, each with where it is written.
+fn instruction_members() -> Vec<(String, &'static str)> {
+    let own = ACTIONS.iter().flat_map(|action| {
+        action.members().map(|member| (format!("{}.{}", action.number, member.name), member.source))
+    });
+    COMMON.iter().map(|member| (member.name.to_owned(), member.source)).chain(own).collect()
+}
+
 #[test]
 fn every_field_has_a_row() {
-    assert_eq!(items("instruction field"), set(INSTRUCTION_FIELDS.iter().copied()));
-    assert_eq!(items("vision field"), set(VISION_FIELDS.iter().copied()));
-    assert_eq!(items("header field"), set(HEADER_FIELDS.iter().copied()));
+    assert_eq!(items("instruction field"), instruction_members().into_iter().map(|(name, _)| name).collect());
+    assert_eq!(items("vision field"), set(VISION.iter().map(|member| member.name)));
+    assert_eq!(items("header field"), set(HEADER.iter().map(|member| member.name)));
 }
 
 #[test]
 fn both_reply_dialects_have_a_row() {
-    assert_eq!(items("reply dialect"), set(["before 2.0.2.1 / 1.6.4", "since 2.0.2.1 / 1.6.4"]));
+    assert_eq!(items("reply dialect"), set(CommandReplyForm::ALL.map(CommandReplyForm::firmware)));
 }
 
 #[test]
@@ -196,6 +139,14 @@ fn the_coverage_table_cites_the_manual_as_the_code_does() {
     }
     for row in &COMMANDS {
         assert_eq!(cited("command", row.word), row.source);
+    }
+    for (name, source) in instruction_members() {
+        assert_eq!(cited("instruction field", &name), source, "{name}");
+    }
+    for (group, members) in [("vision field", VISION.as_slice()), ("header field", HEADER.as_slice())] {
+        for member in members {
+            assert_eq!(cited(group, member.name), member.source, "{}", member.name);
+        }
     }
 }
 

@@ -12,78 +12,17 @@ use crate::message::decoder::lists::Lists;
 use crate::message::extra::{ExtraKind, ExtraNode, Place};
 use crate::message::fast::{self, Habit, Pattern};
 use crate::message::fields::excerpt;
+use crate::message::top::Top;
 use crate::message::{
     AddPoints, AddRcc, Body, CommandReply, CommandWords, Header, Message, Photo, PhotoAnswer, Query,
     QueryReply, Rejection, RequestType, TypeKey, UnknownType,
 };
 use crate::value::{Kind, Node, Span, Value, Values};
 
-/// A key at the top of a frame; the number is its slot.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Top {
-    DsId,
-    ReqType,
-    CmdType,
-    PackId,
-    QueryAddr,
-    QueryData,
-    CmdData,
-    CmdReply,
-    CamId,
-    Ret,
-    EmptyList,
-    Instructions,
-    DsData,
-}
-
 /// The keys at the top, ready to be compared.
-static PATTERNS: [Pattern; TOP_COUNT] = Pattern::all(super::TOP_KEYS);
+static PATTERNS: [Pattern; TOP_COUNT] = Pattern::all(Top::KEYS);
 
-impl Top {
-    /// All, by slot.
-    const ALL: [Self; TOP_COUNT] = [
-        Self::DsId,
-        Self::ReqType,
-        Self::CmdType,
-        Self::PackId,
-        Self::QueryAddr,
-        Self::QueryData,
-        Self::CmdData,
-        Self::CmdReply,
-        Self::CamId,
-        Self::Ret,
-        Self::EmptyList,
-        Self::Instructions,
-        Self::DsData,
-    ];
-
-    /// The bit of this slot.
-    #[inline]
-    const fn bit(self) -> u32 {
-        1 << self as u32
-    }
-
-    fn of(key: &[u8]) -> Option<Self> {
-        Some(match key {
-            b"dsID" => Self::DsId,
-            b"reqType" => Self::ReqType,
-            b"cmdType" => Self::CmdType,
-            b"packID" => Self::PackId,
-            b"queryAddr" => Self::QueryAddr,
-            b"queryData" => Self::QueryData,
-            b"cmdData" => Self::CmdData,
-            b"cmdReply" => Self::CmdReply,
-            b"camID" => Self::CamId,
-            b"ret" => Self::Ret,
-            b"emptyList" => Self::EmptyList,
-            b"instructions" => Self::Instructions,
-            b"dsData" => Self::DsData,
-            _ => return None,
-        })
-    }
-}
-
-const TOP_COUNT: usize = super::TOP_KEYS.len();
+const TOP_COUNT: usize = Top::KEYS.len();
 
 /// The members found at the top of a frame: key and value by slot.
 #[derive(Clone, Copy, Debug)]
@@ -498,7 +437,7 @@ fn list(cursor: &mut Cursor<'_>, bytes: &[u8], nodes: &mut Vec<Node>) -> Result<
 }
 
 fn top_error(top: &TopNodes, bytes: &[u8], key: Top, wanted: &'static str) -> FieldError {
-    let name = super::TOP_KEYS.get(key as usize).copied().unwrap_or("?");
+    let name = Top::KEYS.get(key as usize).copied().unwrap_or("?");
     FieldError { path: name.to_owned(), found: top.value(key, bytes).map(excerpt), wanted, nearest: None }
 }
 

@@ -78,7 +78,7 @@ impl Extra<'_> {
     /// The key of the protocol that comes nearest to an unknown one.
     #[must_use]
     pub fn nearest(&self) -> Option<&'static str> {
-        let known = super::TOP_KEYS.into_iter().chain(super::fields::Fields::names());
+        let known = super::top::Top::KEYS.into_iter().chain(super::fields::Fields::names());
         match self.kind {
             ExtraKind::UnknownKey => crate::spelling::nearest(&self.key.text(), known),
             ExtraKind::OtherSpelling => Some("Angel"),

@@ -11,59 +11,54 @@ use crate::value::{Node, Value};
 /// Every member that an instruction or a point can have, by slot.
 pub(crate) struct Fields;
 
-/// The names, in the order of the slots.
-const NAMES: [&str; 50] = [
-    "m0",
-    "m1",
-    "m2",
-    "m3",
-    "m4",
-    "m5",
-    "m6",
-    "m7",
-    "m0_p",
-    "m1_p",
-    "m2_p",
-    "m3_p",
-    "m4_p",
-    "m5_p",
-    "m6_p",
-    "m7_p",
-    "oneshot",
-    "action",
-    "ckStatus",
-    "speed",
-    "delay",
-    "smooth",
-    "tool",
-    "coord",
-    "isUse",
-    "ioNumber",
-    "io_status",
-    "type",
-    "point",
-    "point2",
-    "limit",
-    "isUnlimit",
-    "cnt_id",
-    "xpos",
-    "ypos",
-    "zpos",
-    "upos",
-    "vpos",
-    "wpos",
-    "ModelID",
-    "X",
-    "Y",
-    "Z",
-    "U",
-    "V",
-    "Angel",
-    "Similarity",
-    "Color",
-    "Rel",
-    "camID",
-];
+/// The table of members, one row each: what it is called here, and its name on the wire. What an action has of them is in
+/// [`super::action`].
+macro_rules! fields {
+    ($( $field:ident $name:literal )+) => {
+        /// The names, in the order of the slots.
+        const NAMES: [&str; [$( Slot::$field ),+].len()] = [$( text($name) ),+];
+
+        /// The slots.
+        #[allow(non_camel_case_types, clippy::upper_case_acronyms, reason = "they are called as the constants are")]
+        enum Slot { $( $field, )+ }
+
+        impl Fields {
+            $( pub const $field: usize = Slot::$field as usize; )+
+
+            /// The slot of a name, with the accepted spelling `Angle`.
+            fn slot(name: &[u8]) -> Option<usize> {
+                // A match is several times as fast as a search through the names, and every member of a list comes by here.
+                match name {
+                    $( $name => Some(Self::$field), )+
+                    b"Angle" => Some(Self::ANGEL),
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+/// A name of the table as text. All are ASCII: `every_name_finds_its_own_slot` reads them back.
+const fn text(name: &'static [u8]) -> &'static str {
+    match std::str::from_utf8(name) {
+        Ok(text) => text,
+        Err(_) => "?",
+    }
+}
+
+#[rustfmt::skip]
+fields! {
+    M0 b"m0"  M1 b"m1"  M2 b"m2"  M3 b"m3"  M4 b"m4"  M5 b"m5"  M6 b"m6"  M7 b"m7"
+    M0_P b"m0_p"  M1_P b"m1_p"  M2_P b"m2_p"  M3_P b"m3_p"  M4_P b"m4_p"  M5_P b"m5_p"  M6_P b"m6_p"
+    M7_P b"m7_p"
+    ONESHOT b"oneshot"  ACTION b"action"  CK_STATUS b"ckStatus"  SPEED b"speed"  DELAY b"delay"
+    SMOOTH b"smooth"  TOOL b"tool"  COORD b"coord"  IS_USE b"isUse"  IO_NUMBER b"ioNumber"
+    IO_STATUS b"io_status"  TYPE b"type"  POINT b"point"  POINT2 b"point2"  LIMIT b"limit"
+    IS_UNLIMIT b"isUnlimit"  CNT_ID b"cnt_id"
+    XPOS b"xpos"  YPOS b"ypos"  ZPOS b"zpos"  UPOS b"upos"  VPOS b"vpos"  WPOS b"wpos"
+    MODEL_ID b"ModelID"  X b"X"  Y b"Y"  Z b"Z"  U b"U"  V b"V"  ANGEL b"Angel"
+    SIMILARITY b"Similarity"  COLOR b"Color"  REL b"Rel"  CAM_ID b"camID"
+}
 
 /// The same, ready to be compared.
 static PATTERNS: [Pattern; NAMES.len()] = Pattern::all(NAMES);
@@ -80,38 +75,12 @@ static KEYS: [Key; NAMES.len()] = {
 };
 
 impl Fields {
-    pub const M: [usize; AXES] = [0, 1, 2, 3, 4, 5, 6, 7];
-    pub const M_P: [usize; AXES] = [8, 9, 10, 11, 12, 13, 14, 15];
-    pub const ONESHOT: usize = 16;
-    pub const ACTION: usize = 17;
-    pub const CK_STATUS: usize = 18;
-    pub const SPEED: usize = 19;
-    pub const DELAY: usize = 20;
-    pub const SMOOTH: usize = 21;
-    pub const TOOL: usize = 22;
-    pub const COORD: usize = 23;
-    pub const IS_USE: usize = 24;
-    pub const IO_NUMBER: usize = 25;
-    pub const IO_STATUS: usize = 26;
-    pub const TYPE: usize = 27;
-    pub const POINT: usize = 28;
-    pub const POINT2: usize = 29;
-    pub const LIMIT: usize = 30;
-    pub const IS_UNLIMIT: usize = 31;
-    pub const CNT_ID: usize = 32;
+    pub const M: [usize; AXES] =
+        [Self::M0, Self::M1, Self::M2, Self::M3, Self::M4, Self::M5, Self::M6, Self::M7];
+    pub const M_P: [usize; AXES] =
+        [Self::M0_P, Self::M1_P, Self::M2_P, Self::M3_P, Self::M4_P, Self::M5_P, Self::M6_P, Self::M7_P];
     /// `xpos` … `wpos` of the 2020 shape: they stand for `m0` … `m5`.
-    pub const POS: [usize; 6] = [33, 34, 35, 36, 37, 38];
-    pub const MODEL_ID: usize = 39;
-    pub const X: usize = 40;
-    pub const Y: usize = 41;
-    pub const Z: usize = 42;
-    pub const U: usize = 43;
-    pub const V: usize = 44;
-    pub const ANGEL: usize = 45;
-    pub const SIMILARITY: usize = 46;
-    pub const COLOR: usize = 47;
-    pub const REL: usize = 48;
-    const CAM_ID: usize = 49;
+    pub const POS: [usize; 6] = [Self::XPOS, Self::YPOS, Self::ZPOS, Self::UPOS, Self::VPOS, Self::WPOS];
 
     const COUNT: usize = NAMES.len();
 
@@ -128,50 +97,6 @@ impl Fields {
     /// All names, for the nearest word.
     pub fn names() -> impl Iterator<Item = &'static str> {
         NAMES.into_iter()
-    }
-
-    /// The slot of a name, with the accepted spelling `Angle`.
-    fn slot(name: &[u8]) -> Option<usize> {
-        // A match is several times as fast as a search through the names, and every member of a list comes by here.
-        Some(match name {
-            [b'm', digit @ b'0'..=b'7'] => usize::from(digit - b'0'),
-            [b'm', digit @ b'0'..=b'7', b'_', b'p'] => usize::from(digit - b'0') + AXES,
-            b"oneshot" => Self::ONESHOT,
-            b"action" => Self::ACTION,
-            b"ckStatus" => Self::CK_STATUS,
-            b"speed" => Self::SPEED,
-            b"delay" => Self::DELAY,
-            b"smooth" => Self::SMOOTH,
-            b"tool" => Self::TOOL,
-            b"coord" => Self::COORD,
-            b"isUse" => Self::IS_USE,
-            b"ioNumber" => Self::IO_NUMBER,
-            b"io_status" => Self::IO_STATUS,
-            b"type" => Self::TYPE,
-            b"point" => Self::POINT,
-            b"point2" => Self::POINT2,
-            b"limit" => Self::LIMIT,
-            b"isUnlimit" => Self::IS_UNLIMIT,
-            b"cnt_id" => Self::CNT_ID,
-            b"xpos" => Self::POS[0],
-            b"ypos" => Self::POS[1],
-            b"zpos" => Self::POS[2],
-            b"upos" => Self::POS[3],
-            b"vpos" => Self::POS[4],
-            b"wpos" => Self::POS[5],
-            b"ModelID" => Self::MODEL_ID,
-            b"X" => Self::X,
-            b"Y" => Self::Y,
-            b"Z" => Self::Z,
-            b"U" => Self::U,
-            b"V" => Self::V,
-            b"Angel" | b"Angle" => Self::ANGEL,
-            b"Similarity" => Self::SIMILARITY,
-            b"Color" => Self::COLOR,
-            b"Rel" => Self::REL,
-            b"camID" => Self::CAM_ID,
-            _ => return None,
-        })
     }
 }
 

@@ -5,6 +5,7 @@ use crate::encode::{Decimals, ObjectWriter, key};
 use crate::error::{EncodeError, FieldError};
 use crate::grid::Grid;
 use crate::io_point::PairMask;
+use crate::message::action::Known;
 use crate::message::fields::{Fields, FieldsView};
 
 /// One step of an instruction list (manual 6, "instructions").
@@ -45,18 +46,19 @@ impl Action {
     /// The `action` number.
     #[must_use]
     pub fn number(&self) -> i64 {
-        match self {
-            Self::AxisMove(_) => 4,
-            Self::LinearMove(_) => 10,
-            Self::CurveMove(_) => 17,
-            Self::PathSpeed(_) => 51,
-            Self::StopOnSignal(_) => 52,
-            Self::Wait(_) => 100,
-            Self::Output(_) => 200,
-            Self::BoardOutput(_) => 204,
-            Self::Workbench(_) => 800,
-            Self::Unknown(unknown) => unknown.action,
-        }
+        let known = match self {
+            Self::AxisMove(_) => Known::AxisMove,
+            Self::LinearMove(_) => Known::LinearMove,
+            Self::CurveMove(_) => Known::CurveMove,
+            Self::PathSpeed(_) => Known::PathSpeed,
+            Self::StopOnSignal(_) => Known::StopOnSignal,
+            Self::Wait(_) => Known::Wait,
+            Self::Output(_) => Known::Output,
+            Self::BoardOutput(_) => Known::BoardOutput,
+            Self::Workbench(_) => Known::Workbench,
+            Self::Unknown(unknown) => return unknown.action,
+        };
+        known.number()
     }
 }
 
@@ -307,26 +309,27 @@ impl Instruction {
     pub(crate) fn from_fields(fields: &mut FieldsView<'_>) -> Result<Option<Self>, FieldError> {
         let number = fields.integer(Fields::ACTION, "a whole number")?;
         let oneshot = fields.optional(Fields::ONESHOT, "1 or 0", |value| value.flag())?.unwrap_or(false);
-        let action = match number {
-            4 => Action::AxisMove(Move::from_fields(fields)?),
-            10 => Action::LinearMove(Move::from_fields(fields)?),
-            17 => Action::CurveMove(CurveMove {
+        let Some(known) = Known::of(number) else { return Ok(None) };
+        let action = match known {
+            Known::AxisMove => Action::AxisMove(Move::from_fields(fields)?),
+            Known::LinearMove => Action::LinearMove(Move::from_fields(fields)?),
+            Known::CurveMove => Action::CurveMove(CurveMove {
                 middle: coordinates(fields, Fields::M)?,
                 end: coordinates(fields, Fields::M_P)?,
                 manner: Manner::from_fields(fields)?,
             }),
-            51 => Action::PathSpeed(PathSpeed {
+            Known::PathSpeed => Action::PathSpeed(PathSpeed {
                 in_use: fields.required(Fields::IS_USE, "1 or 0", |value| value.flag())?,
                 speed: fields.optional(Fields::SPEED, "a number of mm/s", |value| value.number())?,
             }),
-            52 => Action::StopOnSignal(StopOnSignal {
+            Known::StopOnSignal => Action::StopOnSignal(StopOnSignal {
                 in_use: fields.required(Fields::IS_USE, "1 or 0", |value| value.flag())?,
                 input: fields.required(Fields::IO_NUMBER, POINT, |value| small(value.integer(), 31))?,
                 on: fields.required(Fields::IO_STATUS, "1 or 0", |value| value.flag())?,
             }),
-            100 => Action::Wait(Wait::from_fields(fields)?),
-            200 => Action::Output(Output::from_fields(fields)?),
-            204 => Action::BoardOutput(BoardOutput {
+            Known::Wait => Action::Wait(Wait::from_fields(fields)?),
+            Known::Output => Action::Output(Output::from_fields(fields)?),
+            Known::BoardOutput => Action::BoardOutput(BoardOutput {
                 board: fields.required(Fields::TYPE, "0, 1 (Y) or 5, 6 (M)", |value| {
                     match value.integer()? {
                         board @ (0 | 1) => small(Some(board), 1).map(OutputBoard::Y),
@@ -337,12 +340,11 @@ impl Instruction {
                 low: pairs(fields, Fields::POINT)?,
                 high: pairs(fields, Fields::POINT2)?,
             }),
-            800 => Action::Workbench(Workbench {
+            Known::Workbench => Action::Workbench(Workbench {
                 id: fields.required(Fields::CNT_ID, "a number from 0", |value| {
                     u32::try_from(value.integer()?).ok()
                 })?,
             }),
-            _ => return Ok(None),
         };
         Ok(Some(Self { oneshot, action }))
     }
