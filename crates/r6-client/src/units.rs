@@ -58,12 +58,10 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 pub use crate::units::position::{AxisCoordinate, AxisPosition, Pose};
 use r6_proto::grid::{Grid, Nearest};
+use r6_proto::message::instruction::PathSpeed;
 
 /// The slowest speed that the wire can carry, percent: one step.
 const SLOWEST_PERCENT: f64 = 0.1;
-
-/// The fastest path speed that is sent, mm/s: arms of this protocol reach 2000 (reported, unit B).
-const FASTEST_PATH: u32 = 100_000;
 
 /// An angle, degrees.
 ///
@@ -216,10 +214,10 @@ impl MillimetresPerSecond {
     /// # Errors
     /// [`OutOfRange`] for 0 and above 100 000.
     pub fn new(speed: u32) -> Result<Self, OutOfRange> {
-        if (1..=FASTEST_PATH).contains(&speed) {
+        if (1..=PathSpeed::FASTEST).contains(&speed) {
             Ok(Self(speed))
         } else {
-            Err(OutOfRange::new(f64::from(speed), "mm/s, from 1 to 100000"))
+            Err(OutOfRange::new(f64::from(speed), PathSpeed::WANTED))
         }
     }
 

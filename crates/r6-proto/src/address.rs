@@ -98,6 +98,14 @@ pub struct AddressInfo {
     pub source: &'static str,
 }
 
+impl AddressInfo {
+    /// Whether the oldest manual has it, V6.0, and so every firmware.
+    #[must_use]
+    pub fn is_in_first_manual(&self) -> bool {
+        self.source.starts_with("4.1.1 #")
+    }
+}
+
 /// Spellings that are accepted besides the table's: (spelling, the table's).
 pub const ACCEPTED_SPELLINGS: [(&str, &str); 2] = [("boardIONum", "boardIOnum"), ("Version", "version")];
 

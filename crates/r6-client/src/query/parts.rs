@@ -125,7 +125,7 @@ pub(super) fn may_be_missing(address: Address) -> bool {
 /// Whether the oldest manual has the address, on both ports. Counters have to be made first.
 pub(super) fn is_everywhere(address: Address) -> bool {
     let info = address.info();
-    info.since == "V6.0" && info.ports == Ports::Both && !matches!(address, Address::Counter(_))
+    info.is_in_first_manual() && info.ports == Ports::Both && !matches!(address, Address::Counter(_))
 }
 
 #[cfg(test)]

@@ -168,6 +168,14 @@ pub struct PathSpeed {
     pub speed: Option<f64>,
 }
 
+impl PathSpeed {
+    /// The fastest that is sent, mm/s: arms of this protocol reach 2000 (reported, unit B).
+    pub const FASTEST: u32 = 100_000;
+
+    /// What a wrong one has to be.
+    pub const WANTED: &str = "a whole number of mm/s, from 1 to 100000";
+}
+
 /// An input that stops the motion (action 52, manual 6.1.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StopOnSignal {
@@ -372,9 +380,8 @@ impl Instruction {
                 if let Some(speed) = path.speed {
                     // Where it is switched off, 0 is what clients send.
                     let least = if path.in_use { 1.0 } else { 0.0 };
-                    if speed.fract() != 0.0 || !(least..=100_000.0).contains(&speed) {
-                        let wanted = "a whole number of mm/s, from 1 to 100000";
-                        return Err(EncodeError::new("speed", wanted));
+                    if speed.fract() != 0.0 || !(least..=f64::from(PathSpeed::FASTEST)).contains(&speed) {
+                        return Err(EncodeError::new("speed", PathSpeed::WANTED));
                     }
                     object.quoted_fixed(key!("speed"), speed, Decimals::FEW)?;
                 }
