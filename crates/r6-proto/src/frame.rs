@@ -6,15 +6,12 @@
 //! After it the next `{` begins a frame, unless it may belong to what was broken: an object inside another stands
 //! behind `:`, `[` or `,`, where no frame begins.
 
-mod blocks;
 mod fault;
 mod inside;
-mod stride;
 
 use fault::HEAD_BYTES;
 pub use fault::{FrameError, FrameFault};
 use inside::{Inside, Walk};
-use stride::Looked;
 
 /// How large a frame may be, in bytes and in levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,8 +69,6 @@ pub struct FrameBuffer {
     began: u64,
     /// How far the frame was read, in the modes `Frame` and `Discarding`.
     inside: Inside,
-    /// What is known of the bytes behind the last frame.
-    looked: Looked,
     examined: u64,
 }
 
@@ -167,7 +162,6 @@ impl FrameBuffer {
             mode: Mode::Between,
             began: 0,
             inside: Inside::BEGIN,
-            looked: Looked::default(),
             examined: 0,
         }
     }
@@ -236,7 +230,6 @@ impl FrameBuffer {
         let from = self.at;
         self.advance(length);
         self.enter(Mode::Between);
-        self.looked = Looked::default();
         self.storage.get(from..self.at).unwrap_or_default()
     }
 
@@ -289,7 +282,6 @@ impl FrameBuffer {
         let short = self.storage.len() - self.filled < wanted;
         if kept == 0 || (short && paid) {
             self.storage.copy_within(self.begin..self.filled, 0);
-            self.looked = Looked::default();
             self.examined += kept as u64;
             self.base += self.begin as u64;
             self.at -= self.begin;
@@ -442,7 +434,8 @@ impl FrameBuffer {
     /// Walks on through the frame, not beyond the index `end`.
     fn walk(&mut self, end: usize, max_depth: Option<usize>) -> Walk {
         let end = end.min(self.filled);
-        let (at, walk) = self.inside.stride(&self.storage, self.at, end, max_depth, &mut self.looked);
+        let known = self.storage.get(..end).unwrap_or(&self.storage);
+        let (at, walk) = self.inside.walk(known, self.at, max_depth);
         self.advance(at - self.at);
         walk
     }

@@ -7,15 +7,15 @@ use crate::text::{self, Progress, StringState};
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Inside {
     /// How many objects and lists are open.
-    pub(super) depth: u64,
+    depth: u64,
     /// One bit for each of the first [`Limits::DEEPEST`] levels, the innermost lowest: set for an object.
-    pub(super) objects: u64,
+    objects: u64,
     /// The last byte outside strings that is no blank.
-    pub(super) previous: u8,
+    previous: u8,
     /// The string that is open, where one is.
-    pub(super) string: Option<StringState>,
+    string: Option<StringState>,
     /// A bracket of the wrong kind was met.
-    pub(super) tangled: bool,
+    tangled: bool,
 }
 
 /// How a walk through a frame ended.
