@@ -10,7 +10,7 @@ use r6_proto::dialect::DsIdForm;
 use r6_proto::message::TypeKey;
 
 use crate::convert::{repr, seconds, word};
-use crate::units::{Degrees, Percent};
+use crate::units::{Degrees, Given, Percent};
 
 /// A frame without the key gets no reply: that is none to choose.
 const TYPE_KEYS: [(&str, TypeKey); 2] = [("reqType", TypeKey::ReqType), ("cmdType", TypeKey::CmdType)];
@@ -256,9 +256,9 @@ impl FollowOptions {
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         interval: Option<f64>,
-        speed: Option<&Percent>,
-        smallest_step: Option<&Degrees>,
-        largest_step: Option<&Degrees>,
+        speed: Option<Given<Percent>>,
+        smallest_step: Option<Given<Degrees>>,
+        largest_step: Option<Given<Degrees>>,
         while_moving: Option<bool>,
         fresh_within: Option<f64>,
         start_within: Option<f64>,
