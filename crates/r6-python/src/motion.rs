@@ -165,6 +165,15 @@ impl Motion {
         Self::add(slf, |motion| motion.workbench(number))
     }
 
+    fn repeat(slf: PyRefMut<'_, Self>) -> Chain<'_> {
+        Self::add(slf, r6_client::Motion::repeat)
+    }
+
+    #[getter]
+    fn repeats(&self) -> bool {
+        self.0.repeats()
+    }
+
     fn extend<'py>(slf: PyRefMut<'py, Self>, other: &Bound<'py, PyAny>) -> Chain<'py> {
         let other = if other.as_ptr() == slf.as_ptr() {
             slf.0.clone()
