@@ -27,6 +27,7 @@ mod motion;
 mod runner;
 #[doc(hidden)]
 pub mod simulated;
+mod stops;
 mod watch;
 
 use std::fmt;
@@ -42,16 +43,16 @@ use tokio::runtime::Handle;
 
 pub use self::driver::Driver;
 pub use self::engine::Engine;
-pub use self::motion::{MotionHandle, StepHandle};
+pub use self::motion::{MotionHandle, ProgressWatch, StepHandle};
 use self::runner::Runner;
+pub use self::stops::StopsUnderWay;
 pub use self::watch::{PushedReceiver, Subscription};
 use crate::error::RequestError;
 use crate::hands::blocking::StdHand;
 use crate::hands::connect::Connect;
 use crate::{
     Accepted, CameraSet, Cause, Closed, Done, Envelope, Identity, LinkQuality, Motion, MotionError,
-    NotSubscribed, QueryResult, RobotSettings, RunOptions, Status, StopReport, StopsUnderWay, WaitError,
-    WaitOptions,
+    NotSubscribed, QueryResult, RobotSettings, RunOptions, Status, StopReport, WaitError, WaitOptions,
 };
 
 /// A handle on one controller. Clones share one connection.
@@ -72,7 +73,7 @@ pub struct Robot {
 }
 
 /// How long a connection waits for the stop of its last motion: as long as a stop takes, and a moment for what follows it.
-const LAST_STOP: Duration = StopsUnderWay::WITHIN.saturating_add(Duration::from_secs(1));
+const LAST_STOP: Duration = crate::StopsUnderWay::WITHIN.saturating_add(Duration::from_secs(1));
 
 /// What all handles of a connection share.
 struct Connection {

@@ -9,6 +9,7 @@
 //! | the arm stands after a stop | [`standstill::Standstill::see`] |
 //! | the arm is at rest | [`rest::Rest::judge`] |
 //! | a path was carried out | [`crate::path::progress::PathProgress::end`] |
+//! | what was appended was carried out | [`crate::path::progress::PathProgress::carried_out`] |
 //! | the controller was started anew | [`restart::Restart::of`] |
 //! | a value is fresh | [`crate::subscription::Value`] |
 

@@ -176,7 +176,8 @@ impl Envelope {
         Ok(())
     }
 
-    /// Checks a motion, without the step from the present position to the first target.
+    /// Checks a motion, without the step from the present position to the first target. One that repeats goes from its last target to
+    /// its first one, too.
     ///
     /// # Errors
     /// [`Violation`]: the first step that goes beyond. A motion that is wrong in itself is not looked at:
@@ -187,7 +188,7 @@ impl Envelope {
             envelope.in_order()?;
             let mut walk = Walk::new(envelope, Reckoning::default());
             walk.start_is_open = true;
-            steps.iter().zip(motion.units()).try_for_each(|(step, units)| walk.step(step, *units))
+            walk.list(steps, motion.units())
         })
     }
 
@@ -215,8 +216,29 @@ impl Envelope {
                 walk.axes = axes;
                 walk.pose = pose;
             }
-            let units = units.iter().copied().chain(std::iter::repeat(AxisUnits::default()));
-            steps.iter().zip(units).try_for_each(|(step, units)| walk.step(step, units))
+            walk.list(steps, units)
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::AxisPosition;
+
+    #[test]
+    fn a_list_that_repeats_is_measured_from_its_end_to_its_beginning() {
+        let slow = Percent::new(5.0).unwrap();
+        let once = [0.0, 20.0, 40.0]
+            .iter()
+            .fold(crate::Motion::new(), |motion, to| motion.axis_move(AxisPosition::degrees([*to]), slow));
+        let envelope = Envelope::new().largest_axis_step(Degrees(30.0));
+        assert_eq!(envelope.check_motion(&once), Ok(()));
+        let violation = envelope.check_motion(&once.clone().repeat()).unwrap_err();
+        assert_eq!(violation.to_string(), "step 1: J1 goes 40 deg in one step, more than 30 deg");
+        let from = Some(Start { axes: [Some(0.0); AXES], pose: [None; AXES] });
+        let round = once.repeat();
+        let steps = round.instructions().unwrap();
+        assert_eq!(envelope.check(steps, round.units(), from, Reckoning::default()), Err(violation));
     }
 }

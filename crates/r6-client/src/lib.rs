@@ -94,5 +94,5 @@ pub use robot::{Accepted, Closed, Robot};
 pub use settings::{Heartbeat, Liveness, Reconnect, RobotSettings};
 pub use status::{Readiness, Status, Unmet, Unproved};
 pub use stop::{DoubtAfterStop, ListAfterStop, NotTried, SecondConnection, StopMeans, StopReport};
-pub use stream::{Cause, MotionError, RunOptions};
+pub use stream::{Cause, MotionError, NotProved, RunOptions};
 pub use subscription::{NotSubscribed, Quality, Snapshot, Subscription, Value};

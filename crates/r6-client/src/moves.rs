@@ -20,7 +20,7 @@ pub const MAX_STEPS: usize = 100_000;
 
 /// Moves, outputs and waits in their order: what [`crate::Robot::run`] sends.
 ///
-/// Every step runs once. What is wrong is kept until [`Self::instructions`] tells it, so that a motion can be written
+/// Every step runs once, unless the motion repeats ([`Self::repeat`]). What is wrong is kept until [`Self::instructions`] tells it, so that a motion can be written
 /// as one chain; [`crate::Robot::run`] sends nothing of it then.
 ///
 /// ```
@@ -53,6 +53,8 @@ pub struct Motion {
     units: Vec<AxisUnits>,
     /// Whether a path speed is set for the steps to come.
     path_speed: bool,
+    /// The steps, counted from 0, that begin a frame of their own.
+    frame_starts: Vec<usize>,
     wrong: Option<StepError>,
 }
 
@@ -196,17 +198,50 @@ impl Motion {
         self.instruct(Action::Workbench(Workbench { id }))
     }
 
-    /// Any other step. It has to be one-shot: what stays in the list has no end.
+    /// Any other step. It has to be one-shot: a step that stays in the list ([`Self::repeat`], [`Self::of_list`]) never ends.
     #[must_use]
     pub fn instruction(self, instruction: Instruction) -> Self {
-        self.push_oneshot(instruction, AxisUnits::default())
+        let wanted = "1: a step that stays in the list never ends";
+        self.push(instruction, AxisUnits::default()).check(instruction.oneshot, "oneshot", wanted)
     }
 
-    /// The steps of another motion behind these.
+    /// A motion of these instructions as they are: those that are not one-shot stay in the controller's list, as by [`Self::repeat`].
     #[must_use]
-    pub fn extend(self, other: &Self) -> Self {
+    pub fn of_list(instructions: impl IntoIterator<Item = Instruction>) -> Self {
+        instructions.into_iter().fold(Self::new(), |motion, step| motion.push(step, AxisUnits::default()))
+    }
+
+    /// Lets every step so far stay in the controller's list (`oneshot` 0): behind the last one the list starts over, until the arm is
+    /// stopped or the list is cleared.
+    ///
+    /// Such a motion has to fit into the list as a whole ([`crate::RunOptions::room`]), and no [`crate::Done`] ends it: its handle tells why
+    /// it no longer runs. It goes on when this program dies, too. An [`crate::Envelope`] holds the way from the last step back to the first against its limits, too.
+    #[must_use]
+    pub fn repeat(mut self) -> Self {
+        self.steps.iter_mut().for_each(|step| step.oneshot = false);
+        self
+    }
+
+    /// Whether a step stays in the controller's list, so that the motion never ends by itself.
+    #[must_use]
+    pub fn repeats(&self) -> bool {
+        self.steps.iter().any(|step| !step.oneshot)
+    }
+
+    /// Lets the next step begin a frame of its own, whatever would still fit into the one before.
+    #[must_use]
+    pub fn begin_frame(mut self) -> Self {
+        self.frame_starts.push(self.steps.len());
+        self
+    }
+
+    /// The steps of another motion behind these. They stay in the list if they do there.
+    #[must_use]
+    pub fn extend(mut self, other: &Self) -> Self {
+        let before = self.steps.len();
+        self.frame_starts.extend(other.frame_starts.iter().map(|start| before + start));
         let steps = other.steps.iter().zip(&other.units);
-        let motion = steps.fold(self, |motion, (step, units)| motion.push_oneshot(*step, *units));
+        let motion = steps.fold(self, |motion, (step, units)| motion.push(*step, *units));
         match other.wrong {
             Some(error) => motion.check(false, error.field, error.wanted),
             None => motion,
@@ -241,13 +276,13 @@ impl Motion {
         &self.units
     }
 
-    fn instruct(self, action: Action) -> Self {
-        self.push(Instruction { oneshot: true, action }, AxisUnits::default())
+    /// The steps, counted from 0 and in order, that begin a frame of their own.
+    pub(crate) fn frame_starts(&self) -> &[usize] {
+        &self.frame_starts
     }
 
-    fn push_oneshot(self, instruction: Instruction, units: AxisUnits) -> Self {
-        let wanted = "1: a step that stays in the list never ends";
-        self.push(instruction, units).check(instruction.oneshot, "oneshot", wanted)
+    fn instruct(self, action: Action) -> Self {
+        self.push(Instruction { oneshot: true, action }, AxisUnits::default())
     }
 
     fn push(mut self, instruction: Instruction, units: AxisUnits) -> Self {
@@ -365,6 +400,18 @@ mod tests {
     fn what_never_ends_is_no_step_of_a_motion() {
         let again = Instruction { oneshot: false, ..step().steps[0] };
         assert_eq!(wrong(&Motion::from_iter([again])), (1, "oneshot"));
+        assert!(Motion::of_list([again]).repeats(), "unless it is asked for");
+    }
+
+    #[test]
+    fn a_motion_repeats_as_a_whole_and_keeps_its_frames_behind_another() {
+        let once = step().extend(&step());
+        assert!(!once.repeats());
+        let round = once.clone().repeat();
+        assert!(round.instructions().unwrap().iter().all(|step| !step.oneshot));
+        let both = once.begin_frame().extend(&step().begin_frame().extend(&step()));
+        assert_eq!((both.len(), both.frame_starts()), (4, &[2, 3][..]));
+        assert!(step().extend(&round).repeats());
     }
 
     #[test]

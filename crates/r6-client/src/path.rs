@@ -5,6 +5,7 @@ pub(crate) mod place;
 pub(crate) mod progress;
 pub(crate) mod track;
 pub(crate) mod way;
+pub(crate) mod whole;
 
 use std::ops::Range;
 
@@ -35,12 +36,13 @@ pub(crate) fn frame(
 }
 
 /// Cuts a path into frames: as many instructions each as fit into the longest frame, `most` at most, none left out, in
-/// their order.
+/// their order. Each of the steps at `starts`, counted from 0 and in order, begins a frame.
 ///
 /// # Errors
 /// [`StepError`] for a step that the wire cannot carry, or that is too long for a frame of its own.
 pub(crate) fn cut(
     steps: &[Instruction],
+    starts: &[usize],
     settings: &RobotSettings,
     most: usize,
 ) -> Result<Vec<Range<usize>>, StepError> {
@@ -59,7 +61,13 @@ pub(crate) fn cut(
         // With a comma before it.
         bytes += own + 1;
         match frames.last_mut() {
-            Some(frame) if frame.len() < most && bytes <= settings.max_frame_bytes => frame.end = at + 1,
+            Some(frame)
+                if frame.len() < most
+                    && bytes <= settings.max_frame_bytes
+                    && starts.binary_search(&at).is_err() =>
+            {
+                frame.end = at + 1;
+            }
             Some(_) | None => {
                 frames.push(at..at + 1);
                 bytes = around + own;
@@ -103,11 +111,13 @@ mod tests {
         #[test]
         fn no_step_is_lost_doubled_or_moved_and_every_frame_is_within_its_limits(
             steps in prop::collection::vec(any_step(), 0..200),
+            starts in prop::collection::btree_set(0_usize..250, 0..5),
             most in 1_usize..12,
             max_frame_bytes in 700_usize..3000,
         ) {
             let settings = RobotSettings { max_frame_bytes, ..RobotSettings::default() };
-            let frames = cut(&steps, &settings, most).unwrap();
+            let starts: Vec<_> = starts.into_iter().collect();
+            let frames = cut(&steps, &starts, &settings, most).unwrap();
             let joined: Vec<Instruction> =
                 frames.iter().flat_map(|frame| &steps[frame.clone()]).copied().collect();
             prop_assert_eq!(joined, steps.clone());
@@ -116,12 +126,14 @@ mod tests {
                 let bytes =
                     frame(&settings.envelope(LONGEST_PACK_ID), true, &steps[range.clone()]).unwrap().len();
                 prop_assert!(bytes <= max_frame_bytes, "{} bytes", bytes);
+                prop_assert!(!starts.iter().any(|at| (range.start + 1..range.end).contains(at)));
             }
             // No frame has room for the first step of the next one.
             for pair in frames.windows(2) {
                 let together = &steps[pair[0].start..=pair[1].start];
                 let bytes = frame(&settings.envelope(LONGEST_PACK_ID), true, together).unwrap().len();
-                prop_assert!(together.len() > most || bytes > max_frame_bytes);
+                let starts = starts.contains(&pair[1].start);
+                prop_assert!(together.len() > most || bytes > max_frame_bytes || starts);
             }
         }
     }
@@ -137,8 +149,8 @@ mod tests {
             }),
         };
         let short = RobotSettings { max_frame_bytes: 200, ..RobotSettings::default() };
-        assert_eq!(cut(&[step(1.0)], &short, 8).unwrap_err().field, "instructions");
-        let error = cut(&[step(1.0), step(101.0)], &RobotSettings::default(), 8).unwrap_err();
+        assert_eq!(cut(&[step(1.0)], &[], &short, 8).unwrap_err().field, "instructions");
+        let error = cut(&[step(1.0), step(101.0)], &[], &RobotSettings::default(), 8).unwrap_err();
         assert_eq!((error.step, error.field), (2, "speed"));
     }
 }

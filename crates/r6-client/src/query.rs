@@ -10,10 +10,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use r6_proto::address::Address;
-use r6_proto::error::FieldError;
+use r6_proto::error::{EncodeError, FieldError};
 use r6_proto::time::Instant;
 
-use crate::error::{NotSent, OutcomeUnknown, RequestError, Sent};
+use crate::error::{Invalid, NotSent, OutcomeUnknown, RequestError, Sent};
 use crate::identity::asks_who_is_there;
 use crate::job::{Answer, Answered, Work};
 use crate::link::Lane;
@@ -21,6 +21,13 @@ use crate::query::parts::{Part, Parts, alone};
 use crate::query::result::{AskedAt, Rows};
 pub use crate::query::result::{NoReading, QueryResult};
 use crate::robot::Robot;
+
+/// A query of nothing is a mistake in the program that makes it.
+const NO_ADDRESS: EncodeError = EncodeError {
+    field: "queryAddr",
+    wanted: "one address at least, such as curMode or axis-0",
+    nearest: None,
+};
 
 /// How often a query is asked for in all, where the connection changes between its parts.
 const ROUNDS: u32 = 2;
@@ -41,10 +48,13 @@ impl Robot {
     /// All values are of one robot: where the connection changes between two parts, all of it is asked for once more.
     ///
     /// # Errors
-    /// [`RequestError`]; a query that the connection ended under is asked once more over a new one first. If the robot
+    /// [`RequestError`]; [`Invalid::Value`] if there is no address in the list. A query that the connection ended under is asked once more over a new one first. If the robot
     /// that answers is not the one that this handle was used with before, its values are not handed out
     /// ([`OutcomeUnknown::AnotherRobot`]).
     pub async fn query(&self, addresses: &[Address]) -> Result<QueryResult, RequestError> {
+        if addresses.is_empty() {
+            return Err(Invalid::Value(NO_ADDRESS).into());
+        }
         // Pinned here: it is large, and would be moved on its way otherwise.
         let query = pin!(self.query_in(Lane::Ordinary, addresses));
         self.drive(query).await

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use r6_proto::dialect::{DsIdForm, Envelope};
 use r6_proto::message::TypeKey;
+use r6_proto::request::LONGEST_ADD_RCC;
 
 /// The longest `packID` that is counted on, in digits.
 pub(crate) const LONGEST_PACK_ID: &str = "18446744073709551615";
@@ -39,7 +40,7 @@ impl Default for RobotSettings {
         Self {
             reply_timeout: Duration::from_secs(2),
             connect_timeout: Duration::from_secs(3),
-            max_frame_bytes: 2048,
+            max_frame_bytes: LONGEST_ADD_RCC,
             reconnect: Reconnect::default(),
             heartbeat: Heartbeat::Off,
             liveness: Liveness::default(),

@@ -27,9 +27,9 @@ use crate::robot::Robot;
 use crate::settings::RobotSettings;
 use crate::status::{Status, Unmet};
 use crate::stop::report::StopReport;
-pub use crate::stream::error::{Cause, MotionError};
+pub use crate::stream::error::{Cause, MotionError, NotProved};
 pub use crate::stream::options::RunOptions;
-use crate::stream::task::Task;
+use crate::stream::task::{Task, Whole};
 
 impl Robot {
     /// Runs a motion: checks it, looks at the machine, then streams it in lists that the controller takes. The first
@@ -40,6 +40,8 @@ impl Robot {
     /// unknown is never sent again: the motion ends there. What has not left when the connection is lost never does
     /// ([`Cause::NotSent`]): no motion goes on over another connection by itself, nor is its end seen there
     /// ([`Cause::Unreadable`]).
+    ///
+    /// A motion that is appended ([`RunOptions::append`]) or repeats ([`Motion::repeat`]) is sent at once and as a whole.
     ///
     /// ```
     /// # #[tokio::main(flavor = "current_thread")]
@@ -84,28 +86,31 @@ impl Robot {
         if steps.is_empty() {
             return Err(wrong(0, "instructions", "one step at least"));
         }
-        let frames = cut(steps, self.settings(), options.frame_length()).map_err(Cause::Step)?;
+        let frames = motion.lists(self.settings(), options).map_err(Cause::Step)?;
         let (turn, stops) = self.turn().await?;
         let lists = self.lists().await;
         let (status, about) = self.look_before(options).await?;
         if let Some(error) = status.step_beyond_axes(steps) {
             return Err(Cause::Step(error));
         }
-        if status.list_length.is_none() && ends_in_endless_wait(motion) {
+        if status.list_length.is_none() && !motion.repeats() && ends_in_endless_wait(motion) {
             let wanted =
                 "limited: this firmware does not tell the length of its list, and nobody could see the end";
             return Err(wrong(steps.len(), "isUnlimit", wanted));
         }
         if let Some(envelope) = self.guard() {
-            let from = Start { axes: status.axes, pose: status.pose };
-            let checked = envelope.check(steps, motion.units(), Some(from), self.reckoning());
+            // What is appended begins where the list ends, and nobody knows where that is.
+            let at_rest = status.moving == Some(false) && status.list_length == Some(0);
+            let from = (!options.append || at_rest).then_some(Start { axes: status.axes, pose: status.pose });
+            let checked = envelope.check(steps, motion.units(), from, self.reckoning());
             checked.map_err(Cause::OutsideEnvelope)?;
         }
         let (progress, watched) = watch::channel(Progress { total: steps.len(), ..Progress::default() });
         let (end, ended) = oneshot::channel();
         let path = PathProgress::new(steps.to_vec(), status.sample(), self.hub().time.now());
         let number = self.motions().begin();
-        let task = Task::new((self.clone(), about, number), options, path, frames, progress);
+        let whole = Whole::of(motion, options);
+        let task = Task::new((self.clone(), about, number), options, whole, path, frames, progress);
         let task = self.errand(task.run(ended, stops, turn, lists));
         Ok(MotionHandle {
             robot: self.clone(),
@@ -150,8 +155,13 @@ impl Robot {
     async fn look_once(&self, options: RunOptions) -> Result<(Status, About, Instant), Cause> {
         let (mut status, mut about, mut asked_at) = self.status_timed().await.map_err(Cause::Unreadable)?;
         let unmet = |status: &Status| -> Vec<Unmet> {
-            let idle = |unmet: &Unmet| matches!(unmet, Unmet::Mode { found } if *found == options.idle_mode);
-            status.unmet().into_iter().filter(|unmet| !idle(unmet)).collect()
+            let in_the_way = |unmet: &Unmet| match unmet {
+                Unmet::Mode { found } => *found != options.idle_mode,
+                // Appending to a list that runs is what appending is for.
+                Unmet::Moving | Unmet::LeftoverList { .. } => !options.append,
+                Unmet::Alarm { .. } | Unmet::NotHomed | Unmet::Unknown { .. } => true,
+            };
+            status.unmet().into_iter().filter(in_the_way).collect()
         };
         let mut found = unmet(&status);
         if options.clear_leftover && matches!(found.as_slice(), [Unmet::LeftoverList { .. }]) {
@@ -208,13 +218,25 @@ impl Motion {
     /// The lists that [`Robot::run`] cuts this motion into: which steps are in each, counted from 0.
     ///
     /// # Errors
-    /// [`StepError`]: a wrong step, or one that is too long for a frame of its own.
+    /// [`StepError`]: a wrong step, or one that is too long for a frame of its own; `room` if the motion does not fit into the list as a
+    /// whole and has to.
     pub fn lists(
         &self,
         settings: &RobotSettings,
         options: RunOptions,
     ) -> Result<Vec<Range<usize>>, StepError> {
-        cut(self.instructions()?, settings, options.frame_length())
+        let steps = self.instructions()?;
+        if self.goes_whole(options) && steps.len() > options.room {
+            let wanted =
+                "no less than the steps of a motion that is appended or repeats: it is sent as a whole";
+            return Err(StepError { step: 0, field: "room", wanted, nearest: None });
+        }
+        cut(steps, self.frame_starts(), settings, options.frame_length())
+    }
+
+    /// Whether it is sent at once, however far the arm is: behind other steps, or repeating, nobody can see that.
+    fn goes_whole(&self, options: RunOptions) -> bool {
+        options.append || self.repeats()
     }
 
     /// The frames of [`Robot::dry_run`], for which no robot is needed. No guard is consulted: see
@@ -228,7 +250,7 @@ impl Motion {
             let first = list.start + 1;
             let pack_id = (number + 1).to_string();
             let listed = steps.get(list).unwrap_or_default();
-            frame(&settings.envelope(&pack_id), number == 0, listed)
+            frame(&settings.envelope(&pack_id), number == 0 && !options.append, listed)
                 .map_err(|error| StepError::of(first, &error))
         };
         self.lists(settings, options)?.into_iter().enumerate().map(encoded).collect()

@@ -79,6 +79,36 @@ fn many_threads_share_one_connection() {
 
 /// A motion goes on while the caller does something else, without a runtime of his.
 #[test]
+fn a_handle_tells_its_number_and_each_change_and_may_be_asked_again() {
+    let (_controller, robot) = cell();
+    let mut handle = robot.run(&motion([1.0, 2.0, 3.0]), RunOptions::default()).unwrap();
+    assert_eq!(handle.number(), 1);
+    let seen: Vec<_> = handle.watch().collect();
+    assert!(seen.windows(2).all(|pair| pair[0].done <= pair[1].done && !pair[0].ended), "{seen:?}");
+    let last = seen.last().unwrap();
+    assert_eq!((last.total, last.done, last.ended), (3, 3, true), "{seen:?}");
+    let done = handle.wait().unwrap();
+    assert_eq!((done.motion, handle.wait().unwrap()), (Some(1), done));
+    assert!(handle.watch().all(|progress| progress.ended), "what is over is told, too");
+}
+
+#[test]
+fn a_released_motion_goes_on_with_what_is_in_its_list_and_stops_are_waited_for() {
+    let (controller, robot) = cell();
+    let handle = robot.run(&motion((1..=40).map(f64::from)), RunOptions::default()).unwrap();
+    until("it begins", || handle.progress().accepted > 0);
+    let released = handle.release();
+    assert!(released.ended && (8..=24).contains(&released.left), "{released:?}");
+    let mut stops = robot.stops_under_way();
+    assert!(!stops.any() && !stops.are_gone() && stops.over().is_none());
+    let report = robot.stop().unwrap();
+    assert_eq!(stops.over(), Some(Ok(report)));
+    assert!(!controller.handle().snapshot().moving);
+    drop(robot);
+    assert!(stops.are_gone() && stops.over().is_none());
+}
+
+#[test]
 fn a_motion_is_streamed_between_the_calls() {
     let controller = VirtualController::builder().clock(Clock::Times(20.0)).start_blocking().unwrap();
     let robot = connect(&controller, RobotSettings::default());

@@ -3,7 +3,8 @@
 //!
 //! An input is a byte for the kind of file and its text.
 
-use r6::program_file::{FileError, ProgramFile, cut};
+use r6::program_file::{FileError, ProgramFile};
+use r6_client::{Motion, RobotSettings, RunOptions};
 use r6_controller::{Controller, ControllerSettings, Library, Profile, Program, RobotModel, Scenario};
 use r6_proto::time::Instant;
 use r6_proto::{Body, Decoder};
@@ -106,17 +107,19 @@ fn program_file(text: &str, read: Result<ProgramFile, FileError>) {
     let model = Model::new(&settings);
     let mut cell = Cell::around(Controller::new(settings, Instant::ORIGIN), Instant::ORIGIN);
     for batch in file.batches {
-        let whole = batch.clone();
+        let options = RunOptions { append: !batch.replace, room: usize::MAX, ..RunOptions::default() };
+        let (motion, settings) = (Motion::of_list(batch.instructions), RobotSettings::default());
         // What the wire cannot carry is refused before anything is sent.
-        let Ok(parts) = cut(vec![batch]) else { continue };
-        let steps: Vec<_> = parts.iter().flat_map(|part| part.instructions.iter().copied()).collect();
-        assert_eq!(steps, whole.instructions, "cut into frames it is another list");
-        for part in parts {
-            let frame = part.encode("1").expect("it was encoded to be cut");
+        let Ok(lists) = motion.lists(&settings, options) else { continue };
+        let steps = motion.instructions().expect("it was cut");
+        let parts: Vec<_> = lists.iter().map(|list| &steps[list.clone()]).collect();
+        assert_eq!(parts.concat(), steps, "cut into frames it is another list");
+        let frames = motion.frames(&settings, options).expect("it was encoded to be cut");
+        for (part, frame) in parts.into_iter().zip(frames) {
             let mut decoder = Decoder::new();
             let message = decoder.decode(&frame).unwrap_or_else(|error| panic!("{error}"));
             let Body::AddRcc(list) = message.body else { panic!("{}", frame.escape_ascii()) };
-            same_instructions(&part.instructions, list.instructions);
+            same_instructions(part, list.instructions);
             cell.send(&frame);
             cell.pass(0.1);
             model.hold_within_limits(&mut cell);

@@ -18,7 +18,7 @@ use crate::encode::write_integer;
 use crate::error::{EncodeError, JsonError};
 use crate::frame::{FrameBuffer, FrameError, Limits};
 use crate::message::{Decoder, Message, RequestType, TypeKey};
-use crate::request::Request;
+use crate::request::{LONGEST_ADD_RCC, Request};
 use crate::server::PARTIAL_FRAME_TIMEOUT;
 use crate::time::Instant;
 
@@ -44,7 +44,7 @@ impl Default for ClientSettings {
     fn default() -> Self {
         Self {
             reply_timeout: Duration::from_secs(2),
-            max_frame_bytes: 2048,
+            max_frame_bytes: LONGEST_ADD_RCC,
             max_in_flight: 64,
             type_key: TypeKey::ReqType,
             ds_id: DsIdForm::Long,

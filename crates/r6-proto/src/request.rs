@@ -9,6 +9,9 @@ use crate::text;
 
 mod head;
 
+/// The longest AddRCC that controllers answer and carry out, bytes (inferred from the thresholds reported of unit A).
+pub const LONGEST_ADD_RCC: usize = 2048;
+
 /// What a PC or a camera sends to a controller.
 #[derive(Clone, Copy, Debug)]
 pub enum Request<'a> {

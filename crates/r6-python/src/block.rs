@@ -38,6 +38,13 @@ impl Block {
         }
     }
 
+    fn stop_asked(&self) -> bool {
+        match &self.owner {
+            Owner::Motion(core) => core.get().stop_asked(),
+            Owner::Follow(core) => core.get().stop_asked(),
+        }
+    }
+
     /// Stops the arm, however often a signal comes meanwhile, and tells the exception what became of it.
     fn stop_for(&self, error: &Bound<'_, PyBaseException>) -> PyResult<()> {
         let py = error.py();
@@ -86,6 +93,9 @@ impl Block {
             return self.stop_for(error);
         }
         match self.finished()?.waited(py)? {
+            Waited::Made(Err(error)) if self.stop_asked() && told::is_end_by_stop(py, error.value(py))? => {
+                Ok(())
+            }
             Waited::Made(done) => done.map(drop),
             Waited::Raised(interrupt) => {
                 self.stop_for(interrupt.value(py))?;

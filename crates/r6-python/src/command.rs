@@ -8,7 +8,7 @@ use r6_proto::message::Command as Sent;
 use r6_proto::{CommandName, RegisterIndex};
 
 use crate::pickling::Reduced;
-use crate::units::Percent;
+use crate::units::{Given, Percent};
 
 /// A command with its arguments.
 #[pyclass(frozen, module = "r6._r6", eq)]
@@ -74,7 +74,7 @@ impl Command {
     }
 
     #[staticmethod]
-    fn modify_gspd(speed: &Percent) -> Self {
+    fn modify_gspd(speed: Given<Percent>) -> Self {
         Self(Sent::ModifyGspd { percent: speed.0.value() })
     }
 

@@ -7,7 +7,7 @@ use r6_client::units::AxisCoordinate;
 use crate::errors::raise;
 use crate::motion::Motion;
 use crate::pickling::not_pickled;
-use crate::units::{Degrees, Millimetres, MillimetresPerSecond, Percent, axis, coordinate};
+use crate::units::{Degrees, Given, Millimetres, MillimetresPerSecond, Percent, axis, coordinate};
 
 /// What a list may ask for. What is not set is not checked. Each method returns a new envelope.
 #[pyclass(frozen, module = "r6._r6", eq)]
@@ -27,11 +27,11 @@ impl Envelope {
         Self(self.0.clone().and(other.0.clone()))
     }
 
-    fn speed_cap(&self, cap: &Percent) -> Self {
+    fn speed_cap(&self, cap: Given<Percent>) -> Self {
         Self(self.0.clone().speed_cap(cap.0))
     }
 
-    fn path_speed_cap(&self, cap: &MillimetresPerSecond) -> Self {
+    fn path_speed_cap(&self, cap: Given<MillimetresPerSecond>) -> Self {
         Self(self.0.clone().path_speed_cap(cap.0))
     }
 
@@ -49,11 +49,11 @@ impl Envelope {
         Self(self.0.clone().workspace(corner(lowest), corner(highest)))
     }
 
-    fn largest_axis_step(&self, largest: &Degrees) -> Self {
+    fn largest_axis_step(&self, largest: Given<Degrees>) -> Self {
         Self(self.0.clone().largest_axis_step(largest.0))
     }
 
-    fn largest_distance(&self, largest: &Millimetres) -> Self {
+    fn largest_distance(&self, largest: Given<Millimetres>) -> Self {
         Self(self.0.clone().largest_distance(largest.0))
     }
 

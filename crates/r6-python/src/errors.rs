@@ -262,6 +262,7 @@ impl Raise for Cause {
             | Self::Closed
             | Self::Released
             | Self::NotSeen
+            | Self::NotProved(_)
             | Self::AnotherList { .. }
             | Self::Elsewhere(_)
             | Self::Stalled { .. }
@@ -305,6 +306,7 @@ impl Raise for MotionError {
             | Cause::Closed
             | Cause::Released
             | Cause::NotSeen
+            | Cause::NotProved(_)
             | Cause::Elsewhere(_)
             | Cause::Stalled { .. }
             | Cause::Abandoned => error,
@@ -338,6 +340,7 @@ fn cause_word(cause: &Cause) -> &'static str {
         Cause::Closed => "closed",
         Cause::Released => "released",
         Cause::NotSeen => "not_seen",
+        Cause::NotProved(_) => "not_proved",
         Cause::AnotherList { .. } => "another_list",
         Cause::Elsewhere(_) => "elsewhere",
         Cause::Stalled { .. } => "stalled",

@@ -1,5 +1,6 @@
 //! A target that is followed.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use pyo3::exceptions::PyRuntimeError;
@@ -13,7 +14,7 @@ use crate::errors::raise;
 use crate::handle::Streaming;
 use crate::operation::Operation;
 use crate::process::{Kept, Process};
-use crate::units::AxisPosition;
+use crate::units::{AxisPosition, Given};
 
 type Outcome = Result<Followed, MotionError>;
 
@@ -29,6 +30,8 @@ struct Parts {
 #[pyclass(frozen, module = "r6._r6")]
 pub struct FollowCore {
     parts: Kept<Parts>,
+    /// Whether its owner asked for a stop.
+    stop_asked: AtomicBool,
 }
 
 impl FollowCore {
@@ -42,14 +45,17 @@ impl FollowCore {
             tell.send_replace(Some(result));
         });
         let (target, streaming) = (Mutex::new(Some(target)), Streaming(task.abort_handle()));
-        Ok(Self { parts: Kept::new(Parts { robot, target, outcome, streaming }) })
+        Ok(Self {
+            parts: Kept::new(Parts { robot, target, outcome, streaming }),
+            stop_asked: AtomicBool::new(false),
+        })
     }
 }
 
 #[pymethods]
 impl FollowCore {
     /// Where the target is now. Raises why it is not followed any more.
-    fn target(&self, py: Python<'_>, to: &AxisPosition) -> PyResult<()> {
+    fn target(&self, py: Python<'_>, to: Given<AxisPosition>) -> PyResult<()> {
         let parts = self.parts.here()?;
         let outcome = parts.outcome.borrow().clone();
         let ended = || PyRuntimeError::new_err("following has ended: no other target is taken");
@@ -86,7 +92,14 @@ impl FollowCore {
 
     /// Ends it and stops the arm, whoever gives up waiting for it.
     pub fn stop(&self) -> PyResult<Operation> {
+        self.stop_asked.store(true, Ordering::Relaxed);
         Ok(stopping(self.parts.here()?.robot.clone()))
+    }
+
+    /// Whether its owner asked for a stop.
+    #[getter]
+    pub fn stop_asked(&self) -> bool {
+        self.stop_asked.load(Ordering::Relaxed)
     }
 
     /// Ends it; the arm finishes the step or two in its list.

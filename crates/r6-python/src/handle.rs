@@ -1,5 +1,6 @@
 //! A motion that runs.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::IntoPyObjectExt;
@@ -164,6 +165,8 @@ pub struct MotionCore {
     parts: Kept<Parts>,
     /// What `next_progress` has told.
     told: Mutex<Option<r6_client::Progress>>,
+    /// Whether its handle asked for a stop.
+    stop_asked: AtomicBool,
 }
 
 impl MotionCore {
@@ -178,7 +181,7 @@ impl MotionCore {
 
     /// The handle.
     pub fn new(parts: Parts) -> Self {
-        Self { parts: Kept::new(parts), told: Mutex::new(None) }
+        Self { parts: Kept::new(parts), told: Mutex::new(None), stop_asked: AtomicBool::new(false) }
     }
 
     /// Waits until a step is as wanted; `false` if it never will be, as far as is known.
@@ -265,8 +268,15 @@ impl MotionCore {
         Ok(Operation::new(waiting, |py, ended| ended.into_bound_py_any(py)))
     }
 
+    /// Whether its handle asked for a stop.
+    #[getter]
+    pub fn stop_asked(&self) -> bool {
+        self.stop_asked.load(Ordering::Relaxed)
+    }
+
     /// Ends the streaming and stops the arm, whoever gives up waiting for it.
     pub fn stop(&self) -> PyResult<Operation> {
+        self.stop_asked.store(true, Ordering::Relaxed);
         Ok(stopping(self.parts.here()?.robot.clone()))
     }
 

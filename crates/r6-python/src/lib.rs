@@ -87,7 +87,7 @@ mod _r6 {
     #[pymodule_export]
     use crate::tables::{addresses, alarm, models, profiles};
     #[pymodule_export]
-    use crate::told::told;
+    use crate::told::{ended_as_asked, told};
     #[pymodule_export]
     use crate::units::{AxisMask, AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Percent, Pose};
 }

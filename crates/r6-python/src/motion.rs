@@ -11,7 +11,7 @@ use crate::errors::{Raise, raise};
 use crate::numbers::rows;
 use crate::pickling::not_pickled;
 use crate::points::{output, outputs, source};
-use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg};
+use crate::units::{AxisPosition, Given, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg};
 
 /// Moves, outputs and waits in their order. Each method adds a step, or changes the last one, and returns the motion.
 #[pyclass(module = "r6._r6")]
@@ -43,19 +43,28 @@ impl Motion {
         Self::default()
     }
 
-    fn axis_move<'py>(slf: PyRefMut<'py, Self>, to: &AxisPosition, speed: &Percent) -> Chain<'py> {
+    fn axis_move<'py>(
+        slf: PyRefMut<'py, Self>,
+        to: Given<AxisPosition>,
+        speed: Given<Percent>,
+    ) -> Chain<'py> {
         Self::add(slf, |motion| motion.axis_move(to.0, speed.0))
     }
 
-    fn linear_move<'py>(slf: PyRefMut<'py, Self>, to: &Pose, speed: &Percent) -> Chain<'py> {
+    fn linear_move<'py>(slf: PyRefMut<'py, Self>, to: Given<Pose>, speed: Given<Percent>) -> Chain<'py> {
         Self::add(slf, |motion| motion.linear_move(to.0, speed.0))
     }
 
-    fn linear_move_at_path_speed<'py>(slf: PyRefMut<'py, Self>, to: &Pose) -> Chain<'py> {
+    fn linear_move_at_path_speed<'py>(slf: PyRefMut<'py, Self>, to: Given<Pose>) -> Chain<'py> {
         Self::add(slf, |motion| motion.linear_move_at_path_speed(to.0))
     }
 
-    fn curve_move<'py>(slf: PyRefMut<'py, Self>, through: &Pose, to: &Pose, speed: &Percent) -> Chain<'py> {
+    fn curve_move<'py>(
+        slf: PyRefMut<'py, Self>,
+        through: Given<Pose>,
+        to: Given<Pose>,
+        speed: Given<Percent>,
+    ) -> Chain<'py> {
         Self::add(slf, |motion| motion.curve_move(through.0, to.0, speed.0))
     }
 
@@ -63,7 +72,7 @@ impl Motion {
     fn axis_path<'py>(
         slf: PyRefMut<'py, Self>,
         positions: &Bound<'py, PyAny>,
-        speed: &Percent,
+        speed: Given<Percent>,
         blend: Option<u8>,
     ) -> Chain<'py> {
         let targets = rows(positions)?.iter().map(|row| of_degrees(row)).collect::<PyResult<Vec<_>>>()?;
@@ -76,7 +85,7 @@ impl Motion {
     fn linear_path<'py>(
         slf: PyRefMut<'py, Self>,
         poses: &Bound<'py, PyAny>,
-        speed: &Percent,
+        speed: Given<Percent>,
         blend: Option<u8>,
     ) -> Chain<'py> {
         let targets = rows(poses)?.iter().map(|row| of_mm_deg(row)).collect::<PyResult<Vec<_>>>()?;
@@ -102,7 +111,7 @@ impl Motion {
         Self::add(slf, |motion| motion.work_frame(number))
     }
 
-    fn path_speed<'py>(slf: PyRefMut<'py, Self>, speed: &MillimetresPerSecond) -> Chain<'py> {
+    fn path_speed<'py>(slf: PyRefMut<'py, Self>, speed: Given<MillimetresPerSecond>) -> Chain<'py> {
         Self::add(slf, |motion| motion.path_speed(speed.0))
     }
 
@@ -154,6 +163,15 @@ impl Motion {
 
     fn workbench(slf: PyRefMut<'_, Self>, number: u32) -> Chain<'_> {
         Self::add(slf, |motion| motion.workbench(number))
+    }
+
+    fn repeat(slf: PyRefMut<'_, Self>) -> Chain<'_> {
+        Self::add(slf, r6_client::Motion::repeat)
+    }
+
+    #[getter]
+    fn repeats(&self) -> bool {
+        self.0.repeats()
     }
 
     fn extend<'py>(slf: PyRefMut<'py, Self>, other: &Bound<'py, PyAny>) -> Chain<'py> {

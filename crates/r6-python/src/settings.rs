@@ -10,7 +10,7 @@ use r6_proto::dialect::DsIdForm;
 use r6_proto::message::TypeKey;
 
 use crate::convert::{repr, seconds, word};
-use crate::units::{Degrees, Percent};
+use crate::units::{Degrees, Given, Percent};
 
 /// A frame without the key gets no reply: that is none to choose.
 const TYPE_KEYS: [(&str, TypeKey); 2] = [("reqType", TypeKey::ReqType), ("cmdType", TypeKey::CmdType)];
@@ -143,7 +143,8 @@ impl RobotSettings {
 /// instructions in the controller's list at most; what is in the list runs on when the connection breaks. ``settle``
 /// (0.5): how long the arm has to stand where the controller cannot tell the length of its list. ``start_within`` (1).
 /// ``stall_within`` (5): how long the arm may stand without progress. ``idle_mode`` (7): the mode in which this controller
-/// waits for instructions. ``clear_leftover`` (False): clear a list that is left from before. ``stop_on_failure`` (True):
+/// waits for instructions. ``clear_leftover`` (False): clear a list that is left from before. ``append`` (False): go behind what
+/// is in the list, which may be running; sent at once and as a whole, and its steps are not counted. ``stop_on_failure`` (True):
 /// stop the arm when the motion fails after something has left. ``stop_on_drop`` (False): stop the arm when the handle is
 /// dropped or released, or the robot is closed. Without it, a motion whose handle is dropped goes on to its end, and a motion
 /// whose robot is closed ends with the instructions in the controller's list.
@@ -156,7 +157,7 @@ impl RunOptions {
     #[new]
     #[pyo3(signature = (
         *, interval=None, frame_instructions=None, room=None, settle=None, start_within=None, stall_within=None,
-        idle_mode=None, clear_leftover=None, stop_on_failure=None, stop_on_drop=None
+        idle_mode=None, clear_leftover=None, append=None, stop_on_failure=None, stop_on_drop=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
@@ -168,6 +169,7 @@ impl RunOptions {
         stall_within: Option<f64>,
         idle_mode: Option<i64>,
         clear_leftover: Option<bool>,
+        append: Option<bool>,
         stop_on_failure: Option<bool>,
         stop_on_drop: Option<bool>,
     ) -> PyResult<Self> {
@@ -180,6 +182,7 @@ impl RunOptions {
         options.room = room.unwrap_or(options.room);
         options.idle_mode = idle_mode.map_or(options.idle_mode, OperationMode::of_number);
         options.clear_leftover = clear_leftover.unwrap_or(options.clear_leftover);
+        options.append = append.unwrap_or(options.append);
         options.stop_on_failure = stop_on_failure.unwrap_or(options.stop_on_failure);
         options.stop_on_drop = stop_on_drop.unwrap_or(options.stop_on_drop);
         Ok(Self(options))
@@ -195,6 +198,7 @@ impl RunOptions {
             stall_within,
             idle_mode,
             clear_leftover,
+            append,
             stop_on_failure,
             stop_on_drop,
         } = self.0;
@@ -207,6 +211,7 @@ impl RunOptions {
         given.set_item("stall_within", stall_within.as_secs_f64())?;
         given.set_item("idle_mode", idle_mode.number())?;
         given.set_item("clear_leftover", clear_leftover)?;
+        given.set_item("append", append)?;
         given.set_item("stop_on_failure", stop_on_failure)?;
         given.set_item("stop_on_drop", stop_on_drop)?;
         Ok((PyTuple::empty(py), given))
@@ -221,6 +226,7 @@ impl RunOptions {
                 ("frame_instructions", options.frame_instructions.to_string()),
                 ("room", options.room.to_string()),
                 ("clear_leftover", flag(options.clear_leftover)),
+                ("append", flag(options.append)),
                 ("stop_on_failure", flag(options.stop_on_failure)),
                 ("stop_on_drop", flag(options.stop_on_drop)),
             ],
@@ -256,9 +262,9 @@ impl FollowOptions {
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         interval: Option<f64>,
-        speed: Option<&Percent>,
-        smallest_step: Option<&Degrees>,
-        largest_step: Option<&Degrees>,
+        speed: Option<Given<Percent>>,
+        smallest_step: Option<Given<Degrees>>,
+        largest_step: Option<Given<Degrees>>,
         while_moving: Option<bool>,
         fresh_within: Option<f64>,
         start_within: Option<f64>,

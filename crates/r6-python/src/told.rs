@@ -64,6 +64,20 @@ pub fn tell(
     }
 }
 
+/// Whether this is the error of a motion that ended because a stop was sent from here, and whose arm was seen to stand.
+pub fn is_end_by_stop(py: Python<'_>, error: &Bound<'_, PyBaseException>) -> PyResult<bool> {
+    Ok(error.is_instance(&error_class(py, "MotionError")?)?
+        && error.getattr("cause")?.eq("stopped_here")?
+        && stands(&error.getattr("stop")?)?)
+}
+
+/// Whether the owner of this motion asked for the stop that ended it so: nobody has to be told then.
+#[pyfunction]
+#[pyo3(signature = (core, error))]
+pub fn ended_as_asked(core: &Bound<'_, PyAny>, error: &Bound<'_, PyBaseException>) -> PyResult<bool> {
+    Ok(core.getattr("stop_asked")?.is_truthy()? && is_end_by_stop(core.py(), error)?)
+}
+
 /// Whether the arm was seen to stand.
 fn stands(report: &Bound<'_, PyAny>) -> PyResult<bool> {
     Ok(report.is_instance(&class(report.py(), "StopReport")?)? && report.getattr("confirmed")?.is_truthy()?)

@@ -1,10 +1,13 @@
 //! Values with units: a mistake in the unit is a `TypeError`.
 
-use pyo3::IntoPyObjectExt;
+use std::ops::Deref;
+
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::pyclass::CompareOp;
-use pyo3::types::PyTuple;
+use pyo3::pyclass::boolean_struct::True;
+use pyo3::types::{PyBool, PyTuple};
+use pyo3::{Borrowed, IntoPyObjectExt, PyClass};
 use r6_client::AxisIndex;
 use r6_client::units;
 
@@ -31,6 +34,70 @@ pub struct Percent(pub units::Percent);
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Copy)]
 pub struct MillimetresPerSecond(pub units::MillimetresPerSecond);
+
+/// An argument that has to have its unit.
+pub struct Given<T> {
+    value: T,
+}
+
+impl<T> Deref for Given<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.value
+    }
+}
+
+impl<'py, T: Unit> FromPyObject<'_, 'py> for Given<T> {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        match given.cast::<T>() {
+            Ok(value) => Ok(Self { value: *value.get() }),
+            Err(_) => Err(no_unit(&format!("{} is wanted", T::NAME), &given, T::made_of)),
+        }
+    }
+}
+
+/// A class of values with units.
+pub trait Unit: PyClass<Frozen = True> + Copy + Sync {
+    /// What a plain number has to become.
+    fn made_of(number: &str) -> String {
+        format!("r6.{}({number})", Self::NAME)
+    }
+}
+
+impl Unit for Degrees {}
+impl Unit for Millimetres {}
+impl Unit for Percent {}
+impl Unit for MillimetresPerSecond {}
+
+impl Unit for AxisPosition {
+    fn made_of(number: &str) -> String {
+        format!("r6.AxisPosition.degrees([{number}])")
+    }
+}
+
+impl Unit for Pose {
+    fn made_of(_number: &str) -> String {
+        "r6.Pose.mm_deg([x, y, z])".to_owned()
+    }
+}
+
+/// That something has no unit, or another one; a plain number with what to write in its place.
+fn no_unit(what: &str, given: &Bound<'_, PyAny>, instead: impl FnOnce(&str) -> String) -> PyErr {
+    let class = given.get_type();
+    let name = class.name().map_or_else(|_| "this".to_owned(), |name| name.to_string());
+    PyTypeError::new_err(match (given.is_instance_of::<PyBool>(), given.extract::<f64>()) {
+        (false, Ok(number)) => {
+            format!(
+                "{what}, not the plain number {number}, whose unit nobody knows: write {}",
+                instead(&number.to_string())
+            )
+        }
+        (true, _) | (false, Err(_)) => format!("{what}, not {name}"),
+    })
+}
 
 #[pymethods]
 impl Degrees {
@@ -339,7 +406,9 @@ pub fn coordinate(to: &Bound<'_, PyAny>) -> PyResult<units::AxisCoordinate> {
     } else if let Ok(length) = to.cast::<Millimetres>() {
         Ok(length.get().0.into())
     } else {
-        Err(PyTypeError::new_err(format!("an axis goes to Degrees or Millimetres, not to {}", to.get_type())))
+        let what = "an axis goes to Degrees or Millimetres";
+        let instead = |value: &str| format!("r6.Degrees({value}) or r6.Millimetres({value})");
+        Err(no_unit(what, to, instead))
     }
 }
 
@@ -366,12 +435,19 @@ pub struct Pose(pub units::Pose);
 #[pymethods]
 impl Pose {
     #[new]
-    fn new(x: &Millimetres, y: &Millimetres, z: &Millimetres, u: &Degrees, v: &Degrees, w: &Degrees) -> Self {
+    fn new(
+        x: Given<Millimetres>,
+        y: Given<Millimetres>,
+        z: Given<Millimetres>,
+        u: Given<Degrees>,
+        v: Given<Degrees>,
+        w: Given<Degrees>,
+    ) -> Self {
         Self(units::Pose::new([x.0, y.0, z.0], [u.0, v.0, w.0]))
     }
 
     #[staticmethod]
-    fn position(x: &Millimetres, y: &Millimetres, z: &Millimetres) -> Self {
+    fn position(x: Given<Millimetres>, y: Given<Millimetres>, z: Given<Millimetres>) -> Self {
         Self(units::Pose::position([x.0, y.0, z.0]))
     }
 

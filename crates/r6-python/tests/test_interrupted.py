@@ -219,6 +219,30 @@ def test_a_task_that_is_cancelled_at_the_end_of_a_block_stops_the_arm(
     asyncio.run(main())
 
 
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="task groups are there from Python 3.11 on")
+def test_a_task_group_that_cancels_a_motion_leaves_a_line_on_the_arm(
+    virtual_controller: Controller, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def main() -> None:
+        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+            waits = asyncio.Event()
+
+            async def fails() -> None:
+                await waits.wait()
+                raise ZeroDivisionError
+
+            async with asyncio.TaskGroup() as group:  # type: ignore[attr-defined, unused-ignore]
+                group.create_task(in_a_run(robot, waits))
+                group.create_task(fails())
+
+    with pytest.raises(BaseException) as raised:
+        asyncio.run(main())
+    assert [type(error) for error in raised.value.exceptions] == [ZeroDivisionError]  # type: ignore[attr-defined]
+    assert stands(virtual_controller)
+    lines = [record.getMessage() for record in caplog.records if record.name == "r6"]
+    assert len(lines) == 1 and "the arm stands" in lines[0], lines
+
+
 def on_loop(main: Callable[[Loop], Awaitable[None]]) -> None:
     """As ``asyncio.run``, on a loop that can be disturbed."""
     loop = Loop()

@@ -184,6 +184,47 @@ def test_a_stop_ends_the_motion_and_clears_its_list(
     assert handle.progress.ended
 
 
+def test_a_stop_within_a_block_ends_it_without_an_error(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    with virtual_robot.run(endless()) as handle:
+        assert handle.step(1).started()
+        assert handle.stop().confirmed
+    assert handle.progress.ended and not virtual_controller.snapshot().moving
+    virtual_robot.command(r6.Command.start_button())
+    # A stop that this handle did not ask for is told.
+    with pytest.raises(r6.MotionError) as failed:
+        with virtual_robot.run(endless()) as handle:
+            assert handle.step(1).started()
+            assert virtual_robot.stop().confirmed
+    assert failed.value.cause == "stopped_here"
+
+
+def test_a_motion_goes_behind_another_and_repeats_until_it_is_stopped(
+    virtual_robot: r6.Robot, virtual_controller: r6.Simulator
+) -> None:
+    def to(*degrees: float) -> r6.Motion:
+        return r6.Motion().axis_path([[angle] for angle in degrees], FAST)
+
+    behind = r6.RunOptions(append=True)
+    done = virtual_robot.run(to(20), behind).finished()
+    assert (done.proof, done.axes[0]) == ("reached", pytest.approx(20, abs=0.01))
+    frame = virtual_robot.dry_run(to(20), behind)[0]
+    assert b'"emptyList":"0"' in frame and "append=True" in repr(behind)
+    with pytest.raises(r6.MotionError, match="`room`"):
+        virtual_robot.run(to(*range(30)), behind)
+    round_trip = to(5, 0).repeat()
+    assert round_trip.repeats and not to(5, 0).repeats
+    with virtual_robot.run(round_trip) as handle:
+        for progress in handle:
+            if progress.accepted == 2:
+                break
+        assert not handle.ended_within(0.2), "it has no end of its own"
+        assert virtual_controller.snapshot().list_length == 2
+        handle.stop()
+    assert virtual_controller.snapshot().list_length == 0
+
+
 def test_a_block_that_fails_stops_the_arm(virtual_robot: r6.Robot, virtual_controller: r6.Simulator) -> None:
     with pytest.raises(ZeroDivisionError):
         with virtual_robot.run(endless()) as handle:

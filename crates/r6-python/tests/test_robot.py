@@ -229,3 +229,9 @@ def test_a_heartbeat_that_the_watchdog_does_not_bear_is_refused(every: float) ->
 def test_the_version_is_told() -> None:
     manifest = (Path(__file__).parents[3] / "Cargo.toml").read_text()
     assert f'\nversion = "{r6.__version__}"\n' in manifest
+
+
+def test_a_query_of_nothing_is_refused(virtual_robot: r6.Robot) -> None:
+    with pytest.raises(r6.InvalidRequest, match="one address at least, such as curMode") as wrong:
+        virtual_robot.query()
+    assert wrong.value.reason == "value"

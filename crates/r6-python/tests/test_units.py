@@ -46,6 +46,28 @@ def test_a_unit_mistake_is_a_type_error() -> None:
     assert r6.Degrees(1) != r6.Millimetres(1)
 
 
+def test_a_plain_number_is_answered_with_what_to_write() -> None:
+    here: Any = r6.AxisPosition.degrees([0])
+    number: Any = 20
+    for call, write in [
+        (lambda: r6.Motion().axis_move(here, number), "r6.Percent(20)"),
+        (lambda: r6.Motion().axis_move(number, SPEED), "r6.AxisPosition.degrees([20])"),
+        (lambda: r6.Motion().linear_move(number, SPEED), "r6.Pose.mm_deg([x, y, z])"),
+        (lambda: r6.Motion().path_speed(number), "r6.MillimetresPerSecond(20)"),
+        (lambda: r6.Pose.position(number, number, number), "r6.Millimetres(20)"),
+        (lambda: here.with_axis(0, number), "r6.Degrees(20) or r6.Millimetres(20)"),
+        (lambda: r6.Envelope().largest_axis_step(number), "r6.Degrees(20)"),
+        (lambda: r6.FollowOptions(speed=number), "r6.Percent(20)"),
+        (lambda: r6.Command.modify_gspd(number), "r6.Percent(20)"),
+    ]:
+        with pytest.raises(TypeError) as wrong:
+            call()
+        assert str(wrong.value).endswith(f"not the plain number 20, whose unit nobody knows: write {write}")
+    text: Any = "20"
+    with pytest.raises(TypeError, match="Percent is wanted, not str$"):
+        r6.Motion().axis_move(here, text)
+
+
 @pytest.mark.parametrize("bad", [0, -1, 100.1, float("nan"), float("inf")])
 def test_a_percentage_is_above_zero_and_at_most_all(bad: float) -> None:
     with pytest.raises(r6.OutOfRange, match="from 0.1 to 100") as error:

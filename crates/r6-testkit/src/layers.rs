@@ -58,7 +58,11 @@ pub const RULES: &[Rule] = &[
         may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim", "r6-testkit"],
     },
     // Nothing depends on it but the programs of `fuzz/`, a workspace of their own.
-    Rule { package: "r6-fuzz", layer: Layer::Shell, may_use: &["r6", "r6-controller", "r6-proto", "r6-sim"] },
+    Rule {
+        package: "r6-fuzz",
+        layer: Layer::Shell,
+        may_use: &["r6", "r6-client", "r6-controller", "r6-proto", "r6-sim"],
+    },
     // The same: it has both ends in one process, and breaks what is between them.
     Rule {
         package: "r6-world",

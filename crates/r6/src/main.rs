@@ -12,6 +12,7 @@ mod recording;
 mod robot;
 mod signals;
 mod text_file;
+mod waiting;
 mod words;
 
 use std::ffi::OsString;

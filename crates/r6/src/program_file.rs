@@ -1,17 +1,24 @@
 //! What `r6 run` reads: the instructions of a file, in TOML or as the AddRCC frames of the manual.
 
-mod batch;
 mod json;
 pub mod lines;
 mod toml;
 
-pub use batch::{BadStep, Batch, MAX_FRAME_BYTES, cut};
-
+use r6_proto::message::Instruction;
 use r6_proto::message::instruction::Coordinates;
 use r6_proto::{AXES, AxisIndex, AxisMask};
 
 /// The largest program file that is read, bytes: far more than any list of instructions, and little enough for memory.
 pub const MAX_FILE_BYTES: usize = 16 * 1024 * 1024;
+
+/// Instructions that go out together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Batch {
+    /// Whether they replace the list; else they are appended.
+    pub replace: bool,
+    /// The instructions.
+    pub instructions: Vec<Instruction>,
+}
 
 /// What a file says.
 #[derive(Debug, PartialEq)]

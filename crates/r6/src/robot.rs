@@ -5,6 +5,7 @@ use r6_client::{RequestError, Robot, RobotSettings};
 
 use crate::exit::{Exit, Failure};
 use crate::output::problem::Code;
+use crate::waiting;
 
 /// Which robot a command is for.
 #[derive(Debug, Args)]
@@ -36,7 +37,14 @@ impl RobotArgs {
 
     /// Connects to it.
     pub async fn connect(&self) -> Result<Robot, RequestError> {
-        Robot::connect(&self.robot, settings()).await
+        let connecting = Robot::connect(&self.robot, settings());
+        waiting::told(&format!("connecting to {}", self.robot), connecting).await
+    }
+
+    /// As [`Self::with`], for what a controller answers at once: an answer that does not come is said to be waited for.
+    pub async fn ask<T>(&self, work: impl AsyncFnOnce(&Robot) -> Result<T, Failure>) -> Result<T, Failure> {
+        let waiting = format!("waiting for an answer of {}", self.robot);
+        self.with(async |robot| waiting::told(&waiting, work(robot)).await).await
     }
 
     /// Does something with the robot on one connection, which is closed properly whatever comes of it: controllers

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use r6_proto::message::Instruction;
+use tokio::sync::watch;
 
 use super::Connection;
 use crate::error::RequestError;
@@ -38,6 +39,12 @@ impl MotionHandle {
         Self { handle, connection: Attentive(connection) }
     }
 
+    /// As [`crate::MotionHandle::number`].
+    #[must_use]
+    pub fn number(&self) -> u64 {
+        self.handle.number()
+    }
+
     /// As [`crate::MotionHandle::progress`].
     #[must_use]
     pub fn progress(&self) -> Progress {
@@ -66,6 +73,15 @@ impl MotionHandle {
         Some(StepHandle { step, connection: Arc::clone(&self.connection.0) })
     }
 
+    /// As [`crate::MotionHandle::watch`], one value after the other: how far the motion is now, then each change, the end last. Between two
+    /// calls of `next` changes are left out, and only the latest is told.
+    #[must_use]
+    pub fn watch(&self) -> ProgressWatch {
+        let mut progress = self.handle.watch();
+        progress.mark_changed();
+        ProgressWatch { progress, ended: false, connection: Arc::clone(&self.connection.0) }
+    }
+
     /// As [`crate::MotionHandle::finished`].
     ///
     /// # Errors
@@ -75,12 +91,54 @@ impl MotionHandle {
         self.connection.0.runner.block_on(self.handle.finished())
     }
 
+    /// As [`crate::MotionHandle::wait`]: the handle stays, and may be asked again.
+    ///
+    /// # Errors
+    /// As there.
+    #[expect(clippy::result_large_err, reason = "made once a motion")]
+    pub fn wait(&mut self) -> Result<Done, MotionError> {
+        self.connection.0.runner.block_on(self.handle.wait())
+    }
+
+    /// As [`crate::MotionHandle::release`].
+    pub fn release(self) -> Progress {
+        self.connection.0.runner.block_on(self.handle.release())
+    }
+
     /// As [`crate::MotionHandle::stop`].
     ///
     /// # Errors
     /// As there.
     pub fn stop(self) -> Result<StopReport, RequestError> {
         self.connection.0.runner.block_on(self.handle.stop())
+    }
+}
+
+/// The progress of a motion, as it changes ([`MotionHandle::watch`]). It ends behind the value that has `ended`.
+pub struct ProgressWatch {
+    progress: watch::Receiver<Progress>,
+    ended: bool,
+    connection: Arc<Connection>,
+}
+
+impl fmt::Debug for ProgressWatch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("ProgressWatch").field(&*self.progress.borrow()).finish()
+    }
+}
+
+impl Iterator for ProgressWatch {
+    type Item = Progress;
+
+    fn next(&mut self) -> Option<Progress> {
+        if self.ended {
+            return None;
+        }
+        // A sender that is gone has nothing more to tell.
+        self.connection.runner.block_on(self.progress.changed()).ok()?;
+        let progress = *self.progress.borrow_and_update();
+        self.ended = progress.ended;
+        Some(progress)
     }
 }
 

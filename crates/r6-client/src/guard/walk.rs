@@ -44,7 +44,19 @@ impl<'e> Walk<'e> {
 }
 
 impl Walk<'_> {
-    pub fn step(&mut self, instruction: &Instruction, units: AxisUnits) -> Result<(), Violation> {
+    /// A list from its beginning to its end; where it repeats, from there through a second round, too. Steps beyond `units` were given as
+    /// bare numbers.
+    pub fn list(&mut self, steps: &[Instruction], units: &[AxisUnits]) -> Result<(), Violation> {
+        let rounds = if steps.iter().any(|step| !step.oneshot) { 2 } else { 1 };
+        for _ in 0..rounds {
+            self.step = 0;
+            let units = units.iter().copied().chain(std::iter::repeat(AxisUnits::default()));
+            steps.iter().zip(units).try_for_each(|(step, units)| self.step(step, units))?;
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, instruction: &Instruction, units: AxisUnits) -> Result<(), Violation> {
         self.step += 1;
         let number = instruction.action.number();
         if self.envelope.only.as_ref().is_some_and(|only| !only.contains(&number)) {

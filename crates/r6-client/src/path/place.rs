@@ -93,17 +93,32 @@ impl Place {
         )
     }
 
-    /// The first axis that is not where the step ends; `None` if the arm is there, or nothing can be compared.
+    /// The first axis that is not where the step ends, or else the first that could not be read; `None` if the arm is there, or nothing
+    /// can be compared.
     pub fn missed(&self, sample: &Sample) -> Option<Missed> {
         let of_pose = matches!(self, Self::Position(..));
         let tolerance = if of_pose { POSITION_TOLERANCE } else { AXIS_TOLERANCE };
-        let off = |found: Option<f64>, wanted: f64| {
-            // What is no number is not there either.
-            !found.is_some_and(|found| (found - wanted).abs() <= tolerance)
+        let missed = |(axis, wanted, found)| Missed { axis, of_pose, wanted, found };
+        // What is no number is not there either.
+        let is_there =
+            |missed: &Missed| missed.found.is_some_and(|found| (found - missed.wanted).abs() <= tolerance);
+        let is_known = |missed: &Missed| missed.found.is_some();
+        let mut elsewhere = self.compared(sample).map(missed).filter(is_known);
+        elsewhere
+            .find(|missed| !is_there(missed))
+            .or_else(|| self.compared(sample).map(missed).find(|missed| !is_known(missed)))
+    }
+
+    /// Whether all that the step moves can be compared with what is read: axes beyond the sixth are not read, nor is a turn of the tool
+    /// compared.
+    pub fn is_compared(&self) -> bool {
+        let is_read = |mask: &AxisMask| {
+            mask.axes().next().is_some() && mask.axes().all(|axis| axis.index() < ASKED_AXES)
         };
-        self.compared(sample)
-            .find(|(_, wanted, found)| off(*found, *wanted))
-            .map(|(axis, wanted, found)| Missed { axis, of_pose, wanted, found })
+        match self {
+            Self::Axes(_, mask) | Self::Position(_, mask) => is_read(mask),
+            Self::Same | Self::Unknown => false,
+        }
     }
 
     /// Where the sample has what this place is told in: for each coordinate the end of the step and the present value.

@@ -79,6 +79,11 @@ impl PathProgress {
         self.track.steps()
     }
 
+    /// Where the steps lead.
+    pub(super) fn track(&self) -> &Track {
+        &self.track
+    }
+
     /// The controller took a list; so many steps are accepted now.
     pub fn fed(&mut self, accepted: usize) {
         // The first list replaces what was there.

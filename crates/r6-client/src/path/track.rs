@@ -40,6 +40,11 @@ impl Track {
         &self.steps
     }
 
+    /// Where the arm was before the first step.
+    pub fn begun_at(&self) -> &Sample {
+        &self.begun_at
+    }
+
     /// Where these steps end.
     pub fn places(&self, steps: Range<usize>) -> &[Place] {
         self.places.get(steps).unwrap_or_default()

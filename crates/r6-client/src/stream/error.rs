@@ -72,6 +72,8 @@ pub enum Cause {
     /// The lists were accepted and are gone from the controller's list, but nothing proves that all of it was carried out: somebody else
     /// may have cleared the list. The arm stands, or steps went faster than the arm can have made them.
     NotSeen,
+    /// What was appended was accepted and the arm stands, but nothing proves that it was carried out.
+    NotProved(NotProved),
     /// There are more instructions in the controller's list than this handle has sent: somebody else sends some, too.
     AnotherList {
         /// `RemoteCmdLen`.
@@ -89,6 +91,34 @@ pub enum Cause {
     Unreadable(RequestError),
     /// The runtime ended; the motion may go on.
     Abandoned,
+}
+
+/// Why nothing proves that a list was carried out of which nobody can see how far it is ([`crate::RunOptions::append`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NotProved {
+    /// Where its last move ends cannot be compared with where the arm stands: it has another tool or work frame, turns the tool only, or
+    /// moves an axis that is not read.
+    NoTarget,
+    /// The arm stands at its end, but nothing shows that this list moved it there.
+    WasThere,
+    /// The arm stands elsewhere, and the list watches an input that may have cut its last move short.
+    MayBeCut(Missed),
+}
+
+impl fmt::Display for NotProved {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoTarget => {
+                f.write_str("where its last move ends cannot be compared with where the arm stands")
+            }
+            Self::WasThere => f.write_str(
+                "the arm stands at its end, where it was before, and nothing shows that this list moved it",
+            ),
+            Self::MayBeCut(missed) => {
+                write!(f, "{missed}; the input that it watches may have cut the move short")
+            }
+        }
+    }
 }
 
 /// Reads, or attempts to send, that may fail in a row: one lost reply says nothing about the arm, and what cannot be seen is not fed.
@@ -225,6 +255,9 @@ impl fmt::Display for Cause {
                 "the lists were accepted and are gone from the controller, but nothing proves that all of it was carried out: \
                  somebody else may have cleared the list; look where the arm is",
             ),
+            Self::NotProved(why) => {
+                write!(f, "the list was accepted, but nothing proves that it was carried out: {why}")
+            }
             Self::AnotherList { length } => write!(
                 f,
                 "there are {length} instructions in the list, more than were sent from here: another program sends some, too; \

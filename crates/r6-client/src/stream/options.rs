@@ -19,18 +19,25 @@ pub struct RunOptions {
     /// Instructions in the controller's list at most. Default 24: three frames, so that one can be late by the time of
     /// sixteen moves. How much room real lists have is not known; 17 in one go were streamed (reported, unit A).
     ///
-    /// What is in the list runs on when the connection breaks.
+    /// What is in the list runs on when the connection breaks. What is appended, or repeats, is not streamed: it has to fit as a whole.
     pub room: usize,
     /// As [`WaitOptions::settle`].
     pub settle: Duration,
     /// How long after a list was accepted the arm may stand elsewhere than at its end, with an empty list. Default 1 s.
     pub start_within: Duration,
-    /// How long the arm may stand without progress, waits and delays of the motion apart. Default 5 s.
+    /// How long the arm may stand without progress, waits and delays of the motion apart. Default 5 s. Not for what is appended or
+    /// repeats: nobody can see how far that is.
     pub stall_within: Duration,
     /// As [`WaitOptions::idle_mode`].
     pub idle_mode: OperationMode,
     /// Whether a list that is left from before is cleared first, if nothing else is in the way. Default: no, it is told.
     pub clear_leftover: bool,
+    /// Whether the motion goes behind what is in the controller's list, which may be running. Default: no, it replaces the list, which has to
+    /// be empty. A motion that this handle itself is running has to be released first ([`crate::MotionHandle::release`]).
+    ///
+    /// It is sent at once and as a whole, and `done` of its [`crate::Progress`] stays 0 until the end. What proves the end is told by
+    /// [`crate::EndProof`]; where nothing does, the motion ends with [`crate::Cause::NotProved`].
+    pub append: bool,
     /// Whether the arm is stopped and its list cleared ([`crate::Robot::stop`]) when the motion fails after something has left:
     /// outcome unknown, alarm, another mode, no progress. Default: yes.
     pub stop_on_failure: bool,
@@ -51,6 +58,7 @@ impl Default for RunOptions {
             stall_within: Duration::from_secs(5),
             idle_mode: wait.idle_mode,
             clear_leftover: false,
+            append: false,
             stop_on_failure: true,
             stop_on_drop: false,
         }

@@ -16,6 +16,7 @@ use crate::evidence::rest::Rest;
 use crate::evidence::{About, Observation, Sample};
 use crate::job::{Terms, Work};
 use crate::link::Lane;
+use crate::moves::Motion;
 use crate::path::pace::Looked;
 use crate::path::progress::PathProgress;
 use crate::progress::Progress;
@@ -40,7 +41,27 @@ pub(crate) struct Ended {
     pub stopped_as_asked: bool,
 }
 
-/// A motion that is being streamed.
+/// How a motion goes that is sent at once, however far the arm is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Whole {
+    /// Behind what is in the list.
+    Appended,
+    /// Over and over.
+    Repeats,
+}
+
+impl Whole {
+    /// `None` for a motion that is streamed.
+    pub fn of(motion: &Motion, options: RunOptions) -> Option<Self> {
+        match (motion.repeats(), options.append) {
+            (true, _) => Some(Self::Repeats),
+            (false, true) => Some(Self::Appended),
+            (false, false) => None,
+        }
+    }
+}
+
+/// A motion that is under way.
 #[derive(Debug)]
 pub(super) struct Task {
     robot: Robot,
@@ -50,6 +71,8 @@ pub(super) struct Task {
     /// The number of the motion.
     number: u64,
     options: RunOptions,
+    /// `None`: it is streamed.
+    whole: Option<Whole>,
     path: PathProgress,
     /// Until the first list is answered: it begins where the arm was seen to be.
     lists: Option<OwnedMutexGuard<()>>,
@@ -72,11 +95,16 @@ pub(super) struct Task {
 impl Task {
     pub fn new(
         (robot, about, number): (Robot, About, u64),
-        options: RunOptions,
+        mut options: RunOptions,
+        whole: Option<Whole>,
         path: PathProgress,
         frames: Vec<Range<usize>>,
         progress: watch::Sender<Progress>,
     ) -> Self {
+        if whole.is_some() {
+            let lead = path.lead_time().unwrap_or(Duration::MAX);
+            options.start_within = options.start_within.saturating_add(lead);
+        }
         let begun = robot.hub().time.now();
         let rest_about = about.clone();
         let wait = WaitOptions {
@@ -90,6 +118,7 @@ impl Task {
             about,
             number,
             options,
+            whole,
             path,
             lists: None,
             frames: frames.into(),
@@ -198,6 +227,9 @@ impl Task {
     }
 
     fn has_room(&self) -> bool {
+        if self.whole.is_some() {
+            return !self.frames.is_empty();
+        }
         if self.path.is_unproved() {
             return false;
         }
@@ -213,7 +245,7 @@ impl Task {
             && self.looked_lately()?
             && let Some(frame) = self.frames.pop_front()
         {
-            let replace = frame.start == 0;
+            let replace = frame.start == 0 && !self.options.append;
             let steps = self.path.steps().get(frame.clone()).unwrap_or_default().to_vec();
             self.in_doubt = frame.len();
             self.publish(false);
@@ -228,7 +260,7 @@ impl Task {
                     self.fed = self.now();
                     self.publish(false);
                     // Until the arm is seen to keep its pace, it is looked at after each list: then nobody can clear one unseen.
-                    if !self.path.knows_pace() {
+                    if self.whole.is_none() && !self.path.knows_pace() {
                         return Ok(());
                     }
                 }
@@ -272,6 +304,9 @@ impl Task {
             (None, None) => Duration::MAX,
         };
         let judged = self.rest.judge(seen, now);
+        if let Some(whole) = self.whole {
+            return self.judge_whole(whole, sample, judged?, now);
+        }
         // What ended the motion is told with the step that it ended in.
         let looked = Looked { asked_at: seen.asked_at, answered_at: now };
         self.path.see(sample, judged == Ok(true), looked);
@@ -290,6 +325,27 @@ impl Task {
         }
         self.notice_progress(sample, now)?;
         Ok(None)
+    }
+
+    /// What proves the end of a motion whose steps nobody can count, once the arm `rests`.
+    fn judge_whole(
+        &mut self,
+        whole: Whole,
+        sample: &Sample,
+        rests: bool,
+        now: Instant,
+    ) -> Result<Option<EndProof>, Cause> {
+        let started = self.rest.moved || now - self.fed >= self.options.start_within;
+        if !(rests && started && self.frames.is_empty()) {
+            return Ok(None);
+        }
+        let proof = match whole {
+            // Its steps are gone, and none of them goes by itself.
+            Whole::Repeats => return Err(Cause::NotSeen),
+            Whole::Appended => self.path.carried_out(sample, self.rest.moved)?,
+        };
+        self.path.done = self.path.steps().len();
+        Ok(Some(proof))
     }
 
     /// Fails when nothing goes on, although no step says that the arm shall stand.

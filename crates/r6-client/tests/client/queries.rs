@@ -1,6 +1,6 @@
 //! Queries that a controller answers in part, and queries that do not fit into one frame.
 
-use r6_client::{NoReading, NotSent, QueryResult, Robot};
+use r6_client::{NoReading, NotSent, QueryResult, RequestError, Robot};
 use r6_proto::Reading;
 use r6_proto::address::{Address, RegisterIndex};
 use serde_json::Value;
@@ -119,9 +119,11 @@ async fn a_long_query_is_split() {
 }
 
 #[tokio::test]
-async fn nothing_asked_is_nothing_sent() {
+async fn a_query_of_nothing_is_refused_and_nothing_is_sent() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
-    assert!(robot.query(&[]).await.unwrap().rows().is_empty());
+    let error = robot.query(&[]).await.unwrap_err();
+    assert!(matches!(error, RequestError::Invalid(_)), "{error:?}");
+    assert!(error.to_string().contains("one address at least, such as curMode"), "{error}");
     drop(robot);
     peer.ends().await;
 }

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use r6_client::units::{Millimetres, Percent, Pose};
 use r6_client::{
-    Cause, Command, Done, EndProof, Motion, MotionError, NotSent, RequestError, RunOptions, StepState,
-    TargetSender, WaitError, WaitOptions,
+    Cause, Command, Done, EndProof, Motion, MotionError, NotProved, NotSent, RequestError, RunOptions,
+    StepState, TargetSender, WaitError, WaitOptions,
 };
 use r6_client::{FollowOptions, units::AxisPosition};
 use r6_testkit::hostile::{
@@ -23,6 +23,8 @@ on_every_hand! {
     a5_a_path_that_comes_by_its_end_is_not_told_as_done_when_it_was_cleared,
     a5_waits_that_were_cleared_are_not_told_as_done,
     a5_a_list_that_was_accepted_and_never_executed_is_not_done,
+    a5_an_appended_list_that_was_never_executed_is_not_done,
+    a5_what_repeats_and_was_cleared_is_told,
     a5_what_proves_the_end_is_told,
     a5_firmware_without_the_length_of_its_list_proves_one_move_of_another_tool_only,
     a6_a_motion_whose_handle_was_dropped_is_carried_to_its_end,
@@ -143,6 +145,33 @@ async fn a5_a_list_that_was_accepted_and_never_executed_is_not_done() {
     let back = there_and_on(3).axis_move(AxisPosition::degrees([0.0; 6]), fast());
     let error = result_of(never(NeverExecuted::Always), &back).await.unwrap_err();
     assert_eq!(error.cause, Cause::NotSeen, "{error}");
+}
+
+async fn a5_an_appended_list_that_was_never_executed_is_not_done() {
+    let options = RunOptions { append: true, ..RunOptions::default() };
+    let appended = async |motion: &Motion| {
+        let never = Character { never_executed: Some(NeverExecuted::Always), ..Character::default() };
+        let (_controller, robot) = robot_at(never).await;
+        robot.run(motion, options).await.unwrap().finished().await.unwrap_err()
+    };
+    let error = appended(&to_j1(10.0)).await;
+    assert!(matches!(error.cause, Cause::Elsewhere(_)), "{error}");
+    // It ends where it begins, so where the arm stands proves nothing.
+    let error = appended(&to_j1(10.0).extend(&to_j1(0.0))).await;
+    assert_eq!(error.cause, Cause::NotProved(NotProved::WasThere), "{error}");
+    assert!(error.stop.unwrap().unwrap().confirmed);
+    let error = appended(&Motion::new().linear_move(at_x(520.0), fast()).tool(1)).await;
+    assert_eq!(error.cause, Cause::NotProved(NotProved::NoTarget), "{error}");
+    let error = appended(&Motion::new().stop_on_input(0, true).extend(&to_j1(10.0))).await;
+    assert!(matches!(error.cause, Cause::NotProved(NotProved::MayBeCut(_))), "{error}");
+}
+
+async fn a5_what_repeats_and_was_cleared_is_told() {
+    let clears = Foreign { at: Duration::from_millis(700), replace: true, instructions: Vec::new() };
+    let (_controller, robot) = robot_at(Character { foreign: vec![clears], ..Character::default() }).await;
+    let round = to_j1(10.0).extend(&to_j1(0.0)).repeat();
+    let error = robot.run(&round, RunOptions::default()).await.unwrap().finished().await.unwrap_err();
+    assert_eq!((error.cause.clone(), error.progress.done), (Cause::NotSeen, 0), "{error}");
 }
 
 async fn a5_what_proves_the_end_is_told() {

@@ -14,3 +14,4 @@ mod long;
 mod reckoned;
 mod stops;
 mod unknown;
+mod whole;

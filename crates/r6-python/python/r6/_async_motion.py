@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic
 from ._asyncio import run, run_at_once, stop_for
 from ._errors import R6Error
 from ._motion import Core, of
-from ._r6 import AxisPosition, FollowCore, MotionCore, Progress
+from ._r6 import AxisPosition, FollowCore, MotionCore, Progress, ended_as_asked
 from ._types import Done, Followed, StepState, StopReport
 
 if TYPE_CHECKING:
@@ -49,8 +49,9 @@ class AsyncRunning(Generic[Core]):
             return
         try:
             await self.finished()
-        except R6Error:
-            raise
+        except R6Error as failed:
+            if not ended_as_asked(self._core, failed):
+                raise
         except BaseException as interrupt:
             await stop_for(self._core, interrupt)
             raise
@@ -62,6 +63,9 @@ class AsyncMotionHandle(AsyncRunning[MotionCore]):
     As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, as
     ``MotionHandle`` does, and waits for the end of the motion otherwise. A cancellation in that wait stops the arm, too; another one
     while the arm is being stopped waits for that, 15 s at most.
+
+    After a cancellation the logger ``r6`` has what became of the arm, too, as a warning: a ``TaskGroup`` drops the exception that has
+    the line, and ``asyncio.run`` raises another one for Ctrl-C.
     """
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import sys
 from collections.abc import Coroutine
 from typing import Any, TypeVar
@@ -10,6 +11,8 @@ from typing import Any, TypeVar
 from ._r6 import FollowCore, MotionCore, Operation, Started, told
 
 T = TypeVar("T")
+
+LOGGER = logging.getLogger("r6")
 
 
 async def run(operation: Operation[T]) -> T:
@@ -87,6 +90,9 @@ async def told_to(
     if why is not None:
         note(error, why)
     told(core, error, report)
+    if isinstance(error, asyncio.CancelledError):
+        # A task group drops the exception that has the line, and asyncio.run raises another one for Ctrl-C.
+        LOGGER.warning("a task was cancelled while its motion ran: %s", getattr(report, "text", report))
     if interrupted is not None:
         told(core, interrupted, report)
         raise interrupted

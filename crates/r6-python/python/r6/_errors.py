@@ -122,7 +122,7 @@ class MotionError(R6Error):
     """``step``, ``outside_envelope``, ``not_ready``, ``not_cleared``, ``another_runs``, ``earlier_failed`` (the motion before this one
     did not come to its end, and nobody has asked what became of it; that is ``__cause__``, told once), ``not_sent``, ``invalid``,
     ``refused``, ``outcome_unknown``, ``alarm_raised``, ``stopped``, ``restarted`` (the controller was switched off and on),
-    ``stopped_here``, ``dropped``, ``closed``, ``released``, ``not_seen``, ``another_list``, ``elsewhere``, ``stalled``,
+    ``stopped_here``, ``dropped``, ``closed``, ``released``, ``not_seen``, ``not_proved``, ``another_list``, ``elsewhere``, ``stalled``,
     ``unreadable`` or ``abandoned``."""
     progress: Progress
     """What became of its steps; ``progress.current`` is the one whose turn it was."""

@@ -42,7 +42,8 @@ class MotionHandle(Running[MotionCore]):
     exception (Python 3.11). If that stop fails, its error is raised; a ``MotionError`` of this motion goes on instead and has it as
     ``stop``. Another Ctrl-C does not cut the stop short: the block ends when it has ended, after 15 s at most.
 
-    Without an exception the block waits for the end of the motion. Ctrl-C in that wait stops the arm, too.
+    Without an exception the block waits for the end of the motion. Ctrl-C in that wait stops the arm, too. A motion that ``stop`` of this
+    handle ended, and whose arm was seen to stand, ends the block without an exception.
     """
 
     @property

@@ -62,6 +62,7 @@ __all__ = [
     "addresses",
     "alarm",
     "discovering",
+    "ended_as_asked",
     "from_thousandths",
     "models",
     "profiles",
@@ -190,6 +191,8 @@ class MotionCore:
     def step_done(self, step: int) -> Operation[bool]: ...
     def ended_within(self, time: float) -> Operation[bool]: ...
     def finished(self) -> Operation[Done]: ...
+    @property
+    def stop_asked(self) -> bool: ...
     def stop(self) -> Operation[StopReport]: ...
     def release(self) -> None: ...
 
@@ -199,6 +202,8 @@ class FollowCore:
 
     def target(self, to: AxisPosition) -> None: ...
     def finished(self) -> Operation[Followed]: ...
+    @property
+    def stop_asked(self) -> bool: ...
     def stop(self) -> Operation[StopReport]: ...
     def release(self) -> None: ...
 
@@ -433,7 +438,7 @@ class Pose:
 
 @final
 class Motion:
-    """Moves, outputs and waits in their order. Every step runs once.
+    """Moves, outputs and waits in their order. Every step runs once, unless the motion repeats.
 
     Each method adds a step, or changes the last one, and returns the motion itself, so that a motion can be written as
     one chain. A step that is wrong raises ``StepError`` at once, and spoils the motion: nothing of it is ever sent. At
@@ -481,6 +486,13 @@ class Motion:
         """Changes the workbench (action 800)."""
     def extend(self, other: Motion) -> Motion:
         """Adds the steps of another motion."""
+    def repeat(self) -> Motion:
+        """Lets every step so far stay in the controller's list: behind the last one it starts over, until the arm is stopped. Such
+        a motion has to fit into the list as a whole (``RunOptions.room``), and ``MotionHandle.finished`` ends only with an error: call
+        ``MotionHandle.stop`` before the end of a ``with`` block. It goes on when this program dies, too."""
+    @property
+    def repeats(self) -> bool:
+        """Whether a step stays in the controller's list, so that the motion never ends by itself."""
     def __len__(self) -> int:
         """How many steps there are."""
     def __copy__(self) -> Motion: ...
@@ -528,7 +540,8 @@ class RunOptions:
     instructions in the controller's list at most; what is in the list runs on when the connection breaks. ``settle``
     (0.5): how long the arm has to stand where the controller cannot tell the length of its list. ``start_within`` (1).
     ``stall_within`` (5): how long the arm may stand without progress. ``idle_mode`` (7): the mode in which this controller
-    waits for instructions. ``clear_leftover`` (False): clear a list that is left from before. ``stop_on_failure`` (True):
+    waits for instructions. ``clear_leftover`` (False): clear a list that is left from before. ``append`` (False): go behind what
+    is in the list, which may be running; sent at once and as a whole, and its steps are not counted. ``stop_on_failure`` (True):
     stop the arm when the motion fails after something has left. ``stop_on_drop`` (False): stop the arm when the handle is
     dropped or released, or the robot is closed. Without it, a motion whose handle is dropped goes on to its end, and a motion
     whose robot is closed ends with the instructions in the controller's list.
@@ -545,6 +558,7 @@ class RunOptions:
         stall_within: float | None = None,
         idle_mode: int | None = None,
         clear_leftover: bool | None = None,
+        append: bool | None = None,
         stop_on_failure: bool | None = None,
         stop_on_drop: bool | None = None,
     ) -> RunOptions: ...
@@ -791,6 +805,9 @@ def models() -> list[str]:
 
 def tasks() -> int:
     """How many tasks the engine has: for tests that look for leaks."""
+
+def ended_as_asked(core: MotionCore | FollowCore, error: BaseException) -> bool:
+    """Whether the owner of this motion asked for the stop that ended it so, and the arm was seen to stand."""
 
 def told(core: MotionCore | FollowCore | None, error: BaseException, report: StopReport | BaseException) -> None:
     """Tells the exception that ended the block of this motion what became of its arm: a ``MotionError`` of this motion carries it,

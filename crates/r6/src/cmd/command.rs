@@ -65,7 +65,7 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     let command = arguments::read(name, &args.arguments)
         .map_err(|problem| Failure::usage(format!("{name}: {problem}")).advise(usage(name.info())))?;
     robot
-        .with(async |robot| {
+        .ask(async |robot| {
             if starts(name) && !args.run_leftover {
                 check_list(robot, name).await?;
             }

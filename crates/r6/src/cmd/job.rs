@@ -1,17 +1,16 @@
 //! Sends instructions and follows them: what `r6 move` and `r6 run` have in common.
 
+mod empty;
 mod ended;
 mod events;
 mod guard;
 mod progress;
-mod streamed;
-pub mod target;
-mod whole;
+mod under_way;
 
 use std::time::Duration;
 
 use clap::Args;
-use r6_client::{Envelope, Motion, Robot, RunOptions, Unmet};
+use r6_client::{Motion, Robot, RunOptions, Unmet};
 
 use crate::cmd::job::ended::Ended;
 use crate::cmd::job::guard::GuardArgs;
@@ -48,24 +47,58 @@ pub struct JobArgs {
     json: bool,
 }
 
-/// How instructions get to the controller.
+/// A motion and how it is sent.
 #[derive(Debug)]
-enum Job {
-    /// Each runs once, in a list of its own: as the controller has room.
-    Streamed(Motion),
-    /// They repeat, or belong behind what is in the list: all at once.
-    Whole(Vec<Batch>),
+pub struct Job {
+    /// The steps.
+    pub motion: Motion,
+    /// How they get to the controller.
+    pub options: RunOptions,
 }
 
 impl Job {
-    fn of(batches: Vec<Batch>) -> Self {
-        let replaces = batches.first().is_some_and(|batch| batch.replace);
-        let is_empty = batches.iter().all(|batch| batch.instructions.is_empty());
-        if replaces && !is_empty && !repeats(&batches) {
-            Self::Streamed(batches.into_iter().flat_map(|batch| batch.instructions).collect())
-        } else {
-            Self::Whole(batches)
+    /// A program that replaces the list and runs once is streamed; what is appended, or repeats, goes out at once, in the frames that its
+    /// file has, or shorter ones.
+    pub fn of(batches: Vec<Batch>, options: RunOptions) -> Self {
+        let append = batches.first().is_some_and(|batch| !batch.replace);
+        if !append && !repeats(&batches) {
+            let steps = batches.into_iter().flat_map(|batch| batch.instructions);
+            return Self { motion: steps.collect(), options };
         }
+        let motion = in_frames(batches);
+        // Nobody can see how far such a list is, so that nobody can tell whether the arm has to be stopped.
+        let options =
+            RunOptions { append, frame_instructions: usize::MAX, stop_on_failure: false, ..options };
+        Self { motion, options }
+    }
+
+    /// Whether it goes out at once, however far the arm is.
+    fn is_whole(&self) -> bool {
+        self.options.append || self.motion.repeats()
+    }
+
+    /// What goes out at once has to fit into the list.
+    fn has_room(&self) -> Result<(), Failure> {
+        let (count, room) = (self.motion.len(), self.options.room);
+        if !self.is_whole() || count <= room {
+            return Ok(());
+        }
+        Err(if self.motion.repeats() {
+            Failure::usage(format!(
+                "a list that repeats stays in the controller as a whole, and {count} instructions are more than the {room} \
+                 that are counted on to fit"
+            ))
+            .advise(format!(
+                "run it once, as a stream, with --once; or, where this controller is known to take as many, say --room {count}"
+            ))
+        } else {
+            Failure::usage(format!(
+                "--append sends all instructions at once, and {count} are more than the {room} that are counted on to fit"
+            ))
+            .advise(format!(
+                "append fewer at a time; or, where this controller is known to take as many, say --room {count}"
+            ))
+        })
     }
 }
 
@@ -86,33 +119,39 @@ async fn attempt(
     robot: &RobotArgs,
 ) -> Result<Exit, Ended> {
     let envelope = args.guard.envelope()?;
-    match Job::of(batches) {
-        Job::Streamed(motion) => {
-            if args.dry_run {
-                return Ok(print_motion(&motion, envelope.as_ref(), options)?);
-            }
-            robot
-                .with(async |robot| {
-                    Ok(streamed::run(args, robot, &motion, envelope, options)
-                        .await
-                        .map_err(|ended| ended.told_of(robot)))
-                })
-                .await?
+    let job = Job::of(batches, options);
+    if job.motion.is_empty() {
+        let replace = !job.options.append;
+        if args.dry_run {
+            return Ok(empty::print(replace)?);
         }
-        Job::Whole(batches) => {
-            let batches = whole::prepare(batches, envelope.as_ref(), options.room)?;
-            if args.dry_run {
-                return Ok(whole::print_frames(&batches)?);
-            }
-            robot
-                .with(async |robot| {
-                    Ok(whole::run(args, robot, &batches, envelope)
-                        .await
-                        .map_err(|ended| ended.told_of(robot)))
-                })
-                .await?
-        }
+        return robot.with(async |robot| Ok(empty::send(args, robot, replace).await)).await?;
     }
+    job.has_room()?;
+    let frames = job.motion.frames(&robot::settings(), job.options).map_err(Failure::usage)?;
+    if let Some(envelope) = &envelope {
+        envelope.check_motion(&job.motion).map_err(|violation| guard::beyond(&violation))?;
+    }
+    if args.dry_run {
+        if job.motion.repeats() {
+            output::note(repeats_until_stopped());
+        }
+        for frame in frames {
+            output::line(String::from_utf8_lossy(&frame));
+        }
+        return Ok(Exit::Done);
+    }
+    let run = async |robot: &Robot| {
+        Ok(under_way::run(args, robot, envelope, &job).await.map_err(|ended| ended.told_of(robot)))
+    };
+    robot.with(run).await?
+}
+
+/// The steps, those of each batch in frames of their own.
+pub fn in_frames(batches: Vec<Batch>) -> Motion {
+    batches.into_iter().fold(Motion::new(), |motion, batch| {
+        motion.begin_frame().extend(&Motion::of_list(batch.instructions))
+    })
 }
 
 /// Whether the list never ends: one of its instructions stays in it.
@@ -120,15 +159,9 @@ pub fn repeats(batches: &[Batch]) -> bool {
     batches.iter().flat_map(|batch| &batch.instructions).any(|instruction| !instruction.oneshot)
 }
 
-fn print_motion(motion: &Motion, envelope: Option<&Envelope>, options: RunOptions) -> Result<Exit, Failure> {
-    let frames = motion.frames(&robot::settings(), options).map_err(Failure::usage)?;
-    if let Some(envelope) = envelope {
-        envelope.check_motion(motion).map_err(|violation| guard::beyond(&violation))?;
-    }
-    for frame in frames {
-        output::line(String::from_utf8_lossy(&frame));
-    }
-    Ok(Exit::Done)
+/// That the list has no end of its own, and how to end it.
+fn repeats_until_stopped() -> String {
+    format!("this list repeats until stopped: {}", hint::r6("stop"))
 }
 
 /// Says what is not met, and that nothing was sent.

@@ -42,7 +42,7 @@ pub async fn run(args: QueryArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         return Ok(Exit::Done);
     }
     robot
-        .with(async |robot| {
+        .ask(async |robot| {
             let result = robot.query(&args.addresses).await?;
             if args.json {
                 output::json(&readings::Sample::now(robot.address(), &result));

@@ -34,7 +34,7 @@ pub struct StatusArgs {
 /// Reads and prints the state.
 pub async fn run(args: StatusArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     robot
-        .with(async |robot| {
+        .ask(async |robot| {
             let state = robot.status().await?;
             let remote_program = args.remote_program.as_deref();
             if args.json {

@@ -13,8 +13,12 @@ use crate::output;
 use crate::output::problem::{self, Code};
 use crate::robot::{self, RobotArgs};
 use crate::signals::Ending;
+use crate::waiting;
 
 const NO_EMERGENCY_STOP: &str = "This is an ordinary command over a network, not an emergency stop: only the wired button protects people.";
+
+/// What is said while nothing else is.
+pub const UNDER_WAY: &str = "the stop is under way: waiting until the arm is seen to stand";
 
 /// End the motion and clear the instruction list (not an emergency stop)
 #[derive(Debug, Args)]
@@ -70,7 +74,7 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
 /// Stops; a signal does not end that halfway, a second one ends this program.
 async fn stop(robot: &Robot) -> Result<Result<StopReport, RequestError>, Failure> {
     let mut ending = Ending::watch()?;
-    let stop = robot.stop();
+    let stop = waiting::told(UNDER_WAY, robot.stop());
     tokio::pin!(stop);
     let mut is_signalled = false;
     loop {

@@ -193,6 +193,27 @@ fn no_reply_is_code_3() {
 }
 
 #[test]
+fn what_takes_long_is_said_once_on_stderr_and_what_does_not_is_not() {
+    let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = silent.local_addr().unwrap().to_string();
+    let waits = format!("r6: waiting for an answer of {address} …\n");
+    for (args, code, waits) in [
+        (&["query", "axis-0"][..], 3, waits.as_str()),
+        (&["move", "axes", "1", "--json"], 3, &waits),
+        (&["stop"], 4, "r6: the stop is under way: waiting until the arm is seen to stand …\n"),
+    ] {
+        let outcome = r6(&[&["-r", &address], args].concat());
+        assert_eq!(outcome.code, code, "{args:?}: {outcome:?}");
+        assert!(outcome.err.starts_with(waits), "{args:?}: {outcome:?}");
+        assert_eq!(outcome.err.matches("waiting").count(), 1, "{args:?}: {outcome:?}");
+    }
+    let robot = Robot::start(&[]);
+    for args in [&["query", "axis-0"][..], &["stop"]] {
+        assert_eq!(robot.r6(args).err, "", "{args:?}");
+    }
+}
+
+#[test]
 fn motion_without_an_answer_is_code_4_and_is_not_sent_again() {
     let profile = TempFile::new("silent.toml", "add_rcc_silent_over = 10");
     let robot = Robot::start(&["--profile", profile.path()]);

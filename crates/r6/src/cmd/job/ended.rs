@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use r6_client::{Cause, Missed, MotionError, Progress, RequestError, Robot, StopReport};
+use r6_client::{Cause, Missed, MotionError, Progress, RequestError, Robot, StopReport, WaitError};
 
 use crate::cmd::job::guard;
 use crate::cmd::stop::start_again;
@@ -14,7 +14,7 @@ use crate::output::problem::Code;
 use crate::robot;
 
 /// What to do where the arm stands elsewhere.
-pub fn elsewhere() -> String {
+fn elsewhere() -> String {
     let status = hint::r6("status");
     format!("look at the arm and at `{status}`; a curve wants a move before it, and masks leave axes out")
 }
@@ -38,8 +38,7 @@ impl From<Failure> for Ended {
 
 impl From<MotionError> for Ended {
     fn from(MotionError { cause, progress, stop }: MotionError) -> Self {
-        let stopped = matches!(stop.as_deref(), Some(Ok(report)) if report.confirmed);
-        let failure = of_cause(&cause, &progress, stopped);
+        let failure = of_cause(&cause, &progress, stop.as_deref());
         let failure =
             if progress.left > 0 && progress.total > 1 { failure.add(steps(&progress)) } else { failure };
         let ended = match stop {
@@ -148,10 +147,16 @@ fn not_stopped(error: &RequestError, told: Code) -> String {
     format!("{first}; the stop could not be sent: {}", why_not(error))
 }
 
-/// `stopped`: the arm was stopped after it, and was seen to stand.
-fn of_cause(cause: &Cause, progress: &Progress, stopped: bool) -> Failure {
+/// `stop`: what became of the arm, if it was stopped after it.
+fn of_cause(cause: &Cause, progress: &Progress, stop: Option<&Result<StopReport, RequestError>>) -> Failure {
     let some_left = progress.left > 0;
+    let stopped = matches!(stop, Some(Ok(report)) if report.confirmed);
     match cause {
+        // What is in the list then stays there.
+        Cause::AlarmRaised { code } if some_left && stop.is_none() => {
+            WaitError::AlarmRaised { code: *code }.into()
+        }
+        Cause::Stopped { mode } if some_left && stop.is_none() => WaitError::Stopped { mode: *mode }.into(),
         Cause::Step(_) => Failure::usage(cause),
         Cause::OutsideEnvelope(violation) => guard::beyond(violation),
         Cause::NotReady(_) => Failure::refused(cause).with_code(Code::NotReady),
@@ -204,6 +209,10 @@ fn of_cause(cause: &Cause, progress: &Progress, stopped: bool) -> Failure {
             "look at the arm and at `{}`; `{}` stops it",
             hint::r6("status"),
             hint::r6("stop")
+        )),
+        Cause::NotProved(_) => Failure::unknown(cause).advise(format!(
+            "look at the arm and at `{}`; without --append it is seen how far a list is",
+            hint::r6("status")
         )),
         Cause::AnotherList { .. } => Failure::unknown(cause),
         Cause::StoppedHere | Cause::Dropped | Cause::Released | Cause::Closed | Cause::Abandoned => {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use r6_client::units::{Degrees, Percent};
-use r6_client::{Envelope, Instruction, Motion, Violation};
+use r6_client::{Envelope, Violation};
 
 use crate::cmd::job::guard::file::Limits;
 use crate::exit::Failure;
@@ -49,44 +49,9 @@ fn lower<T: PartialOrd>(one: T, other: T) -> T {
     if one < other { one } else { other }
 }
 
-/// Holds a list against an envelope, the way from the present position to its first target apart. A list that repeats
-/// goes from its last target to its first one, too.
-pub fn check(envelope: &Envelope, instructions: &[Instruction], repeats: bool) -> Result<(), Violation> {
-    let rounds = if repeats { 2 } else { 1 };
-    let steps = std::iter::repeat_n(instructions, rounds).flatten();
-    let motion: Motion = steps.map(|step| Instruction { oneshot: true, ..*step }).collect();
-    envelope.check_motion(&motion).map_err(|violation| {
-        let count = instructions.len();
-        let step = if violation.step > count { violation.step - count } else { violation.step };
-        Violation { step, ..violation }
-    })
-}
-
 /// What is told where a step goes beyond.
 pub fn beyond(violation: &Violation) -> Failure {
     Failure::refused(format!("nothing was sent: {violation}"))
         .with_code(Code::BeyondLimits)
         .advise("the limits are those of --guard, --max-speed and --max-axis-step")
-}
-
-#[cfg(test)]
-mod tests {
-    use r6_client::units::AxisPosition;
-
-    use super::*;
-
-    #[test]
-    fn a_list_that_repeats_is_measured_from_its_end_to_its_beginning() {
-        let slow = Percent::new(5.0).unwrap();
-        let motion = [0.0, 20.0, 40.0]
-            .iter()
-            .fold(Motion::new(), |motion, to| motion.axis_move(AxisPosition::degrees([*to]), slow));
-        let steps = motion.instructions().unwrap();
-        let envelope = Envelope::new().largest_axis_step(Degrees(30.0));
-        assert_eq!(check(&envelope, steps, false), Ok(()));
-        let violation = check(&envelope, steps, true).unwrap_err();
-        assert_eq!(violation.to_string(), "step 1: J1 goes 40 deg in one step, more than 30 deg");
-        let kept: Vec<_> = steps.iter().map(|step| Instruction { oneshot: false, ..*step }).collect();
-        assert_eq!(check(&envelope, &kept, true), Err(violation), "what stays in the list is checked, too");
-    }
 }

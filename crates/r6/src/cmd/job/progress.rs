@@ -10,6 +10,7 @@ use r6_proto::{Address, AxisIndex};
 use tokio::sync::watch;
 use tokio::time::Instant;
 
+use crate::cmd::job::Job;
 use crate::cmd::job::events::{self, Accepted};
 use crate::output::{self, action};
 
@@ -22,13 +23,14 @@ const SHOWN_AFTER: Duration = Duration::from_secs(1);
 /// The least time between two lines of progress for programs: two a second tell enough, and hours of them are some megabytes.
 pub const TOLD_EVERY: Duration = Duration::from_millis(500);
 
-/// Tells what becomes of a motion that is streamed.
+/// Tells what becomes of a motion.
 #[derive(Debug)]
 pub struct Teller<'r> {
     robot: &'r str,
     json: bool,
     /// Whether each list has a line of its own for people.
     each_list: bool,
+    job: &'r Job,
     /// The lists of the motion, and how many of them were accepted.
     lists: Vec<Range<usize>>,
     accepted: usize,
@@ -41,10 +43,10 @@ pub struct Teller<'r> {
 
 impl<'r> Teller<'r> {
     /// A teller for a motion that has just begun.
-    pub fn new(robot: &'r str, json: bool, each_list: bool, lists: Vec<Range<usize>>) -> Self {
+    pub fn new(robot: &'r str, json: bool, each_list: bool, job: &'r Job, lists: Vec<Range<usize>>) -> Self {
         let now = Instant::now();
         let seen = Progress::default();
-        Self { robot, json, each_list, lists, accepted: 0, seen, since: now, told: (now, 0) }
+        Self { robot, json, each_list, job, lists, accepted: 0, seen, since: now, told: (now, 0) }
     }
 
     /// How many lists were accepted.
@@ -71,9 +73,17 @@ impl<'r> Teller<'r> {
     }
 
     fn tell_accepted(&self, list: &Range<usize>, progress: &Progress, after: Duration) {
-        let accepted =
-            Accepted { instructions: list.len(), replaced_list: list.start == 0, repeats: false, after };
-        if self.json {
+        let steps = self.job.motion.instructions().unwrap_or_default();
+        let listed = steps.get(list.clone()).unwrap_or_default();
+        let accepted = Accepted {
+            instructions: list.len(),
+            replaced_list: list.start == 0 && !self.job.options.append,
+            repeats: listed.iter().any(|step| !step.oneshot),
+            after,
+        };
+        if self.json && self.job.is_whole() {
+            output::json(&accepted.whole(self.robot));
+        } else if self.json {
             output::passing_json(&accepted.streamed(self.robot, list.end, progress));
         } else if self.each_list {
             output::clear_line();

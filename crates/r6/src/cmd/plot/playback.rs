@@ -13,9 +13,12 @@ use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Manner, Mo
 use r6_proto::time::Instant;
 
 use super::inputs::InputChange;
+use crate::cmd::job;
 use crate::exit::Failure;
 use crate::recording::{Alarm, Ending, Recorder, Recording};
-use r6::program_file::{Batch, cut, first_axes};
+use crate::robot;
+use r6::program_file::{Batch, first_axes};
+use r6_client::{Motion, RunOptions};
 
 /// The most instructions that are played: far more than the longest program known, and little enough to draw.
 pub const MAX_INSTRUCTIONS: usize = 10_000;
@@ -59,7 +62,7 @@ pub fn play(cell: Cell, batches: Vec<Batch>, progress: &mut dyn FnMut(f64)) -> R
         done_before: 0,
     };
     player.go_to(&cell.from)?;
-    player.frames = cut(batches).map_err(Failure::usage)?.into();
+    player.frames = Frame::all(batches)?;
     player.done_before = player.controller.machine().list().completed();
     let begin = player.now;
     let mut inputs = cell.inputs;
@@ -70,13 +73,41 @@ pub fn play(cell: Cell, batches: Vec<Batch>, progress: &mut dyn FnMut(f64)) -> R
     Ok(recorder.finish(count, ending))
 }
 
+/// A frame, and what it does to the list.
+struct Frame {
+    bytes: Vec<u8>,
+    replaces: bool,
+    instructions: usize,
+}
+
+impl Frame {
+    /// As they are sent to a controller that takes every length: in the frames of the file, or shorter ones.
+    fn all(batches: Vec<Batch>) -> Result<VecDeque<Self>, Failure> {
+        let append = batches.first().is_some_and(|batch| !batch.replace);
+        Self::of(&job::in_frames(batches), append)
+    }
+
+    fn of(motion: &Motion, append: bool) -> Result<VecDeque<Self>, Failure> {
+        let (settings, most) = (robot::settings(), usize::MAX);
+        let options = RunOptions { append, frame_instructions: most, room: most, ..RunOptions::default() };
+        let lists = motion.lists(&settings, options).map_err(Failure::usage)?;
+        let frames = motion.frames(&settings, options).map_err(Failure::usage)?;
+        let frame = |(list, bytes): (std::ops::Range<usize>, Vec<u8>)| Self {
+            bytes,
+            replaces: list.start == 0 && !append,
+            instructions: list.len(),
+        };
+        Ok(lists.into_iter().zip(frames).map(frame).collect())
+    }
+}
+
 /// A client, the controller it talks to, and the people in the cell.
 struct Player {
     controller: Controller,
     id: ConnectionId,
     now: Instant,
     /// Frames that the client has still to send.
-    frames: VecDeque<Batch>,
+    frames: VecDeque<Frame>,
     frame_number: u64,
     /// When the last frame was answered: the next one is not sent before.
     answered: Instant,
@@ -104,7 +135,7 @@ impl Player {
         };
         let motion = Move { target: Coordinates::from_slice(&target), manner };
         let step = Instruction { oneshot: true, action: Action::AxisMove(motion) };
-        self.frames = VecDeque::from([Batch { replace: true, instructions: vec![step] }]);
+        self.frames = Frame::of(&Motion::of_list([step]), false)?;
         self.feed()?;
         while let Some(due) = self.next_event() {
             self.pass(due);
@@ -160,21 +191,20 @@ impl Player {
     fn feed(&mut self) -> Result<(), Failure> {
         while self.answered <= self.now && self.alarm.is_none() {
             let left = self.controller.machine().list().len();
-            let fits = |batch: &mut Batch| {
-                let kept = if batch.replace { 0 } else { left };
-                kept + batch.instructions.len() <= LIST_ROOM
+            let fits = |frame: &mut Frame| {
+                let kept = if frame.replaces { 0 } else { left };
+                kept + frame.instructions <= LIST_ROOM
             };
-            let Some(batch) = self.frames.pop_front_if(fits) else { return Ok(()) };
-            self.send(&batch)?;
+            let Some(frame) = self.frames.pop_front_if(fits) else { return Ok(()) };
+            self.send(&frame.bytes)?;
             self.listen();
         }
         Ok(())
     }
 
-    fn send(&mut self, batch: &Batch) -> Result<(), Failure> {
+    fn send(&mut self, frame: &[u8]) -> Result<(), Failure> {
         self.frame_number += 1;
-        let frame = batch.encode(&self.frame_number.to_string()).map_err(Failure::usage)?;
-        self.controller.handle_input(self.now, self.id, &frame);
+        self.controller.handle_input(self.now, self.id, frame);
         let mut accepted = false;
         loop {
             let at = self.controller.next_transmit(self.id).unwrap_or(self.now).max(self.now);

@@ -6,7 +6,7 @@ use r6_proto::{Body, RequestType};
 
 use super::{Finding, excerpt};
 use crate::output::{self, action};
-use r6::program_file::MAX_FRAME_BYTES;
+use r6_proto::request::LONGEST_ADD_RCC;
 
 /// Judges `dsID` and the type.
 pub fn header(message: &Message<'_>, finding: &mut Finding) {
@@ -100,9 +100,9 @@ pub fn list(message: &Message<'_>, list: &AddRcc<'_>, finding: &mut Finding) {
         finding.notes.push("the shape of 2020 (`dsData`, `xpos` …)".to_owned());
     }
     let bytes = message.frame().len();
-    if bytes > MAX_FRAME_BYTES {
+    if bytes > LONGEST_ADD_RCC {
         finding.problems.push(format!(
-            "{bytes} bytes: controllers neither answer nor execute more than {MAX_FRAME_BYTES}"
+            "{bytes} bytes: controllers neither answer nor execute more than {LONGEST_ADD_RCC}"
         ));
     }
 }

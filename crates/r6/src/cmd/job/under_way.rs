@@ -1,40 +1,43 @@
-//! Lists that run once, through the SDK's streaming: as the controller has room, and never a second time.
+//! A motion under way: streamed as the controller has room, or sent as a whole, and never a second time.
 
 use std::time::Duration;
 
-use r6_client::{
-    Cause, Done, EndProof, Envelope, Motion, MotionError, MotionHandle, Progress, Robot, RunOptions,
-};
+use r6_client::{Cause, Done, EndProof, Envelope, MotionError, MotionHandle, Progress, Robot, WaitOptions};
 use tokio::time::{sleep, timeout};
 
 use crate::cmd::job::ended::{Ended, GivenUp};
 use crate::cmd::job::progress::{TOLD_EVERY, Teller, show_progress};
-use crate::cmd::job::{JobArgs, events, is_untold, not_ready, say_how_to_follow, untold};
+use crate::cmd::job::{
+    Job, JobArgs, events, is_untold, not_ready, repeats_until_stopped, say_how_to_follow, untold,
+};
+use crate::cmd::stop;
 use crate::exit::{Exit, Failure};
 use crate::hint;
 use crate::output::problem::Code;
 use crate::output::{self, action, status};
 use crate::robot;
 use crate::signals::Ending;
+use crate::waiting;
 
-/// Streams a motion: to its end with `--wait`, else until its last list is accepted.
+/// Runs a motion: to its end with `--wait`, else until its last list is accepted.
 pub async fn run(
     args: &JobArgs,
     robot: &Robot,
-    motion: &Motion,
     envelope: Option<Envelope>,
-    options: RunOptions,
+    job: &Job,
 ) -> Result<Exit, Ended> {
-    let lists = motion.lists(&robot::settings(), options).map_err(Failure::usage)?;
+    let Job { motion, options } = job;
+    let lists = motion.lists(&robot::settings(), *options).map_err(Failure::usage)?;
     let guarded = envelope.map_or_else(|| robot.clone(), |envelope| robot.with_guard(envelope));
     // From here on the arm may move, and Ctrl-C has to say so.
     let mut ending = Ending::watch()?;
+    let looking = format!("waiting for an answer of {}", robot.address());
     let begun = tokio::select! {
         biased;
         () = ending.signalled() => {
             return Err(Failure::refused("interrupted; nothing was sent").with_code(Code::Interrupted).into());
         }
-        begun = guarded.run(motion, options) => begun,
+        begun = waiting::told(&looking, guarded.run(motion, *options)) => begun,
     };
     let handle = match begun {
         Ok(handle) => handle,
@@ -57,14 +60,17 @@ pub async fn run(
             options.room
         ));
     }
-    let mut teller = Teller::new(robot.address(), args.json, !is_long, lists);
+    let mut teller = Teller::new(robot.address(), args.json, !is_long, job, lists);
+    // Of what goes out as a whole nobody can see how far it is, nor that it has stalled.
+    let time = args.timeout.or_else(|| (args.wait && job.is_whole()).then(|| WaitOptions::default().timeout));
+    let steps = (!job.is_whole()).then(|| handle.watch());
     let given_up = tokio::select! {
         biased;
         () = follow(&mut teller, &handle, args.wait) => None,
         () = ending.signalled() => Some(GivenUp::Interrupted),
         () = untold(args) => Some(GivenUp::Untold),
-        after = time_is_up(args.timeout) => Some(GivenUp::TimedOut(after)),
-        never = show_progress(robot, Some(handle.watch())) => match never {},
+        after = time_is_up(time) => Some(GivenUp::TimedOut(after)),
+        never = show_progress(robot, steps) => match never {},
     };
     output::clear_line();
     if let Some(why) = given_up {
@@ -74,7 +80,8 @@ pub async fn run(
         say_lists(&teller, &handle.progress());
     }
     if args.wait || handle.progress().ended {
-        let done = handle.finished().await?;
+        // If it failed, the arm is being stopped.
+        let done = waiting::told(stop::UNDER_WAY, handle.finished()).await?;
         if args.wait {
             stands(robot, &done, args.json);
             return Ok(Exit::Done);
@@ -85,6 +92,9 @@ pub async fn run(
         return Ok(Exit::Done);
     }
     if !args.json {
+        if motion.repeats() {
+            output::line(repeats_until_stopped());
+        }
         say_how_to_follow();
     }
     if is_untold(args) {
@@ -127,7 +137,7 @@ async fn time_is_up(after: Option<Duration>) -> Duration {
 async fn give_up(robot: &Robot, handle: MotionHandle, why: GivenUp, stop: bool) -> Ended {
     if stop {
         let watch = handle.watch();
-        let stop = handle.stop().await;
+        let stop = waiting::told(stop::UNDER_WAY, handle.stop()).await;
         let progress = *watch.borrow();
         return Ended::given_up(why, Some(progress), stop);
     }

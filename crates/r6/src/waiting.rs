@@ -1,0 +1,40 @@
+//! Says on stderr what is waited for, where that takes longer than a person expects.
+
+use std::future::Future;
+use std::io::IsTerminal;
+use std::pin::pin;
+use std::time::Duration;
+
+use tokio::time::{Instant, interval_at, timeout};
+
+use crate::output;
+
+/// What takes less time than this needs no words: controllers answer within 26 ms.
+const SAID_AFTER: Duration = Duration::from_secs(1);
+
+/// How often the seconds on a terminal go on.
+const REFRESH_EVERY: Duration = Duration::from_secs(1);
+
+/// Does this work. Once it takes longer than a second, stderr says what is waited for: a terminal shows the seconds, everything else gets one line.
+pub async fn told<T>(what: &str, work: impl Future<Output = T>) -> T {
+    let begun = Instant::now();
+    let mut work = pin!(work);
+    if let Ok(done) = timeout(SAID_AFTER, &mut work).await {
+        return done;
+    }
+    if !std::io::stderr().is_terminal() {
+        output::note(format_args!("r6: {what} …"));
+        return work.await;
+    }
+    let mut ticks = interval_at(begun + SAID_AFTER, REFRESH_EVERY);
+    loop {
+        tokio::select! {
+            biased;
+            done = &mut work => {
+                output::clear_line();
+                return done;
+            }
+            _ = ticks.tick() => output::rewrite_line(format_args!("r6: {what} … {} s", begun.elapsed().as_secs())),
+        }
+    }
+}
