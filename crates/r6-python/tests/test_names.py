@@ -80,6 +80,7 @@ METHODS: list[tuple[str, str, type[Any], Table]] = [
         r6.Robot,
         {
             "block_on": " futures of Rust",
+            "query_again": " a result of Python is made anew",
             "connect_on": "connect",
             "connect_with": "connect",
             "engine": " one for the process",
