@@ -2,6 +2,7 @@
 
 import array
 import datetime
+from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
 from typing import Any
@@ -49,7 +50,7 @@ def test_a_unit_mistake_is_a_type_error() -> None:
 def test_a_plain_number_is_answered_with_what_to_write() -> None:
     here: Any = r6.AxisPosition.degrees([0])
     number: Any = 20
-    for call, write in [
+    cases: list[tuple[Callable[[], object], str]] = [
         (lambda: r6.Motion().axis_move(here, number), "r6.Percent(20)"),
         (lambda: r6.Motion().axis_move(number, SPEED), "r6.AxisPosition.degrees([20])"),
         (lambda: r6.Motion().linear_move(number, SPEED), "r6.Pose.mm_deg([x, y, z])"),
@@ -59,12 +60,13 @@ def test_a_plain_number_is_answered_with_what_to_write() -> None:
         (lambda: r6.Envelope().largest_axis_step(number), "r6.Degrees(20)"),
         (lambda: r6.FollowOptions(speed=number), "r6.Percent(20)"),
         (lambda: r6.Command.modify_gspd(number), "r6.Percent(20)"),
-    ]:
+    ]
+    for call, write in cases:
         with pytest.raises(TypeError) as wrong:
             call()
         assert str(wrong.value).endswith(f"not the plain number 20, whose unit nobody knows: write {write}")
     text: Any = "20"
-    with pytest.raises(TypeError, match="Percent is wanted, not str$"):
+    with pytest.raises(TypeError, match="Percent is wanted, not str"):
         r6.Motion().axis_move(here, text)
 
 
