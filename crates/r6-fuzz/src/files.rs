@@ -3,7 +3,7 @@
 //!
 //! An input is a byte for the kind of file and its text.
 
-use r6::program_file::{FileError, ProgramFile, cut};
+use r6::program_file::{Mistakes, ProgramFile, cut};
 use r6_controller::{Controller, ControllerSettings, Library, Profile, Program, RobotModel, Scenario};
 use r6_proto::time::Instant;
 use r6_proto::{Body, Decoder};
@@ -90,14 +90,19 @@ fn program(text: &str) {
     runs(ControllerSettings { library, mold: "tried".to_owned(), ..settings() });
 }
 
-fn program_file(text: &str, read: Result<ProgramFile, FileError>) {
+fn program_file(text: &str, read: Result<ProgramFile, Mistakes>) {
     let file = match read {
         Ok(file) => file,
         Err(error) => {
-            assert!(!error.what.is_empty() && !error.to_string().is_empty());
             let lines = text.split('\n').count();
-            if let Some((line, column)) = error.at {
-                assert!((1..=lines).contains(&line) && column > 0, "{error} is at no place of the text");
+            for mistake in error.iter() {
+                assert!(!mistake.what.is_empty());
+                if let Some((line, column)) = mistake.at {
+                    assert!(
+                        (1..=lines).contains(&line) && column > 0,
+                        "{mistake} is at no place of the text"
+                    );
+                }
             }
             return;
         }

@@ -1,17 +1,11 @@
-//! What `r6 run` reads: the instructions of a file, in TOML or as the AddRCC frames of the manual.
+//! What `r6 run` sends: the lists of a motion program, ready to be cut into frames.
 
 mod batch;
-mod json;
-pub mod lines;
-mod toml;
 
 pub use batch::{BadStep, Batch, MAX_FRAME_BYTES, cut};
+pub use r6_program::{MAX_FILE_BYTES, Mistake, Mistakes, eight, first_axes};
 
-use r6_proto::message::instruction::Coordinates;
-use r6_proto::{AXES, AxisIndex, AxisMask};
-
-/// The largest program file that is read, bytes: far more than any list of instructions, and little enough for memory.
-pub const MAX_FILE_BYTES: usize = 16 * 1024 * 1024;
+use r6_program::{MotionList, MotionProgram};
 
 /// What a file says.
 #[derive(Debug, PartialEq)]
@@ -22,43 +16,28 @@ pub struct ProgramFile {
     pub remarks: Vec<String>,
 }
 
-/// What is wrong with a file, and where.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FileError {
-    /// Line and column, counted from 1; `None` where the whole file is meant.
-    pub at: Option<(usize, usize)>,
-    /// What is wrong there.
-    pub what: String,
-    /// What to do about it.
-    pub advice: Option<String>,
-}
-
-impl std::fmt::Display for FileError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.at {
-            Some((line, column)) => write!(f, "{line}:{column}: {}", self.what),
-            None => write!(f, " {}", self.what),
-        }
+impl From<MotionProgram> for ProgramFile {
+    fn from(program: MotionProgram) -> Self {
+        let batch = |MotionList { replace, instructions }| Batch { replace, instructions };
+        Self { batches: program.lists.into_iter().map(batch).collect(), remarks: program.remarks }
     }
 }
-
-impl std::error::Error for FileError {}
 
 impl ProgramFile {
     /// Reads AddRCC frames, one behind the other, with `//` comments.
     ///
     /// # Errors
-    /// [`FileError`] says where the text is wrong and what is due there.
-    pub fn from_json(text: &str) -> Result<Self, FileError> {
-        json::read(text)
+    /// [`Mistakes`] say where the text is wrong and what is due there.
+    pub fn from_json(text: &str) -> Result<Self, Mistakes> {
+        MotionProgram::from_json(text).map(Self::from)
     }
 
     /// Reads a list of `[[instruction]]` tables.
     ///
     /// # Errors
-    /// [`FileError`] says where the text is wrong and what is due there.
-    pub fn from_toml(text: &str) -> Result<Self, FileError> {
-        toml::read(text)
+    /// [`Mistakes`] say where the text is wrong and what is due there.
+    pub fn from_toml(text: &str) -> Result<Self, Mistakes> {
+        MotionProgram::from_toml(text).map(Self::from)
     }
 
     /// Lets a list that repeats run only once.
@@ -66,21 +45,4 @@ impl ProgramFile {
         let steps = self.batches.iter_mut().flat_map(|batch| &mut batch.instructions);
         steps.for_each(|step| step.oneshot = true);
     }
-}
-
-/// The mask of the first so many axes.
-#[must_use]
-pub fn first_axes(count: usize) -> AxisMask {
-    AxisIndex::ALL.into_iter().take(count).fold(AxisMask::NONE, AxisMask::with)
-}
-
-/// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported (unit A),
-/// and the mask keeps the others where they are.
-#[must_use]
-pub fn eight(given: &[f64]) -> Coordinates {
-    let mut values = [0.0; AXES];
-    for (slot, value) in values.iter_mut().zip(given) {
-        *slot = *value;
-    }
-    Coordinates::from_slice(&values)
 }

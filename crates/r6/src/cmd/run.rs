@@ -164,13 +164,7 @@ pub fn read(file: &Path) -> Result<ProgramFile, Failure> {
             return Err(Failure::usage(format!("{name}: a program ends in .json or .toml")));
         }
     };
-    let program = program.map_err(|error| {
-        let failure = Failure::usage(format!("{name}:{error}"));
-        match error.advice {
-            Some(advice) => failure.advise(advice),
-            None => failure,
-        }
-    })?;
+    let program = program.map_err(|mistakes| Failure::in_file(&name, &mistakes))?;
     if program.batches.iter().skip(1).any(|batch| batch.replace) {
         return Err(Failure::usage(format!(
             "{name}: a later frame replaces the list while the first one runs"
