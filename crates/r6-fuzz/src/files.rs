@@ -3,9 +3,9 @@
 //!
 //! An input is a byte for the kind of file and its text.
 
-use r6::program_file::{FileError, ProgramFile};
 use r6_client::{Motion, RobotSettings, RunOptions};
 use r6_controller::{Controller, ControllerSettings, Library, Profile, Program, RobotModel, Scenario};
+use r6_program::{Mistakes, MotionProgram};
 use r6_proto::time::Instant;
 use r6_proto::{Body, Decoder};
 
@@ -43,8 +43,8 @@ pub fn run(bytes: &[u8]) {
     }
     match kind {
         b'P' => program(text),
-        b'T' => program_file(text, ProgramFile::from_toml(text)),
-        b'J' => program_file(text, ProgramFile::from_json(text)),
+        b'T' => program_file(text, MotionProgram::from_toml(text)),
+        b'J' => program_file(text, MotionProgram::from_json(text)),
         b'M' => model(text),
         b'S' => scenario(text),
         b'F' => profile(text),
@@ -91,14 +91,19 @@ fn program(text: &str) {
     runs(ControllerSettings { library, mold: "tried".to_owned(), ..settings() });
 }
 
-fn program_file(text: &str, read: Result<ProgramFile, FileError>) {
+fn program_file(text: &str, read: Result<MotionProgram, Mistakes>) {
     let file = match read {
         Ok(file) => file,
         Err(error) => {
-            assert!(!error.what.is_empty() && !error.to_string().is_empty());
             let lines = text.split('\n').count();
-            if let Some((line, column)) = error.at {
-                assert!((1..=lines).contains(&line) && column > 0, "{error} is at no place of the text");
+            for mistake in error.iter() {
+                assert!(!mistake.what.is_empty());
+                if let Some((line, column)) = mistake.at {
+                    assert!(
+                        (1..=lines).contains(&line) && column > 0,
+                        "{mistake} is at no place of the text"
+                    );
+                }
             }
             return;
         }
@@ -106,9 +111,9 @@ fn program_file(text: &str, read: Result<ProgramFile, FileError>) {
     let settings = settings();
     let model = Model::new(&settings);
     let mut cell = Cell::around(Controller::new(settings, Instant::ORIGIN), Instant::ORIGIN);
-    for batch in file.batches {
-        let options = RunOptions { append: !batch.replace, room: usize::MAX, ..RunOptions::default() };
-        let (motion, settings) = (Motion::of_list(batch.instructions), RobotSettings::default());
+    for list in file.lists {
+        let options = RunOptions { append: !list.replace, room: usize::MAX, ..RunOptions::default() };
+        let (motion, settings) = (Motion::of_list(list.instructions), RobotSettings::default());
         // What the wire cannot carry is refused before anything is sent.
         let Ok(lists) = motion.lists(&settings, options) else { continue };
         let steps = motion.instructions().expect("it was cut");
@@ -118,8 +123,8 @@ fn program_file(text: &str, read: Result<ProgramFile, FileError>) {
         for (part, frame) in parts.into_iter().zip(frames) {
             let mut decoder = Decoder::new();
             let message = decoder.decode(&frame).unwrap_or_else(|error| panic!("{error}"));
-            let Body::AddRcc(list) = message.body else { panic!("{}", frame.escape_ascii()) };
-            same_instructions(part, list.instructions);
+            let Body::AddRcc(read) = message.body else { panic!("{}", frame.escape_ascii()) };
+            same_instructions(part, read.instructions);
             cell.send(&frame);
             cell.pass(0.1);
             model.hold_within_limits(&mut cell);

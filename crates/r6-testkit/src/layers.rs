@@ -35,6 +35,7 @@ pub struct Rule {
 pub const RULES: &[Rule] = &[
     Rule { package: "r6-proto", layer: Layer::Pure, may_use: &[] },
     Rule { package: "r6-motion", layer: Layer::Pure, may_use: &[] },
+    Rule { package: "r6-program", layer: Layer::Pure, may_use: &["r6-proto"] },
     Rule { package: "r6-controller", layer: Layer::Pure, may_use: &["r6-motion", "r6-proto"] },
     // A robot is only ever reached over the wire: the client cannot know that one is simulated.
     Rule { package: "r6-client", layer: Layer::Shell, may_use: &["r6-proto"] },
@@ -43,7 +44,7 @@ pub const RULES: &[Rule] = &[
     Rule {
         package: "r6",
         layer: Layer::Shell,
-        may_use: &["r6-client", "r6-controller", "r6-proto", "r6-sim"],
+        may_use: &["r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim"],
     },
     // This crate alone binds both sides: a Python program brings its own virtual controller.
     Rule {
@@ -61,7 +62,7 @@ pub const RULES: &[Rule] = &[
     Rule {
         package: "r6-fuzz",
         layer: Layer::Shell,
-        may_use: &["r6", "r6-client", "r6-controller", "r6-proto", "r6-sim"],
+        may_use: &["r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim"],
     },
     // The same: it has both ends in one process, and breaks what is between them.
     Rule {

@@ -4,8 +4,9 @@ use std::fmt;
 use std::process::ExitCode;
 
 use r6_client::{Effect, Identity, Invalid, NotSent, OutcomeUnknown, RequestError, WaitError};
+use r6_program::Mistakes;
 use r6_proto::printable;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use crate::hint;
 use crate::output::alarm;
@@ -85,6 +86,8 @@ pub struct Failure {
     code: Code,
     what: String,
     advice: Option<String>,
+    /// The lines for people, where a file is wrong.
+    mistakes: Option<String>,
     /// What programs are told besides.
     members: Map<String, Value>,
     /// Whether programs were told already.
@@ -104,6 +107,33 @@ impl Failure {
         Self::new(Exit::Usage, Code::Usage, what)
     }
 
+    /// A file is wrong: each mistake has a line `FILE:LINE:COLUMN: …`, which editors read, and below it what to do.
+    pub fn in_file(file: &str, mistakes: &Mistakes) -> Self {
+        let mut lines = String::new();
+        for mistake in mistakes.iter() {
+            let separator = if lines.is_empty() { "" } else { "\n" };
+            lines += &format!("{separator}{}", printable(&mistake.line(file)));
+            if let Some(advice) = &mistake.advice {
+                lines += &format!("\n    {}", printable(advice));
+            }
+        }
+        if mistakes.more() > 0 {
+            lines += &format!("\nand {} more mistakes in {}", mistakes.more(), printable(file));
+        }
+        let listed: Vec<_> = mistakes
+            .iter()
+            .map(|mistake| {
+                let (line, column) = mistake.at.unzip();
+                json!({
+                    "file": file, "line": line, "column": column, "text": mistake.what, "advice": mistake.advice,
+                })
+            })
+            .collect();
+        let first = mistakes.first();
+        let failure = Self::usage(first.line(file)).member("mistakes", listed);
+        Self { advice: first.advice.clone(), mistakes: Some(lines), ..failure }
+    }
+
     /// Nobody knows what became of a request.
     pub fn unknown(what: impl fmt::Display) -> Self {
         Self::new(Exit::Unknown, Code::OutcomeUnknown, what)
@@ -120,6 +150,7 @@ impl Failure {
             code,
             what: what.to_string(),
             advice: None,
+            mistakes: None,
             members: Map::new(),
             told: false,
             said: false,
@@ -236,6 +267,9 @@ impl Failure {
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(mistakes) = &self.mistakes {
+            return f.write_str(mistakes);
+        }
         // A peer's words are among them: two lines are two lines.
         write!(f, "r6: {}", printable(&self.what))?;
         match &self.advice {

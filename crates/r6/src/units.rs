@@ -3,9 +3,10 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use r6_proto::AxisMask;
 use r6_proto::grid::Grid;
 use r6_proto::message::instruction::BlendLevel;
+
+pub use r6_program::axis_mask;
 
 /// A time such as `100ms`, `1.5s`, `2m`; a bare number is seconds.
 pub fn duration(text: &str) -> Result<Duration, String> {
@@ -67,17 +68,6 @@ pub fn blend_level(text: &str) -> Result<BlendLevel, String> {
         .ok_or_else(|| "a blend level is a whole number from 0 to 9".to_owned())
 }
 
-/// An axis mask, hexadecimal (`0x3F`) or decimal (`63`).
-pub fn axis_mask(text: &str) -> Result<AxisMask, String> {
-    let bits = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
-        Some(digits) => u8::from_str_radix(digits, 16).ok(),
-        None => text.parse().ok(),
-    };
-    bits.filter(|bits| *bits != 0).map(AxisMask::from_bits).ok_or_else(|| {
-        "a mask is a number from 0x01 to 0xFF: bit 0 is J1 (or X), bit 5 is J6 (or W)".to_owned()
-    })
-}
-
 /// The value, if the wire can carry it as it is.
 pub fn on_grid(grid: Grid, value: f64) -> Result<f64, String> {
     match grid.step(value) {
@@ -96,6 +86,8 @@ fn finite(text: &str, range: std::ops::RangeInclusive<f64>, wanted: &str) -> Res
 
 #[cfg(test)]
 mod tests {
+    use r6_proto::AxisMask;
+
     use super::*;
 
     #[test]

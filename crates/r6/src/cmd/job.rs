@@ -19,7 +19,7 @@ use crate::hint;
 use crate::output::{self, status};
 use crate::robot::{self, RobotArgs};
 use crate::units;
-use r6::program_file::Batch;
+use r6_program::MotionList;
 
 /// What to do with instructions.
 #[derive(Debug, Args)]
@@ -59,13 +59,13 @@ pub struct Job {
 impl Job {
     /// A program that replaces the list and runs once is streamed; what is appended, or repeats, goes out at once, in the frames that its
     /// file has, or shorter ones.
-    pub fn of(batches: Vec<Batch>, options: RunOptions) -> Self {
-        let append = batches.first().is_some_and(|batch| !batch.replace);
-        if !append && !repeats(&batches) {
-            let steps = batches.into_iter().flat_map(|batch| batch.instructions);
+    pub fn of(lists: Vec<MotionList>, options: RunOptions) -> Self {
+        let append = lists.first().is_some_and(|list| !list.replace);
+        if !append && !repeats(&lists) {
+            let steps = lists.into_iter().flat_map(|list| list.instructions);
             return Self { motion: steps.collect(), options };
         }
-        let motion = in_frames(batches);
+        let motion = in_frames(lists);
         // Nobody can see how far such a list is, so that nobody can tell whether the arm has to be stopped.
         let options =
             RunOptions { append, frame_instructions: usize::MAX, stop_on_failure: false, ..options };
@@ -102,24 +102,24 @@ impl Job {
     }
 }
 
-/// Checks the machine, sends the batches and, if so asked, waits until they are done.
+/// Checks the machine, sends the lists and, if so asked, waits until they are done.
 pub async fn carry_out(
     args: &JobArgs,
-    batches: Vec<Batch>,
+    lists: Vec<MotionList>,
     options: RunOptions,
     robot: &RobotArgs,
 ) -> Result<Exit, Failure> {
-    attempt(args, batches, options, robot).await.map_err(events::failed)
+    attempt(args, lists, options, robot).await.map_err(events::failed)
 }
 
 async fn attempt(
     args: &JobArgs,
-    batches: Vec<Batch>,
+    lists: Vec<MotionList>,
     options: RunOptions,
     robot: &RobotArgs,
 ) -> Result<Exit, Ended> {
     let envelope = args.guard.envelope()?;
-    let job = Job::of(batches, options);
+    let job = Job::of(lists, options);
     if job.motion.is_empty() {
         let replace = !job.options.append;
         if args.dry_run {
@@ -147,16 +147,16 @@ async fn attempt(
     robot.with(run).await?
 }
 
-/// The steps, those of each batch in frames of their own.
-pub fn in_frames(batches: Vec<Batch>) -> Motion {
-    batches.into_iter().fold(Motion::new(), |motion, batch| {
-        motion.begin_frame().extend(&Motion::of_list(batch.instructions))
-    })
+/// The steps, those of each list in frames of their own.
+pub fn in_frames(lists: Vec<MotionList>) -> Motion {
+    lists
+        .into_iter()
+        .fold(Motion::new(), |motion, list| motion.begin_frame().extend(&Motion::of_list(list.instructions)))
 }
 
 /// Whether the list never ends: one of its instructions stays in it.
-pub fn repeats(batches: &[Batch]) -> bool {
-    batches.iter().flat_map(|batch| &batch.instructions).any(|instruction| !instruction.oneshot)
+pub fn repeats(lists: &[MotionList]) -> bool {
+    lists.iter().flat_map(|list| &list.instructions).any(|instruction| !instruction.oneshot)
 }
 
 /// That the list has no end of its own, and how to end it.

@@ -1,8 +1,8 @@
 //! `r6 move`: one motion.
 
 use clap::{Args, Subcommand};
-use r6::program_file::{Batch, eight, first_axes};
 use r6_client::RunOptions;
+use r6_program::{MotionList, eight, first_axes};
 use r6_proto::AxisMask;
 use r6_proto::message::Instruction;
 use r6_proto::message::instruction::{Action, BlendLevel, CurveMove, Manner, Move};
@@ -159,6 +159,6 @@ pub async fn run(args: MoveArgs, robot: RobotArgs) -> Result<Exit, Failure> {
             )
         }
     };
-    let batch = Batch { replace: !job.append, instructions: vec![Instruction { oneshot: true, action }] };
-    job::carry_out(job, vec![batch], RunOptions::default(), &robot).await
+    let list = MotionList { replace: !job.append, instructions: vec![Instruction { oneshot: true, action }] };
+    job::carry_out(job, vec![list], RunOptions::default(), &robot).await
 }

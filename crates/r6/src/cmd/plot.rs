@@ -21,7 +21,7 @@ use crate::output::problem::{self, Code};
 use crate::output::{self, plot};
 use crate::recording::Recording;
 use crate::units;
-use r6::program_file::ProgramFile;
+use r6_program::MotionProgram;
 
 /// After how long a terminal is told how far it is.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -110,14 +110,14 @@ pub fn run(args: PlotArgs) -> Result<Exit, Failure> {
     }
     let program = program(&args.file)?;
     let instructions: Vec<Instruction> =
-        program.batches.iter().flat_map(|batch| &batch.instructions).copied().collect();
+        program.lists.iter().flat_map(|list| &list.instructions).copied().collect();
     let settings = ControllerSettings {
         global_speed: args.global_speed,
         ..ControllerSettings::new(args.profile.clone(), args.model.clone())
     };
     let cell = Cell { settings, from: args.from.clone(), inputs: args.input.clone() };
     let mut progress = Progress::begin();
-    let recording = playback::play(cell, program.batches, &mut |seconds| progress.show(seconds))?;
+    let recording = playback::play(cell, program.lists, &mut |seconds| progress.show(seconds))?;
     progress.clear();
     let trouble = plot::trouble(&recording, &instructions);
     let picture = draw(&args, &recording, trouble.as_deref());
@@ -143,10 +143,10 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
 }
 
 /// Reads the program; a list that repeats is run once.
-fn program(file: &Path) -> Result<ProgramFile, Failure> {
+fn program(file: &Path) -> Result<MotionProgram, Failure> {
     let mut program = run::read(file)?;
     run::show_remarks(&program, file);
-    if job::repeats(&program.batches) {
+    if job::repeats(&program.lists) {
         output::note("r6: this list repeats until it is stopped; it is drawn once");
         program.run_once();
     }

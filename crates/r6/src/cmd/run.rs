@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use r6::program_file::{MAX_FILE_BYTES, ProgramFile};
 use r6_client::RunOptions;
+use r6_program::{MAX_FILE_BYTES, MotionProgram};
 
 use crate::cmd::job::{self, JobArgs};
 use crate::exit::{Exit, Failure};
@@ -107,7 +107,7 @@ pub struct RunArgs {
 }
 
 /// Prints what the reader of the file should know.
-pub fn show_remarks(program: &ProgramFile, file: &Path) {
+pub fn show_remarks(program: &MotionProgram, file: &Path) {
     let name = name(file);
     for remark in &program.remarks {
         output::note(format_args!("r6: {name}: {remark}"));
@@ -128,14 +128,14 @@ pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     let mut program = read(&args.file)?;
     show_remarks(&program, &args.file);
     if args.job.append
-        && let Some(first) = program.batches.first_mut()
+        && let Some(first) = program.lists.first_mut()
     {
         first.replace = false;
     }
     if args.once {
         program.run_once();
     }
-    if args.job.wait && job::repeats(&program.batches) {
+    if args.job.wait && job::repeats(&program.lists) {
         return Err(Failure::usage(format!(
             "{} repeats until it is stopped, so there is no end to wait for",
             name(&args.file)
@@ -143,35 +143,33 @@ pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         .advise("add --once to run it once"));
     }
     let options = RunOptions { room: usize::from(args.room), ..RunOptions::default() };
-    job::carry_out(&args.job, program.batches, options, &robot).await
+    job::carry_out(&args.job, program.lists, options, &robot).await
 }
 
 /// Reads a program from a file, or from stdin.
 ///
 /// # Errors
 /// It cannot be read, or is wrong: where, and what.
-pub fn read(file: &Path) -> Result<ProgramFile, Failure> {
+pub fn read(file: &Path) -> Result<MotionProgram, Failure> {
     let name = name(file);
     let extension = file.extension().and_then(|extension| extension.to_str());
     let program = match extension {
         _ if is_stdin(file) => {
             let text = read_text(file)?;
-            if begins_as_json(&text) { ProgramFile::from_json(&text) } else { ProgramFile::from_toml(&text) }
+            if begins_as_json(&text) {
+                MotionProgram::from_json(&text)
+            } else {
+                MotionProgram::from_toml(&text)
+            }
         }
-        Some("json") => ProgramFile::from_json(&read_text(file)?),
-        Some("toml") => ProgramFile::from_toml(&read_text(file)?),
+        Some("json") => MotionProgram::from_json(&read_text(file)?),
+        Some("toml") => MotionProgram::from_toml(&read_text(file)?),
         Some(_) | None => {
             return Err(Failure::usage(format!("{name}: a program ends in .json or .toml")));
         }
     };
-    let program = program.map_err(|error| {
-        let failure = Failure::usage(format!("{name}:{error}"));
-        match error.advice {
-            Some(advice) => failure.advise(advice),
-            None => failure,
-        }
-    })?;
-    if program.batches.iter().skip(1).any(|batch| batch.replace) {
+    let program = program.map_err(|mistakes| Failure::in_file(&name, &mistakes))?;
+    if program.lists.iter().skip(1).any(|list| list.replace) {
         return Err(Failure::usage(format!(
             "{name}: a later frame replaces the list while the first one runs"
         ))

@@ -379,7 +379,7 @@ fn a_guard_that_is_wrong_is_told_with_its_line() {
     let guard = TempFile::new("wrong-guard.toml", "max_speed = 20\nmax_axis_stp = 5\n");
     let outcome = r6(&["move", "axes", "1", "--guard", guard.path(), "--dry-run"]);
     assert_eq!(outcome.code, 2, "{outcome:?}");
-    let wanted = ":2:1: there is no limit `max_axis_stp`\n    nearest: `max_axis_step`";
+    let wanted = ":2:1: there is no key `max_axis_stp`\n    nearest: `max_axis_step`";
     assert!(outcome.err.contains(wanted), "{}", outcome.err);
     let example =
         ["run", "examples/programs/square.toml", "--guard", "examples/guard.toml", "--max-speed", "20"];

@@ -17,8 +17,8 @@ use crate::cmd::job;
 use crate::exit::Failure;
 use crate::recording::{Alarm, Ending, Recorder, Recording};
 use crate::robot;
-use r6::program_file::{Batch, first_axes};
 use r6_client::{Motion, RunOptions};
+use r6_program::{MotionList, first_axes};
 
 /// The most instructions that are played: far more than the longest program known, and little enough to draw.
 pub const MAX_INSTRUCTIONS: usize = 10_000;
@@ -36,12 +36,12 @@ pub struct Cell {
     pub inputs: Vec<InputChange>,
 }
 
-/// Plays the batches and tells what happened; `progress` is told now and then how far it is, in the program's time.
+/// Plays the lists and tells what happened; `progress` is told now and then how far it is, in the program's time.
 ///
 /// # Errors
 /// The start cannot be reached, or the controller refuses a frame.
-pub fn play(cell: Cell, batches: Vec<Batch>, progress: &mut dyn FnMut(f64)) -> Result<Recording, Failure> {
-    let count = batches.iter().map(|batch| batch.instructions.len()).sum::<usize>();
+pub fn play(cell: Cell, lists: Vec<MotionList>, progress: &mut dyn FnMut(f64)) -> Result<Recording, Failure> {
+    let count = lists.iter().map(|list| list.instructions.len()).sum::<usize>();
     if count > MAX_INSTRUCTIONS {
         return Err(Failure::usage(format!(
             "{count} instructions are too many for one picture: at most {MAX_INSTRUCTIONS}"
@@ -62,7 +62,7 @@ pub fn play(cell: Cell, batches: Vec<Batch>, progress: &mut dyn FnMut(f64)) -> R
         done_before: 0,
     };
     player.go_to(&cell.from)?;
-    player.frames = Frame::all(batches)?;
+    player.frames = Frame::all(lists)?;
     player.done_before = player.controller.machine().list().completed();
     let begin = player.now;
     let mut inputs = cell.inputs;
@@ -82,9 +82,9 @@ struct Frame {
 
 impl Frame {
     /// As they are sent to a controller that takes every length: in the frames of the file, or shorter ones.
-    fn all(batches: Vec<Batch>) -> Result<VecDeque<Self>, Failure> {
-        let append = batches.first().is_some_and(|batch| !batch.replace);
-        Self::of(&job::in_frames(batches), append)
+    fn all(lists: Vec<MotionList>) -> Result<VecDeque<Self>, Failure> {
+        let append = lists.first().is_some_and(|list| !list.replace);
+        Self::of(&job::in_frames(lists), append)
     }
 
     fn of(motion: &Motion, append: bool) -> Result<VecDeque<Self>, Failure> {

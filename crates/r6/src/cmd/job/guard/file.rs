@@ -4,19 +4,14 @@ use std::path::Path;
 
 use r6_client::units::{AxisCoordinate, Degrees, Millimetres, MillimetresPerSecond, Percent};
 use r6_client::{AxisIndex, Envelope};
-use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use r6_program::Mistakes;
+use r6_program::form::{self, Fields, Found, Node};
 
 use crate::exit::Failure;
 use crate::text_file;
-use r6::program_file::lines;
 
 /// The longest file: limits are a few lines.
 const MAX_FILE_BYTES: usize = 64 * 1024;
-
-/// The keys of the file.
-const KEYS: [&str; 7] =
-    ["max_speed", "max_path_speed", "max_axis_step", "max_distance", "axes", "axes_mm", "workspace"];
 
 /// The keys of `[axes]` and `[axes_mm]`.
 const AXES: [&str; 8] = ["J1", "J2", "J3", "J4", "J5", "J6", "J7", "J8"];
@@ -66,148 +61,79 @@ impl Limits {
 
 /// Reads the limits of a file.
 pub fn read(path: &Path) -> Result<Limits, Failure> {
-    let name = path.display();
+    let name = path.display().to_string();
     let text = text_file::read(path, "a file of limits", MAX_FILE_BYTES)
         .map_err(|error| Failure::usage(format!("{name}: {error}")))?;
-    parse(&text).map_err(|Wrong { at, what, advice }| {
-        let (line, column) = lines::position(&text, at);
-        let failure = Failure::usage(format!("{name}:{line}:{column}: {what}"));
-        match advice {
-            Some(advice) => failure.advise(advice),
-            None => failure,
-        }
-    })
+    parse(&text).map_err(|mistakes| Failure::in_file(&name, &mistakes))
 }
 
-/// What is wrong with a file, and at which byte.
-#[derive(Debug)]
-struct Wrong {
-    at: usize,
-    what: String,
-    advice: Option<String>,
-}
-
-fn parse(text: &str) -> Result<Limits, Wrong> {
-    let file = DeTable::parse(text).map_err(|error| Wrong {
-        at: error.span().map_or(0, |span| span.start),
-        what: error.message().lines().collect::<Vec<_>>().join(" "),
-        advice: None,
-    })?;
-    let mut limits = Limits::default();
-    for (key, value) in file.get_ref() {
-        let at = value.span().start;
-        match known(key, &KEYS)? {
-            "max_speed" => {
-                let cap = Percent::new(number(key, value)?).map_err(|error| wrong(at, key, error.wanted))?;
-                limits.max_speed = Some(cap);
-            }
-            "max_path_speed" => {
-                let cap = whole(value).and_then(|cap| MillimetresPerSecond::new(cap).ok());
-                let wanted = "a whole number of mm/s, from 1 to 100000";
-                limits.max_path_speed = Some(cap.ok_or_else(|| wrong(at, key, wanted))?);
-            }
-            "max_axis_step" => limits.max_axis_step = Some(Degrees(above_zero(key, value)?)),
-            "max_distance" => limits.max_distance = Some(Millimetres(above_zero(key, value)?)),
-            "axes" => limits.axes.extend(axes(key, value, |angle| Degrees(angle).into())?),
-            "axes_mm" => limits.axes.extend(axes(key, value, |length| Millimetres(length).into())?),
-            _ => limits.workspace = Some(workspace(key, value)?),
-        }
-    }
-    Ok(limits)
-}
-
-type Key<'t> = Spanned<std::borrow::Cow<'t, str>>;
-type Value<'t> = Spanned<DeValue<'t>>;
-
-/// The key, if it is one of these.
-fn known(key: &Key<'_>, names: &[&'static str]) -> Result<&'static str, Wrong> {
-    let word = key.get_ref().as_ref();
-    names.iter().copied().find(|name| *name == word).ok_or_else(|| {
-        let near = r6_proto::nearest(word, names.iter().copied()).map(|near| format!("nearest: `{near}`"));
-        Wrong {
-            at: key.span().start,
-            what: format!("there is no limit `{word}`"),
-            advice: near.or_else(|| Some(format!("there are: {}", names.join(", ")))),
-        }
-    })
-}
-
-fn wrong(at: usize, key: &Key<'_>, wanted: &str) -> Wrong {
-    Wrong { at, what: format!("`{}` has to be {wanted}", key.get_ref()), advice: None }
-}
-
-fn whole(value: &Value<'_>) -> Option<u32> {
-    let integer = value.get_ref().as_integer()?;
-    u32::from_str_radix(integer.as_str(), integer.radix()).ok()
-}
-
-/// A number that is one: TOML also has infinity, and `nan`.
-fn finite(value: &DeValue<'_>) -> Option<f64> {
-    let number = match value {
-        DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse::<f64>().ok(),
-        DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
-        DeValue::Integer(_)
-        | DeValue::String(_)
-        | DeValue::Boolean(_)
-        | DeValue::Datetime(_)
-        | DeValue::Array(_)
-        | DeValue::Table(_) => None,
+fn parse(text: &str) -> Result<Limits, Mistakes> {
+    let (document, mut found) = form::parse(text);
+    let fields = Fields::of(&document, &[], "");
+    let above_zero = |name| {
+        fields.optional(name, "a number above 0", |value| value.number().filter(|number| *number > 0.0))
     };
-    number.filter(|number| number.is_finite())
+    let limits = Limits {
+        max_speed: fields.optional("max_speed", "percent, from 0.1 to 100 in steps of 0.1", |value| {
+            Percent::new(value.number()?).ok()
+        }),
+        max_path_speed: fields.optional(
+            "max_path_speed",
+            "a whole number of mm/s, from 1 to 100000",
+            |value| MillimetresPerSecond::new(u32::try_from(value.whole()?).ok()?).ok(),
+        ),
+        max_axis_step: above_zero("max_axis_step").map(Degrees),
+        max_distance: above_zero("max_distance").map(Millimetres),
+        axes: [
+            axes(&fields, "axes", &mut found, |angle| Degrees(angle).into()),
+            axes(&fields, "axes_mm", &mut found, |length| Millimetres(length).into()),
+        ]
+        .concat(),
+        workspace: workspace(&fields, &mut found),
+    };
+    let limits = fields.finish(Ok(limits), &mut found);
+    found.finish(limits)
 }
 
-fn number(key: &Key<'_>, value: &Value<'_>) -> Result<f64, Wrong> {
-    finite(value.get_ref()).ok_or_else(|| wrong(value.span().start, key, "a number"))
-}
-
-fn above_zero(key: &Key<'_>, value: &Value<'_>) -> Result<f64, Wrong> {
-    let number = number(key, value)?;
-    if number > 0.0 { Ok(number) } else { Err(wrong(value.span().start, key, "a number above 0")) }
-}
-
-/// The entries of a table, each the lowest and the highest value of one of these names.
-fn ranges(key: &Key<'_>, value: &Value<'_>, names: &[&'static str]) -> Result<Vec<(usize, f64, f64)>, Wrong> {
-    let table = value.get_ref().as_table().ok_or_else(|| {
-        let wanted = format!("a table [{}]", key.get_ref());
-        wrong(value.span().start, key, &wanted)
-    })?;
-    let mut ranges = Vec::new();
-    for (key, value) in table {
-        let name = known(key, names)?;
-        let range = value.get_ref().as_array().and_then(|range| {
-            let mut range = range.iter().map(|one| finite(one.get_ref()));
-            match (range.next(), range.next(), range.next()) {
-                (Some(Some(low)), Some(Some(high)), None) if low <= high => Some((low, high)),
-                _ => None,
-            }
-        });
-        let wanted = "the lowest and the highest value in brackets, such as [-90, 90]";
-        let (low, high) = range.ok_or_else(|| wrong(value.span().start, key, wanted))?;
-        ranges.extend(names.iter().position(|one| *one == name).map(|at| (at, low, high)));
-    }
-    Ok(ranges)
+/// The entries of a table, each the lowest and the highest value of one of these names; `None` if there is no such table.
+fn ranges(
+    fields: &Fields<'_>,
+    name: &'static str,
+    names: &'static [&'static str],
+    found: &mut Found<'_>,
+) -> Option<Vec<Option<(f64, f64)>>> {
+    let table = fields.optional(name, &format!("a table [{name}]"), Node::table)?;
+    let inner = Fields::of(table, names, "");
+    let range = |value: &Node| match value.list()? {
+        [low, high] => Some((low.number()?, high.number()?)).filter(|(low, high)| low <= high),
+        _ => None,
+    };
+    let wanted = "the lowest and the highest value in brackets, such as [-90, 90]";
+    let ranges = names.iter().map(|name| inner.optional(name, wanted, range)).collect();
+    inner.finish(Ok(ranges), found)
 }
 
 fn axes(
-    key: &Key<'_>,
-    value: &Value<'_>,
+    fields: &Fields<'_>,
+    name: &'static str,
+    found: &mut Found<'_>,
     coordinate: impl Fn(f64) -> AxisCoordinate,
-) -> Result<Vec<(AxisIndex, AxisCoordinate, AxisCoordinate)>, Wrong> {
-    let ranges = ranges(key, value, &AXES)?.into_iter();
-    let limits = ranges
-        .filter_map(|(at, low, high)| Some((*AxisIndex::ALL.get(at)?, coordinate(low), coordinate(high))));
-    Ok(limits.collect())
+) -> Vec<(AxisIndex, AxisCoordinate, AxisCoordinate)> {
+    let ranges = ranges(fields, name, &AXES, found).unwrap_or_default();
+    let limits = AxisIndex::ALL.into_iter().zip(ranges);
+    limits
+        .filter_map(|(axis, range)| range.map(|(low, high)| (axis, coordinate(low), coordinate(high))))
+        .collect()
 }
 
 /// A component that is not named is not limited.
-fn workspace(key: &Key<'_>, value: &Value<'_>) -> Result<[(f64, f64); 3], Wrong> {
+fn workspace(fields: &Fields<'_>, found: &mut Found<'_>) -> Option<[(f64, f64); 3]> {
+    let ranges = ranges(fields, "workspace", &PLACES, found)?;
     let mut workspace = [(f64::NEG_INFINITY, f64::INFINITY); 3];
-    for (at, low, high) in ranges(key, value, &PLACES)? {
-        if let Some(slot) = workspace.get_mut(at) {
-            *slot = (low, high);
-        }
+    for (slot, range) in workspace.iter_mut().zip(ranges) {
+        *slot = range.unwrap_or(*slot);
     }
-    Ok(workspace)
+    Some(workspace)
 }
 
 #[cfg(test)]
@@ -238,37 +164,32 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_place_and_the_nearest_word() {
-        for (text, at, what, advice) in [
-            ("max_sped = 20", 0, "there is no limit `max_sped`", Some("nearest: `max_speed`")),
-            ("max_speed = 0", 12, "`max_speed` has to be percent, from 0.1 to 100 in steps of 0.1", None),
-            ("max_speed = \"20\"", 12, "`max_speed` has to be a number", None),
-            ("max_speed = nan", 12, "`max_speed` has to be a number", None),
+    fn all_mistakes_are_told_with_their_places_and_the_nearest_word() {
+        let range = "but has to be the lowest and the highest value in brackets, such as [-90, 90]";
+        for (text, wanted) in [
             (
-                "max_path_speed = 2.5",
-                17,
-                "`max_path_speed` has to be a whole number of mm/s, from 1 to 100000",
-                None,
-            ),
-            ("max_axis_step = 0", 16, "`max_axis_step` has to be a number above 0", None),
-            ("[axes]\nj1 = [0, 1]", 7, "there is no limit `j1`", Some("nearest: `J1`")),
-            (
-                "[axes]\nJ1 = [90, -90]",
-                12,
-                "`J1` has to be the lowest and the highest value in brackets, such as [-90, 90]",
-                None,
+                "max_sped = 20\nmax_speed = 0\nmax_path_speed = 2.5\nmax_axis_step = 0\n[axes]\nj1 = [0, 1]",
+                &[
+                    "1:1: there is no key `max_sped`; nearest: `max_speed`",
+                    "2:13: `max_speed` is 0, but has to be percent, from 0.1 to 100 in steps of 0.1",
+                    "3:18: `max_path_speed` is 2.5, but has to be a whole number of mm/s, from 1 to 100000",
+                    "4:17: `max_axis_step` is 0, but has to be a number above 0",
+                    "6:1: there is no key `j1`; nearest: `J1`",
+                ][..],
             ),
             (
-                "[axes]\nJ1 = [1, 2, 3]",
-                12,
-                "`J1` has to be the lowest and the highest value in brackets, such as [-90, 90]",
-                None,
+                "max_speed = \"20\"\nmax_distance = nan\n[axes]\nJ1 = [90, -90]\nJ2 = [1, 2, 3]",
+                &[
+                    "1:13: `max_speed` is the text \"20\", but has to be percent, from 0.1 to 100 in steps of 0.1",
+                    "2:16: `max_distance` is nan, but has to be a number above 0",
+                    &format!("4:6: `J1` is a list, {range}"),
+                    &format!("5:6: `J2` is a list, {range}"),
+                ],
             ),
-            ("workspace = 5", 12, "`workspace` has to be a table [workspace]", None),
+            ("workspace = 5", &["1:13: `workspace` is 5, but has to be a table [workspace]"]),
         ] {
-            let error = parse(text).unwrap_err();
-            assert_eq!((error.at, error.what.as_str()), (at, what), "{text}");
-            assert_eq!(error.advice.as_deref(), advice, "{text}");
+            let mistakes = parse(text).unwrap_err().to_string();
+            assert_eq!(mistakes.lines().collect::<Vec<_>>(), wanted, "{text}");
         }
         assert!(parse("a = [").is_err());
     }

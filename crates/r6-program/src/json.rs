@@ -4,13 +4,15 @@ use r6_proto::error::{JsonError, JsonFault};
 use r6_proto::message::{Action, AddRcc, ExtraKind, Message, Place};
 use r6_proto::{Body, Decoder};
 
-use super::{Batch, FileError, ProgramFile, lines};
+use crate::lines;
+use crate::mistakes::Mistake;
+use crate::run::{MotionList, MotionProgram};
 
 /// Reads one or more frames, one behind the other, with `//` comments.
-pub fn read(text: &str) -> Result<ProgramFile, FileError> {
+pub fn read(text: &str) -> Result<MotionProgram, Mistake> {
     let text = text.trim_start_matches('\u{feff}');
     let stripped = lines::without_comments(text);
-    let mut program = ProgramFile { batches: Vec::new(), remarks: Vec::new() };
+    let mut program = MotionProgram { lists: Vec::new(), remarks: Vec::new() };
     let mut decoder = Decoder::new();
     let mut from = 0;
     loop {
@@ -28,8 +30,8 @@ pub fn read(text: &str) -> Result<ProgramFile, FileError> {
         take(&mut program, &message, start)?;
         from += length;
     }
-    if program.batches.is_empty() {
-        return Err(FileError { at: None, what: "there is no frame in it".to_owned(), advice: None });
+    if program.lists.is_empty() {
+        return Err(Mistake { at: None, what: "there is no frame in it".to_owned(), advice: None });
     }
     Ok(program)
 }
@@ -43,7 +45,7 @@ fn frame_length(decoder: &mut Decoder, text: &str) -> Result<usize, JsonError> {
     }
 }
 
-fn at_fault(text: &str, frame: usize, error: &JsonError) -> FileError {
+fn at_fault(text: &str, frame: usize, error: &JsonError) -> Mistake {
     let offset = frame + error.at;
     let found = match error.found {
         None => "the file ends".to_owned(),
@@ -75,12 +77,12 @@ fn at_fault(text: &str, frame: usize, error: &JsonError) -> FileError {
         | JsonFault::NumberOutOfRange
         | JsonFault::TooDeep => (error.to_string(), None),
     };
-    FileError { at: Some(lines::position(text, offset)), what, advice }
+    Mistake { at: Some(lines::position(text, offset)), what, advice }
 }
 
 /// Adds what a frame says to the program.
-fn take(program: &mut ProgramFile, message: &Message<'_>, start: (usize, usize)) -> Result<(), FileError> {
-    let wrong = |what: String, advice: Option<String>| Err(FileError { at: Some(start), what, advice });
+fn take(program: &mut MotionProgram, message: &Message<'_>, start: (usize, usize)) -> Result<(), Mistake> {
+    let wrong = |what: String, advice: Option<String>| Err(Mistake { at: Some(start), what, advice });
     let list = match &message.body {
         Body::AddRcc(list) => list,
         Body::Rejected(rejection) => return wrong(rejection.error.to_string(), None),
@@ -124,12 +126,12 @@ fn take(program: &mut ProgramFile, message: &Message<'_>, start: (usize, usize))
         );
     }
     remark(program, message, list, start);
-    let replace = list.empty_list.unwrap_or(program.batches.is_empty());
-    program.batches.push(Batch { replace, instructions: list.instructions.to_vec() });
+    let replace = list.empty_list.unwrap_or(program.lists.is_empty());
+    program.lists.push(MotionList { replace, instructions: list.instructions.to_vec() });
     Ok(())
 }
 
-fn remark(program: &mut ProgramFile, message: &Message<'_>, list: &AddRcc<'_>, (line, _): (usize, usize)) {
+fn remark(program: &mut MotionProgram, message: &Message<'_>, list: &AddRcc<'_>, (line, _): (usize, usize)) {
     for extra in message.extras() {
         program.remarks.push(format!("frame at line {line}: {extra}; not sent"));
     }
@@ -139,7 +141,7 @@ fn remark(program: &mut ProgramFile, message: &Message<'_>, list: &AddRcc<'_>, (
         ));
     }
     if list.empty_list.is_none() {
-        let means = if program.batches.is_empty() { "1: the list is replaced" } else { "0: it is appended" };
+        let means = if program.lists.is_empty() { "1: the list is replaced" } else { "0: it is appended" };
         program.remarks.push(format!("frame at line {line}: `emptyList` is missing, taken as {means}"));
     }
 }
@@ -176,7 +178,7 @@ mod tests {
         );
         let program = read(&text).unwrap();
         let shape: Vec<_> =
-            program.batches.iter().map(|batch| (batch.replace, batch.instructions.len())).collect();
+            program.lists.iter().map(|list| (list.replace, list.instructions.len())).collect();
         assert_eq!(shape, [(true, 2), (false, 1)]);
         assert_eq!(program.remarks, [""; 0]);
     }
@@ -192,7 +194,7 @@ mod tests {
             program.remarks
         );
         assert!(program.remarks[2].contains("emptyList"));
-        assert!(program.batches[0].replace);
+        assert!(program.lists[0].replace);
     }
 
     #[test]

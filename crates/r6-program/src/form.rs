@@ -1,0 +1,281 @@
+//! The form of a TOML document: tables and values with their places.
+//!
+//! [`parse`] makes a [`Table`] and an empty list of what is [`Found`] wrong. [`Fields`] asks a table for its values. It notes every value that
+//! is of the wrong kind or beyond its range, and every key that it was not asked for.
+
+mod fields;
+
+use std::fmt;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+pub use fields::Fields;
+
+use crate::lines;
+use crate::mistakes::{MAX_MISTAKES, Mistake, Mistakes};
+
+/// How deep tables and lists may be nested: no file of ours needs more than four levels, and the reader recurses.
+const MAX_DEPTH: usize = 16;
+
+/// The longest text in which the reader goes on behind a place that is no TOML, bytes. Each such place takes memory, and a text of many megabytes
+/// can consist of them alone: of a longer text only the first one is told.
+const MAX_RECOVERED_BYTES: usize = 256 * 1024;
+
+/// The keys and values of a table, in the order of the file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    at: usize,
+    entries: Vec<Entry>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Entry {
+    key: String,
+    at: usize,
+    value: Node,
+}
+
+impl Table {
+    /// The value of a key.
+    #[must_use]
+    pub fn value(&self, key: &str) -> Option<&Node> {
+        self.entries.iter().find(|entry| entry.key == key).map(|entry| &entry.value)
+    }
+}
+
+/// A value and its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    at: usize,
+    value: Value,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Value {
+    Text(String),
+    Number(Number),
+    Flag(bool),
+    Date,
+    List(Vec<Node>),
+    Table(Table),
+    TooDeep,
+}
+
+/// A number: what it is as a whole number and as any number, and how it is written.
+#[derive(Clone, Debug, PartialEq)]
+struct Number {
+    whole: Option<i64>,
+    real: Option<f64>,
+    written: String,
+}
+
+impl Node {
+    /// The value as a text.
+    #[must_use]
+    pub fn text(&self) -> Option<&str> {
+        if let Value::Text(text) = &self.value { Some(text) } else { None }
+    }
+
+    /// The value as a number, whole or not; not infinite, and not `nan`.
+    #[must_use]
+    pub fn number(&self) -> Option<f64> {
+        let Value::Number(number) = &self.value else { return None };
+        number.real.filter(|number| number.is_finite())
+    }
+
+    /// The value as a whole number, in any notation.
+    #[must_use]
+    pub fn whole(&self) -> Option<i64> {
+        if let Value::Number(number) = &self.value { number.whole } else { None }
+    }
+
+    /// The value as `true` or `false`.
+    #[must_use]
+    pub fn flag(&self) -> Option<bool> {
+        if let Value::Flag(flag) = self.value { Some(flag) } else { None }
+    }
+
+    /// The values of a list.
+    #[must_use]
+    pub fn list(&self) -> Option<&[Node]> {
+        if let Value::List(list) = &self.value { Some(list) } else { None }
+    }
+
+    /// The value as a table.
+    #[must_use]
+    pub fn table(&self) -> Option<&Table> {
+        if let Value::Table(table) = &self.value { Some(table) } else { None }
+    }
+}
+
+/// A value in words; numbers and texts are quoted.
+impl fmt::Display for Node {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        /// What is quoted of a text, characters.
+        const LONGEST_QUOTE: usize = 40;
+        let quoted = |text: &str| text.chars().take(LONGEST_QUOTE).collect::<String>();
+        match &self.value {
+            Value::Text(text) => write!(f, "the text \"{}\"", quoted(text)),
+            Value::Number(number) => f.write_str(&quoted(&number.written)),
+            Value::Flag(flag) => flag.fmt(f),
+            Value::Date => f.write_str("a date"),
+            Value::List(values) if values.is_empty() => f.write_str("an empty list"),
+            Value::List(_) => f.write_str("a list"),
+            Value::Table(_) => f.write_str("a table"),
+            Value::TooDeep => write!(f, "nested more than {MAX_DEPTH} levels deep"),
+        }
+    }
+}
+
+/// Something wrong at a place of a document, while the document is read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Wrong {
+    /// The byte; `None` for the table that is being read.
+    at: Option<usize>,
+    what: String,
+    advice: Option<String>,
+    /// The key that is missing, if that is what is wrong.
+    missing: Option<&'static str>,
+}
+
+impl Wrong {
+    /// The same with what to do about it.
+    #[must_use]
+    pub fn advise(mut self, advice: impl Into<String>) -> Self {
+        self.advice = Some(advice.into());
+        self
+    }
+
+    /// The key is not there; `what` is due.
+    #[must_use]
+    pub fn missing(key: &'static str, due: &str) -> Self {
+        let what =
+            if due.is_empty() { format!("`{key}` is missing") } else { format!("`{key}` is missing: {due}") };
+        Self { missing: Some(key), ..Self::from(what) }
+    }
+}
+
+impl<T: Into<String>> From<T> for Wrong {
+    fn from(what: T) -> Self {
+        Self { at: None, what: what.into(), advice: None, missing: None }
+    }
+}
+
+/// What is found wrong with a document so far.
+#[derive(Debug)]
+pub struct Found<'t> {
+    text: &'t str,
+    wrong: Vec<Wrong>,
+    more: usize,
+    /// The lines that are no TOML: what else is wrong there follows from that.
+    broken: Vec<usize>,
+}
+
+impl Found<'_> {
+    /// Notes a mistake.
+    pub fn note(&mut self, wrong: Wrong) {
+        if self.is_full() {
+            self.more += 1;
+        } else {
+            self.wrong.push(wrong);
+        }
+    }
+
+    /// What was read, if nothing is wrong.
+    ///
+    /// # Errors
+    /// All mistakes that were noted.
+    pub fn finish<T>(self, read: Option<T>) -> Result<T, Mistakes> {
+        let placed = self.wrong.into_iter().map(|wrong| Mistake {
+            at: wrong.at.map(|at| lines::position(self.text, at)),
+            what: wrong.what,
+            advice: wrong.advice,
+        });
+        match (Mistakes::new(placed.collect(), self.more), read) {
+            (None, Some(read)) => Ok(read),
+            (Some(mistakes), _) => Err(mistakes),
+            (None, None) => Err(Mistake::of_the_file("it cannot be read", None).into()),
+        }
+    }
+
+    /// Whether no more mistakes are listed: what is found besides is only counted.
+    fn is_full(&self) -> bool {
+        self.wrong.len() >= MAX_MISTAKES
+    }
+
+    fn is_broken(&self, at: usize) -> bool {
+        !self.broken.is_empty() && self.broken.contains(&lines::position(self.text, at).0)
+    }
+}
+
+/// Reads a document. What is no TOML is noted, and the rest is read all the same.
+#[must_use]
+pub fn parse(text: &str) -> (Table, Found<'_>) {
+    let (document, errors) = if text.len() <= MAX_RECOVERED_BYTES {
+        DeTable::parse_recoverable(text)
+    } else {
+        match DeTable::parse(text) {
+            Ok(document) => (document, Vec::new()),
+            Err(error) => (Spanned::new(0..0, DeTable::new()), vec![error]),
+        }
+    };
+    let mut found = Found { text, wrong: Vec::new(), more: 0, broken: Vec::new() };
+    for error in errors {
+        if found.is_full() {
+            found.more += 1;
+            continue;
+        }
+        let at = error.span().map_or(0, |span| span.start);
+        let line = lines::position(text, at).0;
+        // One mistake often gives the parser several reasons.
+        if found.broken.last() == Some(&line) {
+            continue;
+        }
+        found.broken.push(line);
+        let what = error.message().lines().collect::<Vec<_>>().join(" ");
+        found.note(Wrong { at: Some(at), ..what.into() });
+    }
+    (table(0, document.get_ref(), 0), found)
+}
+
+fn table(at: usize, table: &DeTable<'_>, depth: usize) -> Table {
+    let mut entries: Vec<_> = table
+        .iter()
+        .map(|(key, value)| Entry {
+            key: key.get_ref().to_string(),
+            at: key.span().start,
+            value: node(value, depth + 1),
+        })
+        .collect();
+    entries.sort_by_key(|entry| entry.at);
+    Table { at, entries }
+}
+
+fn node(value: &Spanned<DeValue<'_>>, depth: usize) -> Node {
+    let at = value.span().start;
+    let value = match value.get_ref() {
+        DeValue::Array(_) | DeValue::Table(_) if depth > MAX_DEPTH => Value::TooDeep,
+        DeValue::String(text) => Value::Text(text.to_string()),
+        DeValue::Integer(integer) => {
+            let whole = i64::from_str_radix(integer.as_str(), integer.radix()).ok();
+            // Whole numbers in files are far below 2^53.
+            #[expect(clippy::cast_precision_loss, reason = "a coordinate, speed or time without a point")]
+            let real = whole.map(|whole| whole as f64);
+            Value::Number(Number { whole, real, written: integer.to_string() })
+        }
+        DeValue::Float(float) => Value::Number(Number {
+            whole: None,
+            real: float.as_str().parse().ok(),
+            written: float.as_str().to_owned(),
+        }),
+        DeValue::Boolean(flag) => Value::Flag(*flag),
+        DeValue::Datetime(_) => Value::Date,
+        DeValue::Array(values) => Value::List(values.iter().map(|value| node(value, depth + 1)).collect()),
+        DeValue::Table(inner) => Value::Table(table(at, inner, depth)),
+    };
+    Node { at, value }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,242 @@
+//! The fields of one table, each asked for by name, none overlooked.
+
+use std::cell::RefCell;
+use std::ops::RangeInclusive;
+
+use super::{Entry, Found, Node, Table, Value, Wrong};
+use crate::mistakes::MAX_MISTAKES;
+
+/// A table whose fields are asked for by name.
+///
+/// A value that is wrong is noted and then counts as not given, so that the rest of the table is read. [`Fields::finish`] gives a result only if
+/// nothing was noted.
+#[derive(Debug)]
+pub struct Fields<'d> {
+    table: &'d Table,
+    /// Every key that a table of this sort can have; empty if that is what is asked for.
+    known: &'d [&'static str],
+    /// What the keys stand in, before each mistake: `instruction 3: `.
+    label: String,
+    asked: RefCell<Vec<&'static str>>,
+    noted: RefCell<Vec<Wrong>>,
+}
+
+impl<'d> Fields<'d> {
+    /// The fields of a table. `known` has every key of tables of this sort; `label` begins each mistake.
+    #[must_use]
+    pub fn of(table: &'d Table, known: &'d [&'static str], label: impl Into<String>) -> Self {
+        Self { table, known, label: label.into(), asked: RefCell::default(), noted: RefCell::default() }
+    }
+
+    fn note(&self, wrong: Wrong) {
+        self.noted.borrow_mut().push(wrong);
+    }
+
+    fn at(&self, name: &str, what: impl Into<String>) -> Wrong {
+        Wrong { at: self.table.value(name).map(|value| value.at), ..Wrong::from(what) }
+    }
+
+    /// Notes what is wrong with the value of a key. What it returns ends the reading of the table and says nothing more.
+    pub fn wrong(&self, name: &str, what: impl Into<String>) -> Wrong {
+        self.note(self.at(name, what));
+        Wrong::from("")
+    }
+
+    /// Whether the table has the key, without reading it.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        self.table.value(name).is_some()
+    }
+
+    /// The value of a key.
+    pub fn value(&self, name: &'static str) -> Option<&'d Node> {
+        let mut asked = self.asked.borrow_mut();
+        if !asked.contains(&name) {
+            asked.push(name);
+        }
+        self.table.value(name)
+    }
+
+    /// A value as `read` takes it; `wanted` says what it has to be. A value that is not taken is noted.
+    pub fn optional<T>(
+        &self,
+        name: &'static str,
+        wanted: &str,
+        read: impl FnOnce(&'d Node) -> Option<T>,
+    ) -> Option<T> {
+        let value = self.value(name)?;
+        let read = read(value);
+        if read.is_none() {
+            self.note(self.at(name, format!("`{name}` is {value}, but has to be {wanted}")));
+        }
+        read
+    }
+
+    /// A value that has to be there. That it is missing is noted, unless it is there and was noted as wrong.
+    ///
+    /// # Errors
+    /// The value is `None`: the reading of the table ends.
+    pub fn required<T>(&self, name: &'static str, value: Option<T>) -> Result<T, Wrong> {
+        value.ok_or_else(|| {
+            self.note(Wrong::missing(name, ""));
+            Wrong::from("")
+        })
+    }
+
+    /// Any number.
+    pub fn number(&self, name: &'static str) -> Option<f64> {
+        self.optional(name, "a number", Node::number)
+    }
+
+    /// A number within a range; `wanted` names it.
+    pub fn number_in(&self, name: &'static str, wanted: &str, range: RangeInclusive<f64>) -> Option<f64> {
+        self.optional(name, wanted, |value| value.number().filter(|number| range.contains(number)))
+    }
+
+    /// A whole number from 0 up to `last`.
+    pub fn whole<T: TryFrom<i64> + PartialOrd + std::fmt::Display>(
+        &self,
+        name: &'static str,
+        last: T,
+    ) -> Option<T> {
+        self.optional(name, &format!("a whole number from 0 to {last}"), |value| {
+            value.whole().and_then(|whole| T::try_from(whole).ok()).filter(|whole| *whole <= last)
+        })
+    }
+
+    /// `true` or `false`.
+    pub fn flag(&self, name: &'static str) -> Option<bool> {
+        self.optional(name, "true or false", Node::flag)
+    }
+
+    /// Numbers in brackets.
+    pub fn numbers(&self, name: &'static str) -> Option<Vec<f64>> {
+        self.optional(name, "numbers in brackets, such as [10, -20.5]", |value| {
+            value.list()?.iter().map(Node::number).collect()
+        })
+    }
+
+    /// Whole numbers from 0 up to `last`, in brackets.
+    pub fn wholes(&self, name: &'static str, last: u8) -> Option<Vec<u8>> {
+        let wanted = format!("whole numbers from 0 to {last} in brackets, such as [1, 2]");
+        let whole = |value: &Node| {
+            value.whole().and_then(|whole| u8::try_from(whole).ok()).filter(|whole| *whole <= last)
+        };
+        self.optional(name, &wanted, |value| value.list()?.iter().map(whole).collect())
+    }
+
+    /// One of these words.
+    pub fn word<T: Copy>(&self, name: &'static str, words: &[(&'static str, T)]) -> Option<T> {
+        let quoted: Vec<_> = words.iter().map(|(word, _)| format!("\"{word}\"")).collect();
+        let wanted = format!("one of {}", quoted.join(", "));
+        let Some(word) = self.value(name).and_then(Node::text) else {
+            return self.optional(name, &wanted, |_| None);
+        };
+        let meant = words.iter().find(|(known, _)| *known == word).map(|(_, meant)| *meant);
+        if meant.is_none() {
+            let word: String = word.chars().take(40).collect();
+            let wrong = self.at(name, format!("`{name}` is \"{word}\", but has to be {wanted}"));
+            let near = r6_proto::nearest(&word, words.iter().map(|(word, _)| *word));
+            self.note(match near {
+                Some(near) => wrong.advise(format!("nearest: \"{near}\"")),
+                None => wrong,
+            });
+        }
+        meant
+    }
+
+    /// The tables of a list `[[name]]`; none if it is not there.
+    pub fn tables(&self, name: &'static str) -> Vec<&'d Table> {
+        let Some(value) = self.value(name) else { return Vec::new() };
+        let Some(list) = value.list() else {
+            let what = format!("`{name}` is written as [[{name}]], in two pairs of brackets");
+            self.note(self.at(name, what));
+            return Vec::new();
+        };
+        let mut tables = Vec::with_capacity(list.len());
+        for (number, node) in list.iter().enumerate() {
+            match &node.value {
+                Value::Table(table) => tables.push(table),
+                _ => self.note(Wrong {
+                    at: Some(node.at),
+                    ..format!("{name} {} is {node}, but has to be a table [[{name}]]", number + 1).into()
+                }),
+            }
+        }
+        tables
+    }
+
+    /// The result, if nothing is wrong with the table. What is wrong is moved to `found`: what was noted, what ended the reading, and the keys
+    /// that mean nothing.
+    pub fn finish<T>(self, read: Result<T, Wrong>, found: &mut Found<'_>) -> Option<T> {
+        self.finish_with(read, found, |_| None)
+    }
+
+    /// As [`Fields::finish`]; `advice` may know what to do about a key that is not known.
+    pub fn finish_with<T>(
+        self,
+        read: Result<T, Wrong>,
+        found: &mut Found<'_>,
+        advice: impl Fn(&str) -> Option<String>,
+    ) -> Option<T> {
+        let asked = self.asked.into_inner();
+        let known = if self.known.is_empty() { asked.as_slice() } else { self.known };
+        let mut noted = self.noted.into_inner();
+        let mut meant = Vec::new();
+        let mut unlisted = false;
+        for Entry { key, at, .. } in &self.table.entries {
+            let is_known = known.contains(&key.as_str());
+            if !is_known && (found.is_full() || noted.len() > MAX_MISTAKES) {
+                // Looking for the nearest word takes time: not for what is not listed.
+                found.more += 1;
+                unlisted = true;
+            } else if !is_known {
+                let near = r6_proto::nearest(key, known.iter().copied());
+                meant.push(near);
+                let advice = advice(key)
+                    .or_else(|| near.map(|near| format!("nearest: `{near}`")))
+                    .unwrap_or_else(|| format!("there are: {}", known.join(", ")));
+                let key: String = key.chars().take(40).collect();
+                noted.push(Wrong {
+                    at: Some(*at),
+                    ..Wrong::from(format!("there is no key `{key}`")).advise(advice)
+                });
+            } else if read.is_ok() && !asked.contains(&key.as_str()) {
+                let used: Vec<_> = asked.iter().copied().filter(|name| *name != "do").collect();
+                let what = format!("`{key}` means nothing here; this step has: {}", used.join(", "));
+                noted.push(Wrong { at: Some(*at), ..what.into() });
+            }
+        }
+        // What is missing because its key is misspelt is no mistake of its own.
+        noted.retain(|wrong| match wrong.missing {
+            Some(name) => self.table.value(name).is_none() && !meant.contains(&Some(name)),
+            None => true,
+        });
+        let read = match read {
+            Ok(read) => Some(read),
+            Err(wrong) => {
+                // What cannot be told because of another mistake is none either.
+                if noted.is_empty() && !wrong.what.is_empty() {
+                    noted.push(wrong);
+                }
+                None
+            }
+        };
+        let good = noted.is_empty() && !unlisted;
+        for mut wrong in noted {
+            // Behind a line that is no TOML, values are missing that are there.
+            if found.is_full() {
+                found.more += 1;
+                continue;
+            }
+            let follows = wrong.at.map_or(!found.broken.is_empty(), |at| found.is_broken(at));
+            if follows {
+                continue;
+            }
+            wrong.at = wrong.at.or(Some(self.table.at));
+            wrong.what.insert_str(0, &self.label);
+            found.note(wrong);
+        }
+        read.filter(|_| good)
+    }
+}

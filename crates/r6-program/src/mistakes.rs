@@ -1,0 +1,98 @@
+//! What is wrong with a file, and where.
+
+use std::fmt;
+
+/// How many mistakes of one file are listed: more than this do not fit on a screen, and a file of many megabytes must not make as many lines.
+pub const MAX_MISTAKES: usize = 20;
+
+/// One mistake of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mistake {
+    /// Line and column, both counted from 1, columns in characters; `None` if the whole file is meant.
+    pub at: Option<(usize, usize)>,
+    /// What is wrong there.
+    pub what: String,
+    /// What to do about it.
+    pub advice: Option<String>,
+}
+
+impl Mistake {
+    /// A mistake of the file as a whole.
+    #[must_use]
+    pub fn of_the_file(what: impl Into<String>, advice: Option<&str>) -> Self {
+        Self { at: None, what: what.into(), advice: advice.map(str::to_owned) }
+    }
+
+    /// `FILE:LINE:COLUMN: what`; `FILE: what` for the whole file.
+    #[must_use]
+    pub fn line(&self, file: &str) -> String {
+        format!("{file}:{self}")
+    }
+}
+
+impl fmt::Display for Mistake {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.at {
+            Some((line, column)) => write!(f, "{line}:{column}: {}", self.what),
+            None => write!(f, " {}", self.what),
+        }
+    }
+}
+
+impl std::error::Error for Mistake {}
+
+/// All mistakes of a file, in the order of their places; at least one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mistakes {
+    first: Mistake,
+    others: Vec<Mistake>,
+    more: usize,
+}
+
+impl Mistakes {
+    /// The mistakes of a list, and how many there are besides; `None` if the list is empty.
+    #[must_use]
+    pub(crate) fn new(mut all: Vec<Mistake>, more: usize) -> Option<Self> {
+        all.sort_by_key(|mistake| mistake.at);
+        let mut all = all.into_iter();
+        Some(Self { first: all.next()?, others: all.collect(), more })
+    }
+
+    /// The first mistake.
+    #[must_use]
+    pub fn first(&self) -> &Mistake {
+        &self.first
+    }
+
+    /// All that are listed: [`MAX_MISTAKES`] at most.
+    pub fn iter(&self) -> impl Iterator<Item = &Mistake> {
+        std::iter::once(&self.first).chain(&self.others)
+    }
+
+    /// How many there are besides.
+    #[must_use]
+    pub fn more(&self) -> usize {
+        self.more
+    }
+}
+
+impl From<Mistake> for Mistakes {
+    fn from(first: Mistake) -> Self {
+        Self { first, others: Vec::new(), more: 0 }
+    }
+}
+
+impl fmt::Display for Mistakes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (number, mistake) in self.iter().enumerate() {
+            let separator = if number == 0 { "" } else { "\n" };
+            write!(f, "{separator}{}", mistake.to_string().trim_start())?;
+            if let Some(advice) = &mistake.advice {
+                write!(f, "; {advice}")?;
+            }
+        }
+        if self.more > 0 { write!(f, "\nand {} more", self.more) } else { Ok(()) }
+    }
+}
+
+impl std::error::Error for Mistakes {}

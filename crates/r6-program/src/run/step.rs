@@ -1,0 +1,312 @@
+//! One step of a motion program: what may stand in it, and the action it means.
+
+use r6_proto::AxisMask;
+use r6_proto::grid::Grid;
+use r6_proto::message::Action;
+use r6_proto::message::instruction::{
+    BlendLevel, Coordinates, CurveMove, Manner, Move, PathSpeed, StopOnSignal, Workbench,
+};
+
+use super::{eight, first_axes, signals};
+use crate::form::{Fields, Node, Wrong};
+
+/// What a step does.
+#[derive(Clone, Copy)]
+enum Kind {
+    AxisMove,
+    LinearMove,
+    CurveMove,
+    Wait,
+    Output,
+    BoardOutput,
+    StopOnSignal,
+    PathSpeed,
+    Workbench,
+}
+
+/// The kinds of steps, by the words of `do`.
+const KINDS: [(&str, Kind); 9] = [
+    ("axis-move", Kind::AxisMove),
+    ("linear-move", Kind::LinearMove),
+    ("curve-move", Kind::CurveMove),
+    ("wait", Kind::Wait),
+    ("output", Kind::Output),
+    ("board-output", Kind::BoardOutput),
+    ("stop-on-signal", Kind::StopOnSignal),
+    ("path-speed", Kind::PathSpeed),
+    ("workbench", Kind::Workbench),
+];
+
+/// Every key that a step can have.
+#[rustfmt::skip]
+pub const KEYS: [&str; 23] = [
+    "do", "to", "through", "speed", "blend", "delay", "mask", "tool", "work_frame", "seconds", "source", "board", "point", "until",
+    "limit", "kind", "on", "pulse", "set", "clear", "watch", "mm_per_s", "number",
+];
+
+/// The action that a step means.
+///
+/// # Errors
+/// What ended the reading. The fields have noted what else is wrong.
+pub fn action(fields: &Fields<'_>) -> Result<Action, Wrong> {
+    let missing = || Wrong::missing("do", "what it does").advise("such as do = \"axis-move\"");
+    let kind = fields.word("do", &KINDS).ok_or_else(missing)?;
+    match kind {
+        Kind::AxisMove => {
+            let to = coordinates(fields, "to", &[1, 2, 3, 4, 5, 6, 7, 8]);
+            let manner = manner(fields, to.as_ref());
+            Ok(Action::AxisMove(Move { target: to?.values, manner: manner? }))
+        }
+        Kind::LinearMove => {
+            let to = coordinates(fields, "to", &[3, 6]);
+            let manner = manner(fields, to.as_ref());
+            Ok(Action::LinearMove(Move { target: to?.values, manner: manner? }))
+        }
+        Kind::CurveMove => {
+            let middle = coordinates(fields, "through", &[3, 6]);
+            let counts = middle.as_ref().map_or(vec![3, 6], |middle| vec![middle.count]);
+            let end = coordinates(fields, "to", &counts);
+            let manner = manner(fields, end.as_ref());
+            Ok(Action::CurveMove(CurveMove { middle: middle?.values, end: end?.values, manner: manner? }))
+        }
+        Kind::Wait => signals::wait(fields),
+        Kind::Output => signals::output(fields),
+        Kind::BoardOutput => signals::board_output(fields),
+        Kind::StopOnSignal => {
+            let input = signals::watched_input(fields);
+            let on = fields.flag("on");
+            let in_use = fields.flag("watch").unwrap_or(true);
+            let on = if in_use { fields.required("on", on) } else { Ok(on.unwrap_or(false)) };
+            Ok(Action::StopOnSignal(StopOnSignal { in_use, input: input?, on: on? }))
+        }
+        Kind::PathSpeed => {
+            let speed = fields.number("mm_per_s");
+            // A fraction raises alarm 219 (reported, unit B).
+            let whole = |speed: f64| speed.fract() == 0.0 && (1.0..=10_000.0).contains(&speed);
+            if speed.is_some_and(|speed| !whole(speed)) {
+                return Err(fields.wrong("mm_per_s", "`mm_per_s` has to be a whole number from 1 to 10000"));
+            }
+            Ok(Action::PathSpeed(PathSpeed { in_use: speed.is_some(), speed }))
+        }
+        Kind::Workbench => Ok(Action::Workbench(Workbench {
+            id: fields.required("number", fields.whole("number", u32::MAX))?,
+        })),
+    }
+}
+
+/// Coordinates, and how many of them are given.
+struct Given {
+    values: Coordinates,
+    count: usize,
+}
+
+/// How a move goes; `given` is what its mask may pick from, if that could be read.
+fn manner(fields: &Fields<'_>, given: Result<&Given, &Wrong>) -> Result<Manner, Wrong> {
+    let mask =
+        fields.optional("mask", "a mask such as 0x3F or \"0x3F\"", |value: &Node| match value.text() {
+            Some(text) => Some(super::axis_mask(text)),
+            None => value
+                .whole()
+                .and_then(|bits| u8::try_from(bits).ok())
+                .map(|bits| Ok(AxisMask::from_bits(bits))),
+        });
+    let speed = fields.number("speed");
+    let blend = fields.whole("blend", 9_u8).unwrap_or(0);
+    let delay = seconds(fields, "delay", Grid::TENTHS_OF_A_SECOND);
+    let (tool, coord) = (fields.whole("tool", u32::MAX), fields.whole("work_frame", u32::MAX));
+    let count = given.map_or(r6_proto::AXES, |given| given.count);
+    let mask = match mask {
+        None => Ok(first_axes(count)),
+        Some(Err(wrong)) => Err(fields.wrong("mask", format!("`mask`: {wrong}"))),
+        Some(Ok(mask)) => match mask.axes().find(|axis| axis.index() >= count) {
+            None => Ok(mask),
+            Some(axis) => {
+                let what = format!("mask {mask} names {axis}, for which there is no number");
+                Err(fields.wrong("mask", what))
+            }
+        },
+    };
+    let speed = fields.required("speed", speed)?;
+    if !(0.1..=100.0).contains(&speed) {
+        let what = format!("`speed` is {speed}: it has to be percent from 0.1 to 100");
+        return Err(fields.wrong("speed", what));
+    }
+    on_grid(fields, "speed", speed, Grid::PERCENT)?;
+    Ok(Manner {
+        mask: Some(mask?),
+        speed: Some(speed),
+        delay: Some(delay?.unwrap_or(0.0)),
+        smooth: BlendLevel::new(blend),
+        tool,
+        coord,
+    })
+}
+
+/// `1 number`, `2 numbers`.
+fn counted(count: usize) -> String {
+    if count == 1 { "1 number".to_owned() } else { format!("{count} numbers") }
+}
+
+fn coordinates(fields: &Fields<'_>, key: &'static str, counts: &[usize]) -> Result<Given, Wrong> {
+    let values = fields.required(key, fields.numbers(key))?;
+    if !counts.contains(&values.len()) {
+        let counts: Vec<_> = counts.iter().map(ToString::to_string).collect();
+        let what = format!("`{key}` has {}, but needs {}", self::counted(values.len()), counts.join(" or "));
+        return Err(fields.wrong(key, what));
+    }
+    if let Some(wrong) = values.iter().find(|value| !(-1e6..=1e6).contains(*value)) {
+        return Err(fields.wrong(key, format!("`{key}` has {wrong}, which is no coordinate")));
+    }
+    Ok(Given { values: eight(&values), count: values.len() })
+}
+
+/// Seconds from 0 to a day, if they are given, as the wire can carry them.
+pub fn seconds(fields: &Fields<'_>, key: &'static str, grid: Grid) -> Result<Option<f64>, Wrong> {
+    let Some(value) = fields.number(key) else { return Ok(None) };
+    if !(0.0..=86_400.0).contains(&value) {
+        return Err(fields.wrong(key, format!("`{key}` has to be seconds from 0 to 86400")));
+    }
+    on_grid(fields, key, value, grid).map(Some)
+}
+
+fn on_grid(fields: &Fields<'_>, key: &'static str, value: f64, grid: Grid) -> Result<f64, Wrong> {
+    match grid.step(value) {
+        Ok(_) => Ok(value),
+        Err(Some(nearest)) => {
+            let what = format!("`{key}` is {value}: it has to be {}; nearest: {nearest}", grid.wanted());
+            Err(fields.wrong(key, what))
+        }
+        Err(None) => Err(fields.wrong(key, format!("`{key}` has to be a finite number"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use r6_proto::message::instruction::WaitSource;
+
+    use super::*;
+
+    /// The action of a step, or the first mistake of it.
+    fn action(toml: &str) -> Result<Action, String> {
+        let program = crate::run::read(&format!("[[instruction]]\n{toml}"));
+        program.map(|program| program.lists[0].instructions[0].action).map_err(|mistakes| {
+            mistakes.first().what.strip_prefix("instruction 1: ").expect("the step").to_owned()
+        })
+    }
+
+    #[test]
+    fn a_line_of_three_numbers_keeps_the_orientation() {
+        let Action::LinearMove(motion) = action("do=\"linear-move\"\nto=[1,2,3]\nspeed=5").unwrap() else {
+            panic!()
+        };
+        assert_eq!(motion.manner.mask, Some(AxisMask::POSITION));
+    }
+
+    #[test]
+    fn a_mask_never_moves_an_axis_without_a_number() {
+        let text = "do=\"axis-move\"\nto=[1,2,3]\nspeed=5\nmask=";
+        assert_eq!(
+            action(&format!("{text}0x3F")).unwrap_err(),
+            "mask 0x3F names J4, for which there is no number"
+        );
+        assert_eq!(action(&format!("{text}\"0x05\"")).map(|action| action.number()), Ok(4));
+    }
+
+    #[test]
+    fn the_board_example_of_the_manual() {
+        let text = "do=\"board-output\"\nset=[0,2,8,13,16,24]\nclear=[3,9,12,17,25]";
+        let Action::BoardOutput(output) = action(text).unwrap() else { panic!() };
+        assert_eq!((output.low.bits(), output.high.bits()), (151_388_258, 393_222));
+        assert_eq!(action("do=\"board-output\"\nset=[1]\nclear=[1]").unwrap_err(), "point 1 is named twice");
+    }
+
+    #[test]
+    fn a_point_goes_by_its_name_too() {
+        for (named, counted) in [
+            ("do=\"output\"\npoint=\"Y022\"\non=true", "do=\"output\"\npoint=10\non=true"),
+            ("do=\"output\"\npoint=\"M010\"\non=true", "do=\"output\"\nkind=\"m\"\npoint=0\non=true"),
+            ("do=\"output\"\npoint=\"Y1.010\"\npulse=1", "do=\"output\"\npoint=32\npulse=1"),
+            (
+                "do=\"wait\"\npoint=\"X1.011\"\nuntil=\"on\"",
+                "do=\"wait\"\nsource=\"input\"\nboard=1\npoint=1\nuntil=\"on\"",
+            ),
+            ("do=\"stop-on-signal\"\npoint=\"X011\"\non=true", "do=\"stop-on-signal\"\npoint=1\non=true"),
+        ] {
+            assert_eq!(action(named).unwrap(), action(counted).unwrap(), "{named}");
+        }
+        for (wrong, says) in [
+            ("do=\"output\"\npoint=\"X010\"\non=true", "X010 is an input"),
+            ("do=\"output\"\npoint=\"Y1.011\"\non=true", "beyond this instruction"),
+            (
+                "do=\"output\"\nkind=\"y\"\npoint=\"Y010\"\non=true",
+                "`kind` goes with a point that is a number",
+            ),
+            ("do=\"output\"\npoint=\"Y10\"\non=true", "names no point"),
+            ("do=\"wait\"\npoint=\"Y010\"\nuntil=\"on\"", "Y010 is an output"),
+            ("do=\"stop-on-signal\"\npoint=\"X1.010\"\non=true", "cannot stop a move"),
+        ] {
+            let error = action(wrong).unwrap_err();
+            assert!(error.contains(says), "{wrong}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_wait_without_a_limit_waits_for_ever() {
+        let Action::Wait(wait) =
+            action("do=\"wait\"\nsource=\"m\"\nboard=1\npoint=3\nuntil=\"rising\"").unwrap()
+        else {
+            panic!()
+        };
+        assert_eq!(wait.source, WaitSource::M { board: 1, point: 3 });
+        assert!(wait.unlimited);
+        let Action::Wait(wait) = action("do=\"wait\"\nseconds=2.5").unwrap() else { panic!() };
+        assert_eq!((wait.source, wait.limit, wait.unlimited), (WaitSource::Time, 2.5, false));
+    }
+
+    #[test]
+    fn wrong_steps_say_what_is_wrong() {
+        for (text, wrong) in [
+            ("do=\"workbench\"\nnumber=1\nspeed=5", "`speed` means nothing here; this step has: number"),
+            (
+                "do=\"axis-move\"\nto=[1]\nspeed=5.55",
+                "`speed` is 5.55: it has to be in steps of 0.1 percent; nearest: 5.5 or 5.6",
+            ),
+            (
+                "do=\"axis-move\"\nto=[1]\nspeed=5\ndelay=0.25",
+                "`delay` is 0.25: it has to be in steps of 0.1 seconds; nearest: 0.2 or 0.3",
+            ),
+            (
+                "do=\"wait\"\nseconds=0.01",
+                "`seconds` is 0.01: it has to be in steps of 0.1 seconds; nearest: 0 or 0.1",
+            ),
+            ("do=\"axis-move\"\nto=[1]\nspeed=0", "`speed` is 0: it has to be percent from 0.1 to 100"),
+            ("do=\"axis-move\"\nto=[1]", "`speed` is missing"),
+            (
+                "do=\"axis-move\"\nto=[nan]\nspeed=1",
+                "`to` is a list, but has to be numbers in brackets, such as [10, -20.5]",
+            ),
+            ("do=\"axis-move\"\nto=[2e6]\nspeed=1", "`to` has 2000000, which is no coordinate"),
+            ("do=\"linear-move\"\nto=[1,2]\nspeed=1", "`to` has 2 numbers, but needs 3 or 6"),
+            ("do=\"linear-move\"\nto=[1]\nspeed=1", "`to` has 1 number, but needs 3 or 6"),
+            ("do=\"path-speed\"\nmm_per_s=0.05", "`mm_per_s` has to be a whole number from 1 to 10000"),
+            (
+                "do=\"output\"\npoint=33\non=true",
+                "`point` is 33, but has to be a whole number from 0 to 32, or a name such as \"Y010\"",
+            ),
+            (
+                "do=\"output\"\nkind=\"m\"\npoint=3\npulse=1",
+                "`pulse` is for kind \"y\" and goes without `delay`",
+            ),
+        ] {
+            assert_eq!(action(text).unwrap_err(), wrong, "{text}");
+        }
+    }
+
+    #[test]
+    fn every_key_is_one_that_some_kind_asks_for() {
+        let source = concat!(include_str!("step.rs"), include_str!("signals.rs"));
+        for key in KEYS {
+            assert!(source.matches(&format!("\"{key}\"")).count() > 1, "nothing reads `{key}`");
+        }
+    }
+}
