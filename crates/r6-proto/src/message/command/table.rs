@@ -308,7 +308,7 @@ fn give_nothing(_: &mut Writer<'_>) -> Result<(), EncodeError> {
 fn give_registers(
     first: &RegisterIndex,
     savable: &bool,
-    values: &Vec<i64>,
+    values: &[i64],
     to: &mut Writer<'_>,
 ) -> Result<(), EncodeError> {
     if values.is_empty() || values.len() > room_behind(*first) {
