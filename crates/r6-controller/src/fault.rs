@@ -3,10 +3,11 @@
 //! Each fault has a word, by which a scenario names it, and the class it belongs to (`docs/SCENARIOS.md`).
 
 pub mod file;
-pub mod link;
 pub(crate) mod reply;
 
 use std::time::Duration;
+
+pub use r6_traffic::fault::{LinkFault, LinkFaultNow};
 
 /// One fault, of whichever kind.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,61 +18,6 @@ pub enum Fault {
     Reply(ReplyFault),
     /// What the controller does with a request.
     Task(TaskFault),
-}
-
-/// What happens to connections and to bytes on their way; frames are not looked into.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum LinkFault {
-    /// T1: connections are refused.
-    Refuse,
-    /// T2: nothing answers an attempt to connect.
-    BlackHole,
-    /// T3: connections that come now are accepted, and never answered, not even later.
-    Silence,
-    /// T4: a frame breaks off after so many bytes (`None`: drawn), and the connection is reset.
-    ResetMidFrame {
-        /// After how many bytes of the frame, at most all but one.
-        after: Option<usize>,
-    },
-    /// T5: the connection is closed in good order where a frame should have left.
-    CloseBeforeReply,
-    /// T6: connections that are there go deaf for ever, without a word; they keep their places among those that are served.
-    HalfOpen,
-    /// T7: frames leave in pieces, each by itself.
-    Pieces {
-        /// How many bytes a piece has, from 1.
-        bytes: usize,
-    },
-    /// T7: frames leave together, so many in one piece; the last ones no later than a time after the first.
-    Coalesce {
-        /// How many frames, from 2.
-        frames: usize,
-        /// How long the first of them waits at most.
-        within: Duration,
-    },
-    /// T8: bytes take their time; their order stays. What is drawn is drawn for each frame to the client, and for what one read
-    /// gave to the controller.
-    Latency {
-        /// To the controller.
-        to_controller: Duration,
-        /// To the client.
-        to_client: Duration,
-        /// How much longer it may be.
-        spread: Duration,
-    },
-    /// T9: so few bytes a second, in each direction; what waits fills the peer's buffers.
-    Slow {
-        /// Bytes a second, from 1.
-        bytes_per_second: u32,
-    },
-    /// T11: a byte to the client is changed, lost, or followed by one that nobody sent; `chance` is that of a byte.
-    Noise,
-    /// T14: the second half of a frame leaves that much later, as where two writes meet a peer that delays its
-    /// acknowledgements.
-    Stall {
-        /// How much later.
-        delay: Duration,
-    },
 }
 
 /// What becomes of a reply.
@@ -208,14 +154,3 @@ impl IgnoredStop {
 
 /// How long the text of [`BadJson::Oversized`] is: more than any client has reason to keep.
 pub const OVERSIZED_BYTES: usize = 200_000;
-
-/// A fault that is in force now.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LinkFaultNow {
-    /// Which.
-    pub fault: LinkFault,
-    /// How likely it strikes, 0 to 1: each frame; each byte for [`LinkFault::Noise`]; each connection, once, for
-    /// [`LinkFault::Silence`], [`LinkFault::HalfOpen`] and [`LinkFault::Slow`]. The door knows no chance:
-    /// [`LinkFault::Refuse`] and [`LinkFault::BlackHole`] hold for everybody.
-    pub chance: f64,
-}

@@ -22,7 +22,6 @@ pub mod mode;
 pub mod panel;
 pub mod profile;
 pub mod program;
-pub mod random;
 pub mod saved;
 pub mod scenario;
 pub mod settings;

@@ -40,11 +40,11 @@ use crate::instruction_list::InstructionList;
 use crate::io::{Io, OutputPoint};
 use crate::profile::Profile;
 use crate::program::Library;
-use crate::random::Random;
 use crate::saved::SavedState;
 use crate::settings::ControllerSettings;
 use r6_motion::{Axes, Frame, Frames, MotionState, Pose, Ramps, RobotModel};
 use r6_proto::OperationMode;
+use r6_traffic::random::Random;
 
 /// How many tools and workbenches can be defined: numbers 0 to 31.
 pub const MAX_FRAMES: u32 = 32;

@@ -2,8 +2,10 @@
 
 mod common;
 
+use std::sync::Arc;
+
 use common::{Cell, axis_move};
-use r6_controller::Profile;
+use r6_controller::{ControllerSettings, Profile, RobotModel, Scenario};
 use serde_json::{Value, json};
 
 fn moved(j1: f64, speed: f64) -> Value {
@@ -181,4 +183,45 @@ fn turning_the_key_stops_the_motion_and_nothing_starts_by_itself() {
     cell.pass(10.0);
     assert_eq!(cell.query(&["isMoving", "curMode", "RemoteCmdLen"]), [json!("0"), json!("2"), json!("1")]);
     assert!(cell.number("axis-0") == rest && rest < 80.0);
+}
+
+#[test]
+fn a_lost_connection_keeps_its_place_until_the_mains_fail() {
+    let scenario = Scenario::read("[[at]]\ntime = 60\ndo = \"power-cut\"\nfor = 5\n").unwrap();
+    let model = RobotModel::default();
+    let mut settings = ControllerSettings::new(Profile::from_toml("max_connections = 2").unwrap(), model);
+    settings.scenario = Some(Arc::new(scenario));
+    let mut cell = Cell::of(settings);
+    let query = br#"{"reqType":"query","queryAddr":["curMode"]}"#;
+    let is_served = |cell: &mut Cell, id| {
+        cell.controller.handle_input(cell.now, id, query);
+        cell.controller.poll_transmit(cell.now, id).is_some()
+    };
+    let (first, second) = (cell.id, cell.controller.connect(cell.now));
+    assert!(is_served(&mut cell, first) && is_served(&mut cell, second));
+    // In the middle of a frame, and with a reply held back: nothing of it may go on.
+    cell.controller.handle_input(
+        cell.now,
+        first,
+        br#"{"reqType":"AddRCC","emptyList":"1","instructions":[]}{"#,
+    );
+    cell.controller.lose(first);
+    assert_eq!((cell.controller.next_transmit(first), cell.controller.is_over(first)), (None, false));
+    cell.controller.request_photo(cell.now, 1);
+    assert!(cell.controller.poll_transmit(cell.now, first).is_none());
+    assert!(cell.controller.poll_transmit(cell.now, second).is_some(), "the photo request");
+    let ignored = cell.controller.connect(cell.now);
+    assert!(!is_served(&mut cell, ignored) && is_served(&mut cell, second));
+    // One that has no place leaves none.
+    cell.controller.lose(ignored);
+    assert!(cell.controller.is_over(ignored));
+    assert_eq!(cell.controller.snapshot(cell.now).connections, 2);
+    cell.pass(70.0);
+    assert!(cell.controller.is_over(first) && cell.controller.is_over(second));
+    cell.controller.disconnect(second);
+    assert_eq!(cell.controller.snapshot(cell.now).connections, 0);
+    for _ in 0..2 {
+        let id = cell.controller.connect(cell.now);
+        assert!(is_served(&mut cell, id));
+    }
 }

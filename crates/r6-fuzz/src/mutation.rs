@@ -1,6 +1,6 @@
 //! Small changes of an input: those of a target that spoils what it sends, and those of the test that tries the corpus.
 
-use r6_controller::random::Random;
+use r6_traffic::random::Random;
 
 use crate::input::Input;
 

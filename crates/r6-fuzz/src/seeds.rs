@@ -5,7 +5,7 @@ mod every;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use r6_controller::random::Random;
+use r6_traffic::random::Random;
 
 use crate::files::KINDS;
 use crate::mutation;

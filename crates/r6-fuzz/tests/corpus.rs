@@ -2,9 +2,9 @@
 
 use std::sync::LazyLock;
 
-use r6_controller::random::Random;
 use r6_fuzz::mutation::{below, mutate};
 use r6_fuzz::{corpus, seeds, target, words};
+use r6_traffic::random::Random;
 
 /// So many changed inputs each target tries, on every machine the same: what it gets through in a few seconds on a quiet one. The
 /// rest is what `make fuzz` is for.

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use r6_controller::event::{Detail, ShellEvent};
-use r6_controller::random::Random;
+use r6_traffic::random::Random;
 use socket2::{SockRef, TcpKeepalive};
 use tokio::net::TcpStream;
 use tokio::time::Instant;

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use r6_controller::ConnectionId;
 use r6_controller::event::{Detail, ShellEvent};
-use r6_controller::fault::link::Link;
+use r6_traffic::link::Link;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::sync::Notify;
 use tracing::{debug, trace};

@@ -9,11 +9,11 @@ use std::time::Duration;
 
 use r6_controller::event::{Detail, ShellEvent};
 use r6_controller::fault::LinkFaultNow;
-use r6_controller::fault::link::{Door, Link};
 use r6_controller::{
     ConnectionId, Controller, ControllerSnapshot, Level, LogEntry, PanelAction, Refused, SavedState,
 };
 use r6_proto::time::Instant;
+use r6_traffic::link::{Door, Link};
 use tokio::sync::{Notify, broadcast, mpsc, watch};
 use tracing::{info, warn};
 

@@ -34,13 +34,14 @@ pub struct Rule {
 /// One rule for each crate of the workspace; a crate without a rule is a violation.
 pub const RULES: &[Rule] = &[
     Rule { package: "r6-proto", layer: Layer::Pure, may_use: &[] },
+    Rule { package: "r6-traffic", layer: Layer::Pure, may_use: &["r6-proto"] },
     Rule { package: "r6-motion", layer: Layer::Pure, may_use: &[] },
     Rule { package: "r6-program", layer: Layer::Pure, may_use: &["r6-proto"] },
-    Rule { package: "r6-controller", layer: Layer::Pure, may_use: &["r6-motion", "r6-proto"] },
+    Rule { package: "r6-controller", layer: Layer::Pure, may_use: &["r6-motion", "r6-proto", "r6-traffic"] },
     // A robot is only ever reached over the wire: the client cannot know that one is simulated.
     Rule { package: "r6-client", layer: Layer::Shell, may_use: &["r6-proto"] },
     // The simulator is the other end of the wire and shares nothing with the client but the protocol.
-    Rule { package: "r6-sim", layer: Layer::Shell, may_use: &["r6-controller", "r6-proto"] },
+    Rule { package: "r6-sim", layer: Layer::Shell, may_use: &["r6-controller", "r6-proto", "r6-traffic"] },
     Rule {
         package: "r6",
         layer: Layer::Shell,
@@ -62,13 +63,13 @@ pub const RULES: &[Rule] = &[
     Rule {
         package: "r6-fuzz",
         layer: Layer::Shell,
-        may_use: &["r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim"],
+        may_use: &["r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim", "r6-traffic"],
     },
     // The same: it has both ends in one process, and breaks what is between them.
     Rule {
         package: "r6-world",
         layer: Layer::Shell,
-        may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim"],
+        may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim", "r6-traffic"],
     },
     Rule { package: "r6-testkit", layer: Layer::Testkit, may_use: &[] },
 ];

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use r6_client::{Point, Reconnect, Robot, RobotSettings, Shot};
-use r6_controller::random::Random;
+use r6_traffic::random::Random;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::time::sleep;
 use turmoil::net::TcpListener;

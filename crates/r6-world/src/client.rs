@@ -11,7 +11,7 @@ mod writing;
 use std::time::Duration;
 
 use r6_client::{Command, Heartbeat, Reconnect, RequestError, Robot, RobotSettings};
-use r6_controller::random::Random;
+use r6_traffic::random::Random;
 use tokio::time::{sleep, timeout};
 
 use crate::fault::{Class, Promise};

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use r6_controller::random::Random;
 use r6_sim::{Disk, DiskStep};
+use r6_traffic::random::Random;
 
 /// The longest file that the state of one controller needs: a full one has some 20 KiB.
 pub const MOST_BYTES: usize = 64 << 10;

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::task::{Context, Waker};
 use std::time::Duration;
 
-use r6_controller::random::Random;
+use r6_traffic::random::Random;
 use tokio::sync::watch;
 
 use crate::fault::Class;

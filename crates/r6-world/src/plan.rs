@@ -7,8 +7,8 @@ mod trap;
 use std::time::Duration;
 
 use r6_controller::PanelAction;
-use r6_controller::random::Random;
 use r6_controller::scenario::Scenario;
+use r6_traffic::random::Random;
 
 use crate::fault::Class;
 use draw::Draw;

@@ -6,7 +6,7 @@ use r6_proto::reply::encode_photo;
 use serde_json::{Map, Value, json};
 
 use super::{BadField, BadJson, BadList, OVERSIZED_BYTES, PackIdFault, ReplyFault};
-use crate::random::Random;
+use r6_traffic::random::Random;
 
 /// How deep the lists of [`BadJson::Deep`] are: beyond every decoder's limit.
 const TOO_DEEP: usize = 1000;

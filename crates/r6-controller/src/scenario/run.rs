@@ -9,7 +9,7 @@ use r6_proto::time::Instant;
 use super::{Bounce, Happening, InputPoint, Scenario, Window};
 use crate::fault::Fault;
 use crate::io::Io;
-use crate::random::Random;
+use r6_traffic::random::Random;
 
 /// How many reactions may be under way at once: an output that flutters while its input takes its time to follow does not fill
 /// the memory. Beyond, changes are not followed.

@@ -6,13 +6,13 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
-use r6_controller::fault::link::{Delivery, Door, Link};
 use r6_controller::scenario::{Happening, Scenario};
 use r6_controller::{
     Button, ConnectionId, Controller, ControllerSettings, ControllerSnapshot, Key, PanelAction, Profile,
     RobotModel,
 };
 use r6_proto::time::Instant;
+use r6_traffic::link::{Delivery, Door, Link};
 use serde_json::json;
 
 use crate::client::{Client, FIRST, REGISTERS, value_of};

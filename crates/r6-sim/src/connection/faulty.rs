@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-use r6_controller::fault::link::{Delivery, Link};
+use r6_traffic::link::{Delivery, Link};
 use tokio::io::AsyncReadExt;
 use tracing::trace;
 

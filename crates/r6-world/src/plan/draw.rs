@@ -6,10 +6,10 @@ use r6_controller::fault::{
     BadField, BadJson, BadList, Fault, LinkFault, PackIdFault, ReplyFault, TaskFault,
 };
 use r6_controller::io::OutputPoint;
-use r6_controller::random::Random;
 use r6_controller::scenario::{Bounce, Entry, Happening, InputPoint, Scenario, Window};
 use r6_controller::{Button, Key, PanelAction};
 use r6_proto::AxisIndex;
+use r6_traffic::random::Random;
 
 use super::{Blow, CALM, CameraPlan, ClientPlan, NOBODYS_ALARM, Plan, RobotPlan, Temper, ms};
 use crate::fault::Class;

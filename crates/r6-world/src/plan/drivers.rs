@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use r6_controller::random::Random;
+use r6_traffic::random::Random;
 
 use super::Plan;
 use crate::fault::Class;

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use r6_controller::fault::{Fault, IgnoredStop, LinkFault, TaskFault};
-use r6_controller::random::Random;
 use r6_controller::scenario::{Entry, Happening, Scenario, Window};
+use r6_traffic::random::Random;
 
 use super::{Blow, CALM, ClientPlan, Drivers, Mishap, Plan, RobotPlan, ms};
 use crate::fault::Class;

@@ -82,19 +82,6 @@ mod tests {
     }
 
     #[test]
-    fn parts_and_places_are_as_likely_as_told() {
-        let mut random = Random::new(5);
-        let struck = (0..10_000).filter(|_| random.strikes(0.25)).count();
-        assert!((2300..2700).contains(&struck), "{struck}");
-        assert!((0..1000).all(|_| random.strikes(1.0) && !random.strikes(0.0)));
-        let mut places = [0; 3];
-        (0..3000).for_each(|_| places[random.below(3)] += 1);
-        assert!(places.iter().all(|count| (900..1100).contains(count)), "{places:?}");
-        assert_eq!((random.below(0), random.below(1)), (0, 0));
-        assert!((0..1000).all(|_| random.up_to(SPREAD) <= SPREAD));
-    }
-
-    #[test]
     fn nothing_is_drawn_below_zero_or_without_a_spread() {
         let mut random = Random::new(3);
         assert_eq!(random.around(MIDDLE, Duration::ZERO), MIDDLE);

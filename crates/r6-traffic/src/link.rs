@@ -28,7 +28,7 @@ mod way;
 
 use r6_proto::time::Instant;
 
-use super::{LinkFault, LinkFaultNow};
+use crate::fault::{LinkFault, LinkFaultNow};
 use crate::random::Random;
 
 pub use door::Door;
@@ -36,7 +36,7 @@ use fate::{DrawnFor, Fate, Felt, InForce, disturbed, drawn_for, speed};
 use way::{Group, Parcel, Way};
 
 /// How many bytes wait in one direction; then a link takes no more. Three frames of the longest that is read, and one of
-/// [`super::OVERSIZED_BYTES`]: enough to fill the buffers of a peer's system, little enough for a thousand links.
+/// 200 000 bytes (the longest reply fault of `r6-controller`): enough to fill the buffers of a peer's system, little enough for a thousand links.
 pub const MAX_WAITING_BYTES: usize = 256 * 1024;
 
 /// How many parcels, each a frame or what was read at once, wait in one direction: a frame has seldom less than 64 bytes.
