@@ -89,6 +89,17 @@ mod tests {
         assert_ne!(waits(7), waits(8));
     }
 
+    /// A thousand clients of one controller that was switched off must not all come back at once.
+    #[test]
+    fn clients_come_back_evenly_spread() {
+        let mut tenths = [0_u32; 10];
+        for seed in 0..1000 {
+            let share = (waits(seed)[0].as_secs_f64() - 0.05) / 0.05;
+            tenths[((share * 10.0) as usize).min(9)] += 1;
+        }
+        assert!(tenths.iter().all(|count| (60..=140).contains(count)), "{tenths:?}");
+    }
+
     #[test]
     fn a_connection_that_lived_begins_anew_and_a_short_one_does_not() {
         let settings = Reconnect { jitter_seed: Some(1), ..Reconnect::default() };

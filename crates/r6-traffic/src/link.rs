@@ -184,7 +184,7 @@ impl Link {
     }
 
     /// Whether the controller gets to know that the peer has closed or reset the connection: not over a half-open link. The shell
-    /// drops its socket then all the same, and calls [`crate::Controller::lose`] in place of `disconnect`.
+    /// drops its socket then all the same, and tells the controller that the peer is lost, in place of that it has left.
     #[must_use]
     pub fn notices_end(&self) -> bool {
         self.state != State::HalfOpen
