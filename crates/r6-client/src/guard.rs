@@ -176,8 +176,8 @@ impl Envelope {
         Ok(())
     }
 
-    /// Checks a motion, without the step from the present position to the first target. One that repeats goes from its last target to
-    /// its first one, too.
+    /// Checks a motion, without the step from the present position to the first target. Of a motion that repeats, the step from
+    /// the last target back to the first is checked, too.
     ///
     /// # Errors
     /// [`Violation`]: the first step that goes beyond. A motion that is wrong in itself is not looked at:

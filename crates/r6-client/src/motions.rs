@@ -162,7 +162,7 @@ mod tests {
 
     use super::*;
 
-    /// Whoever waits begins the next motion from within its waking.
+    /// A waker that asks for the next turn at once, while it is being woken.
     struct Next {
         turns: Arc<Semaphore>,
         had_a_turn: Mutex<Vec<bool>>,

@@ -20,8 +20,8 @@ pub const MAX_STEPS: usize = 100_000;
 
 /// Moves, outputs and waits in their order: what [`crate::Robot::run`] sends.
 ///
-/// Every step runs once, unless the motion repeats ([`Self::repeat`]). What is wrong is kept until [`Self::instructions`] tells it, so that a motion can be written
-/// as one chain; [`crate::Robot::run`] sends nothing of it then.
+/// Every step runs once, unless the motion repeats ([`Self::repeat`]). What is wrong is kept until [`Self::instructions`] tells it,
+/// so that a motion can be written as one chain; [`crate::Robot::run`] sends nothing of it then.
 ///
 /// ```
 /// use std::time::Duration;
@@ -215,7 +215,8 @@ impl Motion {
     /// stopped or the list is cleared.
     ///
     /// Such a motion has to fit into the list as a whole ([`crate::RunOptions::room`]), and no [`crate::Done`] ends it: its handle tells why
-    /// it no longer runs. It goes on when this program dies, too. An [`crate::Envelope`] holds the way from the last step back to the first against its limits, too.
+    /// it no longer runs. It goes on when this program dies, too. An [`crate::Envelope`] checks the step from the last target back to
+    /// the first, too.
     #[must_use]
     pub fn repeat(mut self) -> Self {
         self.steps.iter_mut().for_each(|step| step.oneshot = false);

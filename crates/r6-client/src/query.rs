@@ -48,7 +48,8 @@ impl Robot {
     /// All values are of one robot: where the connection changes between two parts, all of it is asked for once more.
     ///
     /// # Errors
-    /// [`RequestError`]; [`Invalid::Value`] if there is no address in the list. A query that the connection ended under is asked once more over a new one first. If the robot
+    /// [`RequestError`]; [`Invalid::Value`] if there is no address in the list. A query during which the connection ended is asked
+    /// once more over a new one first. If the robot
     /// that answers is not the one that this handle was used with before, its values are not handed out
     /// ([`OutcomeUnknown::AnotherRobot`]).
     pub async fn query(&self, addresses: &[Address]) -> Result<QueryResult, RequestError> {

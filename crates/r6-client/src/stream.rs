@@ -218,8 +218,8 @@ impl Motion {
     /// The lists that [`Robot::run`] cuts this motion into: which steps are in each, counted from 0.
     ///
     /// # Errors
-    /// [`StepError`]: a wrong step, or one that is too long for a frame of its own; `room` if the motion does not fit into the list as a
-    /// whole and has to.
+    /// [`StepError`]: a wrong step, or one that is too long for a frame of its own. Its field is `room` if the motion has to be sent
+    /// as a whole (it is appended, or it repeats) and is too long for that.
     pub fn lists(
         &self,
         settings: &RobotSettings,

@@ -212,7 +212,7 @@ impl MillimetresPerSecond {
     /// This speed.
     ///
     /// # Errors
-    /// [`OutOfRange`] for 0 and above 100 000.
+    /// [`OutOfRange`] for 0 and above [`PathSpeed::FASTEST`].
     pub fn new(speed: u32) -> Result<Self, OutOfRange> {
         if (1..=PathSpeed::FASTEST).contains(&speed) {
             Ok(Self(speed))

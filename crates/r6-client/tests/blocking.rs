@@ -77,7 +77,6 @@ fn many_threads_share_one_connection() {
     assert_eq!(controller.handle().snapshot().connections, 1);
 }
 
-/// A motion goes on while the caller does something else, without a runtime of his.
 #[test]
 fn a_handle_tells_its_number_and_each_change_and_may_be_asked_again() {
     let (_controller, robot) = cell();
@@ -108,6 +107,7 @@ fn a_released_motion_goes_on_with_what_is_in_its_list_and_stops_are_waited_for()
     assert!(stops.are_gone() && stops.over().is_none());
 }
 
+/// A motion goes on while the caller does something else, without a runtime of the caller's.
 #[test]
 fn a_motion_is_streamed_between_the_calls() {
     let controller = VirtualController::builder().clock(Clock::Times(20.0)).start_blocking().unwrap();

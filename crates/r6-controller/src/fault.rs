@@ -154,3 +154,6 @@ impl IgnoredStop {
 
 /// How long the text of [`BadJson::Oversized`] is: more than any client has reason to keep.
 pub const OVERSIZED_BYTES: usize = 200_000;
+
+const _: () =
+    assert!(OVERSIZED_BYTES < r6_traffic::link::MAX_WAITING_BYTES, "a link can carry the frame as a whole");

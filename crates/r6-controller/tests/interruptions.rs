@@ -212,7 +212,7 @@ fn a_lost_connection_keeps_its_place_until_the_mains_fail() {
     assert!(cell.controller.poll_transmit(cell.now, second).is_some(), "the photo request");
     let ignored = cell.controller.connect(cell.now);
     assert!(!is_served(&mut cell, ignored) && is_served(&mut cell, second));
-    // One that has no place leaves none.
+    // A connection that was never served takes no place from the others when it is lost.
     cell.controller.lose(ignored);
     assert!(cell.controller.is_over(ignored));
     assert_eq!(cell.controller.snapshot(cell.now).connections, 2);

@@ -1,7 +1,7 @@
 //! Programs in JSON: AddRCC frames as the manual prints them.
 
 use r6_proto::error::{JsonError, JsonFault};
-use r6_proto::message::{Action, AddRcc, ExtraKind, Message, Place};
+use r6_proto::message::{Action, AddRcc, ExtraKind, Message, Place, action};
 use r6_proto::{Body, Decoder};
 
 use crate::lines;
@@ -108,7 +108,7 @@ fn take(program: &mut MotionProgram, message: &Message<'_>, start: (usize, usize
                     "instructions[{number}] has action {}, which is not known, so it is not sent",
                     unknown.number()
                 ),
-                Some("known actions: 4, 10, 17, 51, 52, 100, 200, 204, 800".to_owned()),
+                Some(format!("known actions: {}", action::numbers())),
             );
         }
     }

@@ -61,7 +61,7 @@ impl MotionProgram {
     }
 }
 
-/// The mask of the first so many axes.
+/// The mask of the first axes, from J1 (or X): of as many as `count` says.
 #[must_use]
 pub fn first_axes(count: usize) -> AxisMask {
     AxisIndex::ALL.into_iter().take(count).fold(AxisMask::NONE, AxisMask::with)

@@ -148,7 +148,7 @@ fn names_outside(brain: &Sources, exempt: &[&str]) -> Vec<String> {
 fn pure_crates_name_nothing_of_the_standard_library_that_is_not_allowed() {
     for rule in RULES.iter().filter(|rule| rule.layer == Layer::Pure) {
         let allowed = match rule.package {
-            // Instructions of the processor: `chunk.rs` and `frame/stride.rs`.
+            // Instructions of the processor: `chunk.rs`.
             "r6-proto" => [PURE_STD, &["std::arch"]].concat(),
             _ => PURE_STD.to_vec(),
         };

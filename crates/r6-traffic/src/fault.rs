@@ -11,25 +11,25 @@ pub enum LinkFault {
     BlackHole,
     /// T3: connections that come now are accepted, and never answered, not even later.
     Silence,
-    /// T4: a frame breaks off after so many bytes (`None`: drawn), and the connection is reset.
+    /// T4: the connection is reset in the middle of a frame.
     ResetMidFrame {
-        /// After how many bytes of the frame, at most all but one.
+        /// After how many bytes of the frame; all but one at most. `None`: drawn for each frame.
         after: Option<usize>,
     },
     /// T5: the connection is closed in good order where a frame should have left.
     CloseBeforeReply,
     /// T6: connections that are there go deaf for ever, without a word; they keep their places among those that are served.
     HalfOpen,
-    /// T7: frames leave in pieces, each by itself.
+    /// T7: a frame is sent in pieces, one packet each.
     Pieces {
         /// How many bytes a piece has, from 1.
         bytes: usize,
     },
-    /// T7: frames leave together, so many in one piece; the last ones no later than a time after the first.
+    /// T7: several frames are sent together, in one packet.
     Coalesce {
-        /// How many frames, from 2.
+        /// How many frames wait for each other, from 2.
         frames: usize,
-        /// How long the first of them waits at most.
+        /// How long the first of them waits at most, even if the others have not come.
         within: Duration,
     },
     /// T8: bytes take their time; their order stays. What is drawn is drawn for each frame to the client, and for what one read
@@ -47,7 +47,7 @@ pub enum LinkFault {
         /// Bytes a second, from 1.
         bytes_per_second: u32,
     },
-    /// T11: a byte to the client is changed, lost, or followed by one that nobody sent; `chance` is that of a byte.
+    /// T11: a byte to the client is changed, is lost, or is followed by another one. The chance holds for each byte.
     Noise,
     /// T14: the second half of a frame leaves that much later, as where two writes meet a peer that delays its
     /// acknowledgements.

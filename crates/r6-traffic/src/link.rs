@@ -35,8 +35,8 @@ pub use door::Door;
 use fate::{DrawnFor, Fate, Felt, InForce, disturbed, drawn_for, speed};
 use way::{Group, Parcel, Way};
 
-/// How many bytes wait in one direction; then a link takes no more. Three frames of the longest that is read, and one of
-/// 200 000 bytes (the longest reply fault of `r6-controller`): enough to fill the buffers of a peer's system, little enough for a thousand links.
+/// How many bytes wait in one direction; then a link takes no more. Enough for the longest frame that a test sends and to fill the
+/// buffers of a peer's system, and little enough for a thousand links.
 pub const MAX_WAITING_BYTES: usize = 256 * 1024;
 
 /// How many parcels, each a frame or what was read at once, wait in one direction: a frame has seldom less than 64 bytes.

@@ -219,7 +219,7 @@ fn single_bytes_fill_it_however_they_are_gathered() {
 #[test]
 fn a_frame_of_any_length_is_taken_whole() {
     let mut link = with(&[LinkFault::Slow { bytes_per_second: 1 }]);
-    assert!(link.send(START, &vec![b'x'; 200_000]), "a link that is empty takes any frame");
+    assert!(link.send(START, &vec![b'x'; 2 * MAX_WAITING_BYTES]), "a link that is empty takes any frame");
     assert!(!link.send(START, b"{}"), "and then nothing more");
 }
 

@@ -431,8 +431,7 @@ fn stop_on_signal(fields: &Fields<'_>) -> Result<Action, String> {
 }
 
 fn path_speed(fields: &Fields<'_>) -> Result<Action, String> {
-    // A fraction raises alarm 219 (reported, unit B).
-    let speed = fields.whole("mm_per_s", "a whole number, 1 to 10000", 1_u16..=10_000)?;
+    let speed = fields.whole("mm_per_s", PathSpeed::WANTED, 1..=PathSpeed::FASTEST)?;
     Ok(Action::PathSpeed(PathSpeed { in_use: speed.is_some(), speed: speed.map(f64::from) }))
 }
 

@@ -203,7 +203,7 @@ impl<'d> Fields<'d> {
                 });
             } else if read.is_ok() && !asked.contains(&key.as_str()) {
                 let used: Vec<_> = asked.iter().copied().filter(|name| *name != "do").collect();
-                let what = format!("`{key}` means nothing here; this step has: {}", used.join(", "));
+                let what = format!("`{key}` means nothing here; beside it stand: {}", used.join(", "));
                 noted.push(Wrong { at: Some(*at), ..what.into() });
             }
         }
@@ -215,7 +215,7 @@ impl<'d> Fields<'d> {
         let read = match read {
             Ok(read) => Some(read),
             Err(wrong) => {
-                // What cannot be told because of another mistake is none either.
+                // Reading may have ended because of a mistake that is noted already.
                 if noted.is_empty() && !wrong.what.is_empty() {
                     noted.push(wrong);
                 }

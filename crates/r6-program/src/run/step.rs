@@ -80,12 +80,9 @@ pub fn action(fields: &Fields<'_>) -> Result<Action, Wrong> {
             Ok(Action::StopOnSignal(StopOnSignal { in_use, input: input?, on: on? }))
         }
         Kind::PathSpeed => {
-            let speed = fields.number("mm_per_s");
-            // A fraction raises alarm 219 (reported, unit B).
-            let whole = |speed: f64| speed.fract() == 0.0 && (1.0..=10_000.0).contains(&speed);
-            if speed.is_some_and(|speed| !whole(speed)) {
-                return Err(fields.wrong("mm_per_s", "`mm_per_s` has to be a whole number from 1 to 10000"));
-            }
+            let speed = fields.optional("mm_per_s", PathSpeed::WANTED, |value| {
+                value.number().filter(|speed| PathSpeed::is_possible(*speed))
+            });
             Ok(Action::PathSpeed(PathSpeed { in_use: speed.is_some(), speed }))
         }
         Kind::Workbench => Ok(Action::Workbench(Workbench {
@@ -266,7 +263,7 @@ mod tests {
     #[test]
     fn wrong_steps_say_what_is_wrong() {
         for (text, wrong) in [
-            ("do=\"workbench\"\nnumber=1\nspeed=5", "`speed` means nothing here; this step has: number"),
+            ("do=\"workbench\"\nnumber=1\nspeed=5", "`speed` means nothing here; beside it stand: number"),
             (
                 "do=\"axis-move\"\nto=[1]\nspeed=5.55",
                 "`speed` is 5.55: it has to be in steps of 0.1 percent; nearest: 5.5 or 5.6",
@@ -288,7 +285,10 @@ mod tests {
             ("do=\"axis-move\"\nto=[2e6]\nspeed=1", "`to` has 2000000, which is no coordinate"),
             ("do=\"linear-move\"\nto=[1,2]\nspeed=1", "`to` has 2 numbers, but needs 3 or 6"),
             ("do=\"linear-move\"\nto=[1]\nspeed=1", "`to` has 1 number, but needs 3 or 6"),
-            ("do=\"path-speed\"\nmm_per_s=0.05", "`mm_per_s` has to be a whole number from 1 to 10000"),
+            (
+                "do=\"path-speed\"\nmm_per_s=0.05",
+                "`mm_per_s` is 0.05, but has to be a whole number of mm/s, from 1 to 10000",
+            ),
             (
                 "do=\"output\"\npoint=33\non=true",
                 "`point` is 33, but has to be a whole number from 0 to 32, or a name such as \"Y010\"",

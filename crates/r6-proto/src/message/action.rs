@@ -1,7 +1,5 @@
 //! The table of actions: what an instruction can do, and which members it then has.
 
-use super::Effect;
-
 /// One row of the table of actions.
 #[derive(Clone, Copy, Debug)]
 pub struct ActionInfo {
@@ -9,8 +7,6 @@ pub struct ActionInfo {
     pub number: i64,
     /// What it is called.
     pub name: &'static str,
-    /// What it can do to the machine.
-    pub effect: Effect,
     /// Its members, besides [`COMMON`]; several lists, because all moves share one.
     members: &'static [&'static [MemberInfo]],
 }
@@ -27,26 +23,17 @@ impl ActionInfo {
 pub struct MemberInfo {
     /// Its name on the wire; `m0-m7` stands for the eight of them.
     pub name: &'static str,
-    /// Its unit, empty where there is none.
-    pub unit: &'static str,
-    /// What it says.
-    pub meaning: &'static str,
     /// Where it is written: the section of the manual, or the evidence for a later one.
     pub source: &'static str,
 }
 
-const fn member(
-    name: &'static str,
-    unit: &'static str,
-    meaning: &'static str,
-    source: &'static str,
-) -> MemberInfo {
-    MemberInfo { name, unit, meaning, source }
+const fn member(name: &'static str, source: &'static str) -> MemberInfo {
+    MemberInfo { name, source }
 }
 
-/// The table, one row each: what it is called in the code, its number, its name, what it can do to the machine, its members.
+/// The table, one row each: what it is called in the code, its number, its name, its members.
 macro_rules! actions {
-    ($( $action:ident $number:literal $name:literal $effect:ident [$($members:expr),+ $(,)?] )+) => {
+    ($( $action:ident $number:literal $name:literal [$($members:expr),+ $(,)?] )+) => {
         /// What an instruction does, as far as it is known.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(crate) enum Known { $( $action, )+ }
@@ -72,7 +59,6 @@ macro_rules! actions {
         pub const ACTIONS: [ActionInfo; [$( $number ),+].len()] = [$( ActionInfo {
             number: $number,
             name: $name,
-            effect: Effect::$effect,
             members: &[$( &$members ),+],
         }, )+];
     };
@@ -80,84 +66,93 @@ macro_rules! actions {
 
 #[rustfmt::skip]
 actions! {
-    AxisMove 4 "axis move" Moves [[member("m0-m7", "deg", "target: axes J1 to J8 (mm on a sliding axis)", "6.1.1")], MANNER]
-    LinearMove 10 "linear move" Moves [[member("m0-m7", "mm, deg", "target: X, Y, Z, U, V, W, M7, M8", "6.1.1")], MANNER]
-    CurveMove 17 "curve move" Moves [[
-        member("m0-m7", "mm, deg", "middle of the curve", "6.1.1"),
-        member("m0_p-m7_p", "mm, deg", "end of the curve", "6.1.1"),
+    AxisMove 4 "axis move" [[member("m0-m7", "6.1.1")], MANNER]
+    LinearMove 10 "linear move" [[member("m0-m7", "6.1.1")], MANNER]
+    CurveMove 17 "curve move" [[
+        member("m0-m7", "6.1.1"),
+        member("m0_p-m7_p", "6.1.1"),
     ], MANNER]
-    PathSpeed 51 "path speed" Changes [[
-        member("isUse", "", "1 on, 0 off", "later manual"),
-        member("speed", "mm/s", "of later linear moves without a speed; a whole number", "later manual"),
+    PathSpeed 51 "path speed" [[
+        member("isUse", "later manual"),
+        member("speed", "later manual"),
     ]]
-    StopOnSignal 52 "stop on signal" Changes [[
-        member("isUse", "", "1 begins, 0 ends to watch", "6.1.4"),
-        member("ioNumber", "", "ordinary input, 0 to 31", "6.1.4"),
-        member("io_status", "", "the state that stops: 1 on, 0 off", "6.1.4"),
+    StopOnSignal 52 "stop on signal" [[
+        member("isUse", "6.1.4"),
+        member("ioNumber", "6.1.4"),
+        member("io_status", "6.1.4"),
     ]]
-    Wait 100 "wait" Moves [[
-        member("type", "", "0-4 input board (X), 5-7 M, 8 EU, 100 time", "6.1.3"),
-        member("point", "", "0 to 31", "6.1.3"),
-        member("io_status", "", "0 off, 1 on, 2 rising, 3 falling", "6.1.3"),
-        member("limit", "s", "how long it waits, or the time itself", "6.1.3"),
-        member("isUnlimit", "", "1: for ever", "6.1.3"),
+    Wait 100 "wait" [[
+        member("type", "6.1.3"),
+        member("point", "6.1.3"),
+        member("io_status", "6.1.3"),
+        member("limit", "6.1.3"),
+        member("isUnlimit", "6.1.3"),
     ]]
-    Output 200 "output" Moves [[
-        member("type", "", "0 Y, 5 M, 7 EUY, 100 timed Y", "later manual"),
-        member("io_status", "", "1 on, 0 off", "later manual"),
-        member("point", "", "0 to 32", "later manual"),
-        member("delay", "s", "before the output, or the length of the pulse", "later manual"),
+    Output 200 "output" [[
+        member("type", "later manual"),
+        member("io_status", "later manual"),
+        member("point", "later manual"),
+        member("delay", "later manual"),
     ]]
-    BoardOutput 204 "board output" Moves [[
-        member("type", "", "0, 1 board of Y; 5, 6 board of M", "later manual"),
-        member("point", "", "two bits for each of the points 0 to 15", "later manual"),
-        member("point2", "", "two bits for each of the points 16 to 31", "later manual"),
+    BoardOutput 204 "board output" [[
+        member("type", "later manual"),
+        member("point", "later manual"),
+        member("point2", "later manual"),
     ]]
-    Workbench 800 "workbench" Changes [[member("cnt_id", "", "number of the workbench", "6.1.2")]]
+    Workbench 800 "workbench" [[member("cnt_id", "6.1.2")]]
 }
 
 /// What every instruction has.
-pub const COMMON: [MemberInfo; 2] = [
-    member("oneshot", "", "1: the step is removed once it has run; 0: it stays", "6"),
-    member("action", "", "what the step does", "6"),
-];
+pub const COMMON: [MemberInfo; 2] = [member("oneshot", "6"), member("action", "6")];
 
 /// What every move has.
 const MANNER: [MemberInfo; 6] = [
-    member("ckStatus", "", "mask of the axes that move", "6.1.1"),
-    member("speed", "%", "0.1 to 100", "6.1.1"),
-    member("delay", "s", "before the move", "6.1.1"),
-    member("smooth", "", "blend level, 0 to 9", "6.1.1"),
-    member("tool", "", "number of the tool frame", "later manual"),
-    member("coord", "", "number of the work frame (workbench)", "later manual"),
+    member("ckStatus", "6.1.1"),
+    member("speed", "6.1.1"),
+    member("delay", "6.1.1"),
+    member("smooth", "6.1.1"),
+    member("tool", "later manual"),
+    member("coord", "later manual"),
 ];
 
 /// What a point of a camera has (manual 5.2), and the photo (manual 5.1).
 pub const VISION: [MemberInfo; 14] = [
-    member("camID", "", "number of the camera", "5.1"),
-    member("ret", "", "whether the photo was taken", "5.1"),
-    member("dsData.camID", "", "number of the camera whose points follow", "5.2"),
-    member("dsData.data", "", "its points", "5.2"),
-    member("ModelID", "", "template that recognised the part", "5.2"),
-    member("X", "mm", "in the calibrated world of the robot", "5.2"),
-    member("Y", "mm", "in the calibrated world of the robot", "5.2"),
-    member("Z", "mm", "in the calibrated world of the robot", "5.2"),
-    member("U", "deg", "orientation", "5.2"),
-    member("V", "deg", "orientation", "5.2"),
-    member("Angel", "deg", "the wire's spelling: W, or U on a four-axis robot", "5.2"),
-    member("Similarity", "", "how alike; its range is left open", "5.2"),
-    member("Color", "", "its range is left open", "5.2"),
-    member("Rel", "", "1: the coordinates are relative", "5.2"),
+    member("camID", "5.1"),
+    member("ret", "5.1"),
+    member("dsData.camID", "5.2"),
+    member("dsData.data", "5.2"),
+    member("ModelID", "5.2"),
+    member("X", "5.2"),
+    member("Y", "5.2"),
+    member("Z", "5.2"),
+    member("U", "5.2"),
+    member("V", "5.2"),
+    member("Angel", "5.2"),
+    member("Similarity", "5.2"),
+    member("Color", "5.2"),
+    member("Rel", "5.2"),
 ];
 
 /// What stands at the top of requests, besides what they are about.
 pub const HEADER: [MemberInfo; 5] = [
-    member("dsID", "", "whom the frame is for", "2.1, 3"),
-    member("reqType", "", "type of the request", "2.1, 3"),
-    member("cmdType", "", "the same in older firmware and in its replies", "2.1"),
-    member("packID", "", "correlation id", "later manual; captured, unit C"),
-    member("emptyList", "", "1 replaces the instruction list, 0 appends", "6"),
+    member("dsID", "2.1, 3"),
+    member("reqType", "2.1, 3"),
+    member("cmdType", "2.1"),
+    member("packID", "later manual; captured, unit C"),
+    member("emptyList", "6"),
 ];
+
+/// What the action with this number is called.
+#[must_use]
+pub fn name(number: i64) -> Option<&'static str> {
+    ACTIONS.iter().find(|action| action.number == number).map(|action| action.name)
+}
+
+/// The numbers of all actions, for people: `4, 10, 17`.
+#[must_use]
+pub fn numbers() -> String {
+    ACTIONS.map(|action| action.number.to_string()).join(", ")
+}
 
 #[cfg(test)]
 mod tests {

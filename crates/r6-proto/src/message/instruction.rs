@@ -170,10 +170,16 @@ pub struct PathSpeed {
 
 impl PathSpeed {
     /// The fastest that is sent, mm/s: arms of this protocol reach 2000 (reported, unit B).
-    pub const FASTEST: u32 = 100_000;
+    pub const FASTEST: u32 = 10_000;
 
     /// What a wrong one has to be.
-    pub const WANTED: &str = "a whole number of mm/s, from 1 to 100000";
+    pub const WANTED: &str = "a whole number of mm/s, from 1 to 10000";
+
+    /// Whether a controller takes this speed, mm/s, while a path speed is on: it wants a whole number.
+    #[must_use]
+    pub fn is_possible(speed: f64) -> bool {
+        speed.fract() == 0.0 && (1.0..=f64::from(Self::FASTEST)).contains(&speed)
+    }
 }
 
 /// An input that stops the motion (action 52, manual 6.1.4).
@@ -379,8 +385,8 @@ impl Instruction {
                 object.quoted_flag(key!("isUse"), path.in_use);
                 if let Some(speed) = path.speed {
                     // Where it is switched off, 0 is what clients send.
-                    let least = if path.in_use { 1.0 } else { 0.0 };
-                    if speed.fract() != 0.0 || !(least..=f64::from(PathSpeed::FASTEST)).contains(&speed) {
+                    let is_off = !path.in_use && speed == 0.0;
+                    if !is_off && !PathSpeed::is_possible(speed) {
                         return Err(EncodeError::new("speed", PathSpeed::WANTED));
                     }
                     object.quoted_fixed(key!("speed"), speed, Decimals::FEW)?;

@@ -353,7 +353,7 @@ class Percent:
 
 @final
 class MillimetresPerSecond:
-    """The speed of the tool along its path, before the global speed: a whole number of mm/s, 1 to 100 000, because a
+    """The speed of the tool along its path, before the global speed: a whole number of mm/s, 1 to 10 000, because a
     fraction raised alarm 219 (reported). A ``float`` is a ``TypeError``, any other number ``OutOfRange``."""
 
     def __new__(cls, value: int) -> MillimetresPerSecond: ...

@@ -6,18 +6,8 @@ use r6_proto::message::instruction::{Output, OutputKind, Wait, WaitCondition, Wa
 
 /// What an action is called.
 pub fn name(action: &Action) -> String {
-    match action {
-        Action::AxisMove(_) => "axis move".to_owned(),
-        Action::LinearMove(_) => "linear move".to_owned(),
-        Action::CurveMove(_) => "curve move".to_owned(),
-        Action::PathSpeed(_) => "path speed".to_owned(),
-        Action::StopOnSignal(_) => "stop on signal".to_owned(),
-        Action::Wait(_) => "wait".to_owned(),
-        Action::Output(_) => "output".to_owned(),
-        Action::BoardOutput(_) => "board output".to_owned(),
-        Action::Workbench(_) => "workbench".to_owned(),
-        Action::Unknown(unknown) => format!("action {}", unknown.number()),
-    }
+    let number = action.number();
+    r6_proto::message::action::name(number).map_or_else(|| format!("action {number}"), str::to_owned)
 }
 
 /// `1 instruction`, `2 instructions`.

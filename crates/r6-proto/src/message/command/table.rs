@@ -236,7 +236,7 @@ commands! {
     }
     /// Switches to another tool.
     SwitchTool "switchTool" Changes Both "V6.0" "4.2.1 #16" "switches to another tool" {
-        /// Its number; 0 is none.
+        /// Its number; 0 for none.
         tool: u32 = [argument("tool", NUMBER, "number of the tool")],
     }
     /// Changes a tool; on the wire × 1000.

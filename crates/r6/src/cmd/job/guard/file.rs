@@ -6,6 +6,7 @@ use r6_client::units::{AxisCoordinate, Degrees, Millimetres, MillimetresPerSecon
 use r6_client::{AxisIndex, Envelope};
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Found, Node};
+use r6_proto::message::instruction::PathSpeed;
 
 use crate::exit::Failure;
 use crate::text_file;
@@ -77,11 +78,9 @@ fn parse(text: &str) -> Result<Limits, Mistakes> {
         max_speed: fields.optional("max_speed", "percent, from 0.1 to 100 in steps of 0.1", |value| {
             Percent::new(value.number()?).ok()
         }),
-        max_path_speed: fields.optional(
-            "max_path_speed",
-            "a whole number of mm/s, from 1 to 100000",
-            |value| MillimetresPerSecond::new(u32::try_from(value.whole()?).ok()?).ok(),
-        ),
+        max_path_speed: fields.optional("max_path_speed", PathSpeed::WANTED, |value| {
+            MillimetresPerSecond::new(u32::try_from(value.whole()?).ok()?).ok()
+        }),
         max_axis_step: above_zero("max_axis_step").map(Degrees),
         max_distance: above_zero("max_distance").map(Millimetres),
         axes: [
@@ -172,7 +171,7 @@ mod tests {
                 &[
                     "1:1: there is no key `max_sped`; nearest: `max_speed`",
                     "2:13: `max_speed` is 0, but has to be percent, from 0.1 to 100 in steps of 0.1",
-                    "3:18: `max_path_speed` is 2.5, but has to be a whole number of mm/s, from 1 to 100000",
+                    "3:18: `max_path_speed` is 2.5, but has to be a whole number of mm/s, from 1 to 10000",
                     "4:17: `max_axis_step` is 0, but has to be a number above 0",
                     "6:1: there is no key `j1`; nearest: `J1`",
                 ][..],
