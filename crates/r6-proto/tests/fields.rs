@@ -329,7 +329,7 @@ fn what_the_wire_cannot_carry_is_not_sent() {
         let output = Output { kind: OutputKind::Y, point: 1, on: true, delay: wrong };
         assert_eq!(refused_to_send(Action::Output(output)), "delay", "{wrong}");
     }
-    for wrong in [0.05, -3.0, 0.0] {
+    for wrong in [0.05, -3.0, 0.0, 10_001.0] {
         let speed = PathSpeed { in_use: true, speed: Some(wrong) };
         assert_eq!(refused_to_send(Action::PathSpeed(speed)), "speed", "{wrong}");
     }

@@ -157,7 +157,7 @@ fn action() -> impl Strategy<Value = Action> {
             let manner = with_mask(manner, middle.given().and(end.given()));
             Action::CurveMove(CurveMove { middle, end, manner })
         }),
-        (any::<bool>(), option::of((1..=100_000_u32).prop_map(f64::from)))
+        (any::<bool>(), option::of((1..=PathSpeed::FASTEST).prop_map(f64::from)))
             .prop_map(|(in_use, speed)| Action::PathSpeed(PathSpeed { in_use, speed })),
         (any::<bool>(), 0..=31_u8, any::<bool>())
             .prop_map(|(in_use, input, on)| Action::StopOnSignal(StopOnSignal { in_use, input, on })),
