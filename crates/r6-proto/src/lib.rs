@@ -27,6 +27,7 @@ mod json;
 pub mod message;
 pub mod mode;
 mod printable;
+pub mod readiness;
 pub mod reply;
 pub mod request;
 pub mod server;

@@ -38,14 +38,20 @@ pub const RULES: &[Rule] = &[
     Rule { package: "r6-motion", layer: Layer::Pure, may_use: &[] },
     Rule { package: "r6-program", layer: Layer::Pure, may_use: &["r6-proto"] },
     Rule { package: "r6-controller", layer: Layer::Pure, may_use: &["r6-motion", "r6-proto", "r6-traffic"] },
+    // The contract: whoever reads a robot hands over its values by address.
+    Rule { package: "r6-api", layer: Layer::Pure, may_use: &["r6-proto"] },
     // A robot is only ever reached over the wire: the client cannot know that one is simulated.
     Rule { package: "r6-client", layer: Layer::Shell, may_use: &["r6-proto"] },
     // The simulator is the other end of the wire and shares nothing with the client but the protocol.
-    Rule { package: "r6-sim", layer: Layer::Shell, may_use: &["r6-controller", "r6-proto", "r6-traffic"] },
+    Rule {
+        package: "r6-sim",
+        layer: Layer::Shell,
+        may_use: &["r6-api", "r6-controller", "r6-proto", "r6-traffic"],
+    },
     Rule {
         package: "r6",
         layer: Layer::Shell,
-        may_use: &["r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim"],
+        may_use: &["r6-api", "r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim"],
     },
     // This crate alone binds both sides: a Python program brings its own virtual controller.
     Rule {
@@ -105,6 +111,7 @@ pub const PURE_LIBRARIES: &[&str] = &[
     "serde_path_to_error",
     "strsim",
     "toml",
+    "utoipa",
 ];
 
 #[derive(Deserialize)]

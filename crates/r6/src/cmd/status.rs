@@ -38,7 +38,7 @@ pub async fn run(args: StatusArgs, robot: RobotArgs) -> Result<Exit, Failure> {
             let state = robot.status().await?;
             let remote_program = args.remote_program.as_deref();
             if args.json {
-                output::json_pretty(&status::json(robot.address(), &state, remote_program));
+                output::json_pretty(&status::told(robot.address(), &state, remote_program));
             } else {
                 output::line(status::text(robot.address(), &state, remote_program));
             }

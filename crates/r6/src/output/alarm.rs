@@ -4,11 +4,7 @@ use r6_proto::alarm::{Alarm, AlarmCode};
 
 /// An alarm in a few words, such as `135 (J6: positive soft limit)`; `none` for 0.
 pub fn short(code: i64) -> String {
-    match (code, decoded(code)) {
-        (0, _) => "none".to_owned(),
-        (_, Some(alarm)) => format!("{code} ({})", alarm.text),
-        (_, None) => code.to_string(),
-    }
+    if code == 0 { "none".to_owned() } else { r6_api::status::alarm_text(code) }
 }
 
 /// What to do about an alarm.

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use r6_api::Unit;
 use r6_client::{NoReading, QueryResult};
 use r6_proto::{Address, Reading, printable};
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
@@ -46,10 +47,13 @@ fn value_text(address: Address, value: &Result<Reading, NoReading>) -> String {
     }
 }
 
-/// The unit of one address: a pose has mm for its first three components and degrees for the others.
+/// The unit of one address: a pose has mm for its first three components and degrees for the others. What an axis has is not told.
 pub fn unit(address: Address) -> &'static str {
-    let Address::World(component) = address else { return address.info().unit };
-    if component.number() < 3 { "mm" } else { "deg" }
+    match (address, Unit::of(address)) {
+        (_, Some(unit)) => unit.word(),
+        (Address::Axis(_) | Address::Faxis(_), None) => "deg or mm",
+        (_, None) => address.info().unit,
+    }
 }
 
 /// What one address tells: the table's words, with its own index in them.

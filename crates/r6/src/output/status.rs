@@ -1,53 +1,50 @@
 //! The state of a machine, for eyes and for programs.
 
+use r6_api::position::{AxisPosition, Pose, SHOWN_AXES};
 use r6_client::{Readiness, Status, Unmet, Unproved};
-use r6_proto::{AXES, AxisIndex, OperationMode, printable};
-use serde_json::{Map, Value, json};
+use r6_proto::{AxisIndex, OperationMode, printable};
+use serde_json::{Value, json};
 
-use crate::exit::Failure;
 use crate::hint;
 use crate::output::alarm;
-use crate::output::problem::{self, Code};
 use crate::output::table::Table;
 
-/// How many axes and pose components are shown where the controller does not say how many it has.
-const USUAL_AXES: usize = 6;
+/// The state as programs are told it (`docs/COMMAND_LINE.md`). `remote_program` is one that does nothing but wait for remote commands.
+pub fn told(address: &str, status: &Status, remote_program: Option<&str>) -> r6_api::Status {
+    r6_api::Status::read(address, remote_program, |address| status.reading(address))
+}
 
-/// The whole state as text; the last lines say whether it takes motion, and if not, why. `remote_program` is one that does nothing but
-/// wait for remote commands.
+/// The whole state as text; the last lines say whether it takes motion, and if not, why.
 pub fn text(address: &str, status: &Status, remote_program: Option<&str>) -> String {
     let unknown = || "?".to_owned();
     let yes_no = |flag: Option<bool>| flag.map_or("?", |flag| if flag { "yes" } else { "no" });
     let seconds = |time: Option<f64>| time.map_or_else(unknown, |time| format!("{time:.1} s"));
+    let told = told(address, status, remote_program);
     let mut table = Table::new();
-    table.row([&"mode", &status.mode.map_or_else(unknown, |mode| mode.to_string())]);
-    table.row([&"alarm", &status.alarm.map_or_else(unknown, alarm::short)]);
-    table.row([&"homed", &yes_no(status.homed)]);
-    table.row([&"moving", &yes_no(status.moving)]);
-    table.row([&"list", &status.list_length.map_or_else(unknown, list_text)]);
-    if let Some(program) = &status.program {
+    table.row([&"mode", &told.mode_name.as_deref().unwrap_or("?")]);
+    table.row([&"alarm", &told.alarm.map_or_else(unknown, alarm::short)]);
+    table.row([&"homed", &yes_no(told.homed)]);
+    table.row([&"moving", &yes_no(told.moving)]);
+    table.row([&"list", &told.list_length.map_or_else(unknown, list_text)]);
+    if let Some(program) = &told.program {
         table.row([&"program", program]);
     }
-    table.row([&"cycle", &format!("{}, last {}", seconds(status.cycle), seconds(status.last_cycle))]);
+    table.row([&"cycle", &format!("{}, last {}", seconds(told.cycle_s), seconds(told.last_cycle_s))]);
+    let axes = status.axes.get(..told.axes.len()).unwrap_or_default();
     format!(
         "{}\n\n{table}\n\n{}\n\n{}",
-        head(address, status),
-        positions(status),
+        head(&told),
+        position_table(axes, &status.pose),
         verdict(status, remote_program)
     )
 }
 
-fn head(address: &str, status: &Status) -> String {
-    let name = status.machine_name.as_deref().unwrap_or("unnamed machine");
-    let firmware = status.firmware.as_deref().unwrap_or("unknown");
-    let kind = if is_virtual(status) { ", a virtual controller" } else { "" };
-    let (name, firmware, address) = (printable(name), printable(firmware), printable(address));
+fn head(told: &r6_api::Status) -> String {
+    let name = told.machine_name.as_deref().unwrap_or("unnamed machine");
+    let firmware = told.firmware.as_deref().unwrap_or("unknown");
+    let kind = if told.r#virtual { ", a virtual controller" } else { "" };
+    let (name, firmware, address) = (printable(name), printable(firmware), printable(&told.robot));
     format!("{name}, firmware {firmware}, at {address}{kind}")
-}
-
-/// Whether the machine says of itself, by its name, that it is none.
-fn is_virtual(status: &Status) -> bool {
-    status.machine_name.as_ref().is_some_and(|name| name.to_lowercase().contains("virtual"))
 }
 
 fn list_text(length: i64) -> String {
@@ -58,28 +55,17 @@ fn list_text(length: i64) -> String {
     }
 }
 
-fn shown_axes(status: &Status) -> usize {
-    let count = status.axis_count.and_then(|count| usize::try_from(count).ok());
-    let known = status.axes.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
-    count.unwrap_or(USUAL_AXES).min(known.max(USUAL_AXES)).min(AXES)
-}
-
-/// Axes and pose of a state, one under the other.
-fn positions(status: &Status) -> Table {
-    position_table(status.axes.get(..shown_axes(status)).unwrap_or_default(), &status.pose)
-}
-
-/// Axes and pose, one under the other, as many axes as are given.
+/// Axes and pose, one under the other, as many axes as are given. Whether an axis turns or slides is not told over the wire.
 pub fn position_table(axes: &[Option<f64>], pose: &[Option<f64>]) -> Table {
     let mut table = Table::with_right_columns(&[1, 2, 3, 4, 5, 6, 7, 8]);
     let number = |value: &Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3}"));
-    let shown = axes.iter().rposition(Option::is_some).map_or(0, |last| last + 1).max(USUAL_AXES);
+    let shown = axes.iter().rposition(Option::is_some).map_or(0, |last| last + 1).max(SHOWN_AXES);
     let mut row = |title: &str, cells: Vec<String>| table.push([vec![title.to_owned()], cells].concat());
     row("axis", AxisIndex::ALL.iter().take(shown).map(ToString::to_string).collect());
-    row("deg", axes.iter().take(shown).map(number).collect());
-    let components = AxisIndex::ALL.iter().take(USUAL_AXES);
+    row("deg or mm", axes.iter().take(shown).map(number).collect());
+    let components = AxisIndex::ALL.iter().take(SHOWN_AXES);
     row("pose", components.map(|component| component.world_name().to_owned()).collect());
-    row("mm, deg", pose.iter().take(USUAL_AXES).map(number).collect());
+    row("mm, deg", pose.iter().take(SHOWN_AXES).map(number).collect());
     table
 }
 
@@ -126,14 +112,6 @@ fn what_to_look_at(unproved: Unproved, status: &Status, remote_program: Option<&
     }
 }
 
-/// A condition's word for programs.
-fn unproved_word(unproved: Unproved) -> &'static str {
-    match unproved {
-        Unproved::RemoteStep => "remote_step",
-        Unproved::ListLength => "list_length",
-    }
-}
-
 /// `NOT READY:`, the conditions in one line, and a line for each that says what to do.
 pub fn not_ready(unmet: &[Unmet]) -> String {
     let mut text = format!("NOT READY: {}", conditions(unmet));
@@ -146,22 +124,8 @@ pub fn not_ready(unmet: &[Unmet]) -> String {
 
 /// The conditions that are not met, in one line.
 pub fn conditions(unmet: &[Unmet]) -> String {
-    let names: Vec<_> = unmet.iter().map(|unmet| condition(*unmet).1).collect();
+    let names: Vec<_> = unmet.iter().map(|unmet| r6_api::Unmet::of(unmet).is).collect();
     names.join(", ")
-}
-
-/// A condition's word for programs and its name for people.
-fn condition(unmet: Unmet) -> (&'static str, String) {
-    match unmet {
-        Unmet::Mode { found } => ("mode", format!("mode is {found}")),
-        Unmet::Alarm { code } => ("alarm", format!("alarm {code}")),
-        Unmet::NotHomed => ("not_homed", "not homed".to_owned()),
-        Unmet::Moving => ("moving", "moving".to_owned()),
-        Unmet::LeftoverList { length } => {
-            ("leftover_list", format!("{} left in the list", list_text(length)))
-        }
-        Unmet::Unknown { address } => ("unknown", format!("{address} unknown")),
-    }
 }
 
 fn advice(unmet: Unmet) -> String {
@@ -198,69 +162,19 @@ fn advice(unmet: Unmet) -> String {
     }
 }
 
-/// Conditions as JSON: a word for programs, what is, and what to do.
-pub fn unmet_json(unmet: &[Unmet]) -> Vec<Value> {
-    let entry = |unmet: &Unmet| {
-        let (word, name) = condition(*unmet);
-        json!({ "condition": word, "is": name, "advice": advice(*unmet) })
-    };
-    unmet.iter().map(entry).collect()
+/// Conditions as JSON.
+pub fn unmet_json(unmet: &[Unmet]) -> Value {
+    json!(unmet.iter().map(r6_api::Unmet::of).collect::<Vec<_>>())
+}
+
+/// Axes as JSON, as many as are shown.
+pub fn axes_json(positions: &[Option<f64>]) -> Value {
+    json!(AxisPosition::read(positions.get(..SHOWN_AXES).unwrap_or(positions)))
 }
 
 /// A pose as JSON, units in the names.
-pub fn pose_json(values: &[Option<f64>]) -> Value {
-    let mut pose = Map::new();
-    for (component, value) in AxisIndex::ALL.iter().zip(values).take(USUAL_AXES) {
-        let unit = if component.number() < 3 { "mm" } else { "deg" };
-        pose.insert(format!("{}_{unit}", component.world_name().to_lowercase()), json!(value));
-    }
-    Value::Object(pose)
-}
-
-/// The whole state as JSON, units in the names; `null` where the controller has no such value.
-///
-/// `ready` is `true` where every condition is proved, `false` where one is not met, and else `null`: then `unknown` has what no value tells.
-pub fn json(address: &str, status: &Status, remote_program: Option<&str>) -> Value {
-    let pose = pose_json(&status.pose);
-    let axes: Vec<_> = status.axes.iter().take(shown_axes(status)).collect();
-    let unknown: Vec<_> = status.unproved(remote_program).into_iter().map(unproved_word).collect();
-    let ready = match status.readiness(remote_program) {
-        Readiness::Ready => Some(true),
-        Readiness::NotReady(_) => Some(false),
-        Readiness::Unknown(_) => None,
-    };
-    let conditions = status.unmet();
-    let problem = (!conditions.is_empty()).then(|| {
-        let what = format!("NOT READY: {}", self::conditions(&conditions));
-        problem::object(&Failure::refused(what).with_code(Code::NotReady))
-    });
-    let unmet = unmet_json(&conditions);
-    let mut json = json!({
-        "robot": address,
-        "machine_name": status.machine_name,
-        "virtual": is_virtual(status),
-        "firmware": status.firmware,
-        "program": status.program,
-        "mode": status.mode.map(r6_client::OperationMode::number),
-        "mode_name": status.mode.map(|mode| mode.to_string()),
-        "alarm": status.alarm,
-        "alarm_text": status.alarm.filter(|code| *code != 0).map(alarm::short),
-        "homed": status.homed,
-        "moving": status.moving,
-        "list_length": status.list_length,
-        "axis_count": status.axis_count,
-        "axes_deg": axes,
-        "pose": pose,
-        "cycle_s": status.cycle,
-        "last_cycle_s": status.last_cycle,
-        "ready": ready,
-        "unmet": unmet,
-        "unknown": unknown,
-    });
-    if let Some(problem) = problem {
-        json["problem"] = problem;
-    }
-    json
+pub fn pose_json(components: &[Option<f64>]) -> Value {
+    json!(Pose::of(components))
 }
 
 #[cfg(test)]
@@ -298,7 +212,8 @@ mod tests {
         assert_eq!(lines.next_back(), Some("READY"));
         assert!(text.contains("mode     running (7)"), "{text}");
         assert!(text.contains("list     empty"), "{text}");
-        assert!(text.contains("deg        0.000   10.000  -20.500"), "{text}");
+        let axes = text.lines().find(|line| line.starts_with("deg or mm")).unwrap();
+        assert!(axes.contains("  0.000   10.000  -20.500  "), "{axes}");
     }
 
     #[test]
@@ -330,8 +245,6 @@ mod tests {
         let first = "UNKNOWN: whether instructions are left in the list; all that can be read is met\n  ";
         assert!(text.contains(first), "{text}");
         assert!(text.contains("r6 stop"), "{text}");
-        let json = json("127.0.0.1:9760", &status, Some("remote"));
-        assert_eq!((&json["ready"], &json["unknown"]), (&Value::Null, &json!(["list_length"])));
     }
 
     /// No value tells the step of a program; a program that is known to do nothing but wait is proof where its name is told.
@@ -349,24 +262,17 @@ mod tests {
             let (_, verdict) = text.split_once("UNKNOWN: whether the program sits in its ").unwrap();
             assert!(verdict.contains(words), "{text}");
             assert_ne!(text.lines().next_back(), Some("READY"));
-            let json = json("127.0.0.1:9760", status, known);
-            assert_eq!((&json["ready"], &json["unknown"]), (&Value::Null, &json!(["remote_step"])));
-            assert_eq!(json["unmet"], json!([]));
         }
         let both = Status { list_length: None, ..unnamed };
-        assert_eq!(super::json("", &both, None)["unknown"], json!(["remote_step", "list_length"]));
         assert_eq!(verdict(&both, None).lines().count(), 3);
     }
 
     #[test]
-    fn json_has_units_in_its_names() {
-        let json = json("127.0.0.1:9760", &ready(), Some("remote"));
-        assert_eq!(json["pose"]["x_mm"], 400.0);
-        assert_eq!(json["pose"]["u_deg"], 180.0);
-        assert_eq!(json["axes_deg"].as_array().map(Vec::len), Some(6));
-        assert_eq!(json["last_cycle_s"], Value::Null);
-        assert_eq!((&json["ready"], &json["unknown"]), (&true.into(), &json!([])));
-        let moving = Status { moving: Some(true), ..ready() };
-        assert_eq!(super::json("", &moving, None)["ready"], false);
+    fn programs_are_told_what_people_are_told() {
+        let told = told("127.0.0.1:9760", &ready(), Some("remote"));
+        assert_eq!((told.ready, told.r#virtual, told.axes.len()), (Some(true), true, 6));
+        assert_eq!((told.axes[2].position, told.pose.x_mm), (Some(-20.5), Some(400.0)));
+        assert_eq!((told.cycle_s, told.last_cycle_s), (Some(1.25), None));
+        assert_eq!(told.program.as_deref(), Some("remote"));
     }
 }

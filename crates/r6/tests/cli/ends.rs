@@ -62,7 +62,7 @@ fn a_move_that_an_input_cut_short_is_told_as_such() {
         (&short["axis"], &short["wanted"], &short["unit"]),
         (&json!("J1"), &json!(90.0), &json!("deg"))
     );
-    assert_eq!(short["found"], stands["axes_deg"][0], "{stands}");
+    assert_eq!(short["found"], stands["axes"][0]["position"], "{stands}");
 }
 
 #[test]

@@ -177,7 +177,7 @@ fn programs_are_told_what_happens_line_by_line() {
     assert_eq!((&accepted["replaced_list"], &accepted["repeats"]), (&true.into(), &false.into()));
     assert!(accepted["after_ms"].as_f64().unwrap() > 0.0);
     assert_eq!((&stands["event"], &stands["moved"]), (&"stands".into(), &true.into()));
-    assert!((stands["axes_deg"][0].as_f64().unwrap() - 5.0).abs() < 1e-3, "{stands}");
+    assert!((stands["axes"][0]["position"].as_f64().unwrap() - 5.0).abs() < 1e-3, "{stands}");
     assert_eq!(stands["pose"]["x_mm"], robot.value("world-0"));
     // The way to the limit is an alarm, and the last line says so.
     let outcome = robot.r6(&["move", "axes", "500", "--speed", "100", "--wait", "--json"]);

@@ -19,7 +19,7 @@ fn a_robot_that_may_be_ready_says_what_no_value_tells() {
         (&serde_json::Value::Null, &7.into(), &0.into())
     );
     assert_eq!(json["unknown"], serde_json::json!(["remote_step"]));
-    assert_eq!(json["axes_deg"].as_array().map(Vec::len), Some(6));
+    assert_eq!(json["axes"].as_array().map(Vec::len), Some(6));
     assert!(json["pose"]["x_mm"].is_number());
 }
 
@@ -96,9 +96,9 @@ fn what_the_controller_does_not_have_is_code_1() {
     let outcome = robot.r6(&["query", "axis-0", "curMold", "curMode"]);
     assert_eq!(outcome.code, 1);
     insta::assert_snapshot!(outcome.out, @r"
-    axis-0         0.000  deg  position of J1 (mm on a linear axis)
-    curMold            -       name of the program (mold) in use
-    curMode  running (7)       operation mode
+    axis-0         0.000  deg or mm  position of J1 (mm on a linear axis)
+    curMold            -             name of the program (mold) in use
+    curMode  running (7)             operation mode
     ");
     assert_eq!(outcome.err, "r6: curMold: the controller has no such value\n");
     let outcome = robot.r6(&["query", "axis-0", "counterList", "origin", "output-0"]);

@@ -11,9 +11,6 @@ use crate::exit::Failure;
 use crate::output::problem::Code;
 use crate::output::{readings, status};
 
-/// How many axes are told: as many as are asked for.
-const AXES: usize = 6;
-
 /// A condition was not met, and nothing was sent. Stderr was told.
 pub fn not_sent(robot: &str, unmet: &[Unmet]) -> Failure {
     Failure::refused(format!("nothing was sent: {}", status::conditions(unmet)))
@@ -77,7 +74,7 @@ pub fn stands(robot: &str, done: &Done) -> Value {
         "moved": done.moved,
         "proof": proof(&done.proof),
         "cut_short": cut_short(&done.proof),
-        "axes_deg": done.axes.iter().take(AXES).collect::<Vec<_>>(),
+        "axes": status::axes_json(&done.axes),
         "pose": status::pose_json(&done.pose),
     })
 }

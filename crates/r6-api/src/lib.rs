@@ -1,0 +1,20 @@
+//! The contract: the types of everything that leaves r6 as JSON. `r6 --json`, the panel over HTTP and Python's `to_dict` use the same ones.
+//!
+//! Each type is serde's; with the feature `openapi` it is an OpenAPI schema, too. There is no I/O here, and no type of a client or
+//! of a controller: whoever reads a robot hands over its values by address.
+//!
+//! - [`status`]: the state of a robot, and whether it takes instructions.
+//! - [`position`]: axes and poses, each value with its unit.
+//! - [`problem`]: why something was not done, with the words that programs decide by.
+#![cfg_attr(
+    not(test),
+    warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
+)]
+
+pub mod position;
+pub mod problem;
+pub mod status;
+
+pub use position::{AxisPosition, Pose, Unit};
+pub use problem::{Code, CommandProblem, Problem};
+pub use status::{Condition, Status, Unmet, Unproved};

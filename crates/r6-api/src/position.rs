@@ -1,0 +1,98 @@
+//! Where an arm stands, each value with its unit.
+
+use r6_proto::{Address, AxisIndex};
+use serde::{Deserialize, Serialize};
+
+/// Axes and pose components that are read and shown: the arms of this protocol have six at most, external axes apart.
+pub const SHOWN_AXES: usize = 6;
+
+/// The unit of a position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum Unit {
+    /// Degrees.
+    #[serde(rename = "deg")]
+    Degrees,
+    /// Millimetres.
+    #[serde(rename = "mm")]
+    Millimetres,
+}
+
+impl Unit {
+    /// The unit of a position that is read over the wire: degrees or millimetres for the components of a pose.
+    ///
+    /// `None` for an axis, because no address tells whether an axis turns or slides, and for all that is no position.
+    #[must_use]
+    pub fn of(address: Address) -> Option<Self> {
+        let Address::World(component) = address else { return None };
+        Some(if component.number() < 3 { Self::Millimetres } else { Self::Degrees })
+    }
+
+    /// Its word: `deg` or `mm`.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Degrees => "deg",
+            Self::Millimetres => "mm",
+        }
+    }
+}
+
+/// Where one axis stands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct AxisPosition {
+    /// `J1` to `J8`.
+    #[cfg_attr(feature = "openapi", schema(example = "J1"))]
+    pub name: String,
+    /// Where it stands, in its unit; `null` where it could not be read.
+    pub position: Option<f64>,
+    /// `deg` for an axis that turns, `mm` for one that slides. `null` where it is not known which it does: the protocol does not tell.
+    pub unit: Option<Unit>,
+}
+
+impl AxisPosition {
+    /// Positions that were read over the wire, J1 first: nothing tells their units.
+    pub fn read(positions: &[Option<f64>]) -> Vec<Self> {
+        let axes = AxisIndex::ALL.into_iter().zip(positions);
+        axes.map(|(axis, position)| Self { name: axis.to_string(), position: *position, unit: None })
+            .collect()
+    }
+}
+
+/// A pose; `null` for a component that could not be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[expect(missing_docs, reason = "the names say it")]
+pub struct Pose {
+    pub x_mm: Option<f64>,
+    pub y_mm: Option<f64>,
+    pub z_mm: Option<f64>,
+    pub u_deg: Option<f64>,
+    pub v_deg: Option<f64>,
+    pub w_deg: Option<f64>,
+}
+
+impl Pose {
+    /// X, Y, Z in mm, U, V, W in degrees; what is missing at the end is not known, what is beyond it is no part of a pose.
+    #[must_use]
+    pub fn of(components: &[Option<f64>]) -> Self {
+        let at = |index: usize| components.get(index).copied().flatten();
+        Self { x_mm: at(0), y_mm: at(1), z_mm: at(2), u_deg: at(3), v_deg: at(4), w_deg: at(5) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_has_mm_and_degrees_and_an_axis_has_no_unit_that_the_wire_tells() {
+        let units = AxisIndex::ALL.map(|component| Unit::of(Address::World(component)));
+        assert_eq!(units[..4], [[Some(Unit::Millimetres); 3].as_slice(), &[Some(Unit::Degrees)]].concat());
+        assert_eq!(AxisIndex::ALL.map(|axis| Unit::of(Address::Axis(axis))), [None; 8]);
+        for unit in [Unit::Degrees, Unit::Millimetres] {
+            assert_eq!(serde_json::to_value(unit).unwrap(), unit.word());
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! Why something was not done, for programs and for people.
+
+use serde::{Deserialize, Serialize};
+
+/// Why a request was not carried out.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Problem {
+    /// A word that does not change: for programs.
+    #[cfg_attr(feature = "openapi", schema(example = "not_manual"))]
+    pub code: Code,
+    /// What is wrong and what to do, in a sentence: for people.
+    pub message: String,
+}
+
+/// Why a command of `r6` failed, or would fail for the state that it is a part of.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct CommandProblem {
+    /// A word that does not change: for programs.
+    pub code: Code,
+    /// What is wrong, in one line: for people.
+    pub message: String,
+    /// What to do; `null` where there is nothing to say.
+    pub advice: Option<String>,
+    /// The exit code of `r6`, 1 to 4 (`docs/COMMAND_LINE.md`).
+    pub exit: u8,
+}
+
+/// One row for each code: its meaning, its name here, its word.
+macro_rules! codes {
+    ($($(#[$meaning:meta])* $code:ident $word:literal,)*) => {
+        /// What kind of problem it is. The words do not change; new ones may come.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+        pub enum Code {
+            $($(#[$meaning])* #[serde(rename = $word)] $code,)*
+            /// A word that this version does not know.
+            #[serde(other)]
+            Unknown,
+        }
+
+        impl Code {
+            /// All that r6 uses, in the order of the documentation.
+            pub const ALL: &[Self] = &[$(Self::$code),*];
+
+            /// The word for programs.
+            #[must_use]
+            pub fn word(self) -> &'static str {
+                match self {
+                    $(Self::$code => $word,)*
+                    Self::Unknown => "Unknown",
+                }
+            }
+        }
+    };
+}
+
+codes! {
+    // The command line.
+    /// The command line or a file is wrong.
+    Usage "usage",
+    /// No connection could be made.
+    Unreachable "unreachable",
+    /// There is no usable connection to the robot any more, or it does not say who it is.
+    NoConnection "no_connection",
+    /// A question got no usable answer.
+    NoReply "no_reply",
+    /// The request waited too long behind others.
+    Busy "busy",
+    /// Another robot answers.
+    AnotherRobot "another_robot",
+    /// The controller, or the panel, said no.
+    Refused "refused",
+    /// It goes beyond the limits of `--guard` and its like.
+    BeyondLimits "beyond_limits",
+    /// The machine does not take motion now.
+    NotReady "not_ready",
+    /// Instructions are left in the list.
+    LeftoverList "leftover_list",
+    /// An alarm ended it, or has to be cleared first.
+    Alarm "alarm",
+    /// Somebody stopped it.
+    Stopped "stopped",
+    /// The controller was switched off and on meanwhile.
+    Restarted "restarted",
+    /// Nothing went on.
+    Stalled "stalled",
+    /// The arm stands elsewhere.
+    NotAtTarget "not_at_target",
+    /// A signal ended it, or stdout could not be written.
+    Interrupted "interrupted",
+    /// The time of `--timeout` was up.
+    TimedOut "timed_out",
+    /// A request left and may have acted.
+    OutcomeUnknown "outcome_unknown",
+    /// A stop was not sent, or not seen to take effect.
+    NotStopped "not_stopped",
+    /// The controller has no such value.
+    NoValue "no_value",
+    /// A program does not get to its end.
+    NotFinished "not_finished",
+    /// Captured traffic has problems.
+    ProblemsFound "problems_found",
+
+    // Requests over HTTP.
+    /// No HTTP request that can be read.
+    BadRequest "bad_request",
+    /// The body is no JSON.
+    BadJson "bad_json",
+    /// The body could not be read.
+    BadBody "bad_body",
+    /// The body does not say that it is JSON.
+    NotJson "not_json",
+    /// The head or the body is too long.
+    TooLong "too_long",
+    /// The request did not come to its end in time.
+    TooSlow "too_slow",
+    /// The request names a host that is not this machine.
+    ForeignHost "foreign_host",
+    /// A page of a browser sent the request.
+    ForeignOrigin "foreign_origin",
+    /// There is no such path.
+    NoSuchPath "no_such_path",
+    /// The path has no such method.
+    NoSuchMethod "no_such_method",
+
+    // The panel.
+    /// There is no controller of this number.
+    NoSuchController "no_such_controller",
+    /// There is no such action.
+    BadAction "bad_action",
+    /// The mains have failed.
+    PowerOff "power_off",
+    /// The emergency stop is pressed.
+    EmergencyStop "emergency_stop",
+    /// The machine is not homed.
+    NotHomed "not_homed",
+    /// The mode key is not at auto.
+    NotAuto "not_auto",
+    /// The mode key is not at manual.
+    NotManual "not_manual",
+    /// The machine moves.
+    Moving "moving",
+    /// The global speed is 0.
+    NoGlobalSpeed "no_global_speed",
+    /// The program cannot be used.
+    Program "program",
+    /// The program runs.
+    ProgramRunning "program_running",
+    /// There is no room for another program.
+    NoRoom "no_room",
+    /// The arm finds no path to there.
+    NoPath "no_path",
+    /// There is no such input.
+    NoSuchInput "no_such_input",
+    /// There is no such axis.
+    NoSuchAxis "no_such_axis",
+    /// A move by hand without a distance.
+    NoDistance "no_distance",
+    /// A speed that is none.
+    BadSpeed "bad_speed",
+    /// There is no such alarm.
+    NoSuchAlarm "no_such_alarm",
+    /// The text is no program.
+    BadProgram "bad_program",
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_code_has_one_word_and_is_documented() {
+        let pages =
+            concat!(include_str!("../../../docs/COMMAND_LINE.md"), include_str!("../../../docs/PANEL.md"));
+        for code in Code::ALL {
+            let word = code.word();
+            assert_eq!(serde_json::to_value(code).unwrap(), word);
+            assert!(pages.contains(&format!("`{word}`")), "{code:?} is documented");
+            assert_eq!(Code::ALL.iter().filter(|other| other.word() == word).count(), 1, "{word}");
+        }
+    }
+
+    #[test]
+    fn a_code_of_a_newer_version_can_be_read() {
+        let problem: Problem = serde_json::from_str(r#"{"code":"of_tomorrow","message":"no"}"#).unwrap();
+        assert_eq!(problem, Problem { code: Code::Unknown, message: "no".to_owned() });
+    }
+}
