@@ -3,6 +3,7 @@
 //! Each type is serde's; with the feature `openapi` it is an OpenAPI schema, too. There is no I/O here, and no type of a client or
 //! of a controller: whoever reads a robot hands over its values by address.
 //!
+//! - [`panel`]: what a person sees and does at a virtual machine.
 //! - [`status`]: the state of a robot, and whether it takes instructions.
 //! - [`position`]: axes and poses, each value with its unit.
 //! - [`problem`]: why something was not done, with the words that programs decide by.
@@ -11,6 +12,7 @@
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
 )]
 
+pub mod panel;
 pub mod position;
 pub mod problem;
 pub mod status;

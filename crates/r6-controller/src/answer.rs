@@ -3,8 +3,10 @@
 use std::cell::OnceCell;
 
 use r6_proto::message::reading::Counter;
-use r6_proto::reply::DataWriter;
-use r6_proto::{AXES, Address, AxisIndex};
+use r6_proto::message::{Header, TypeKey};
+use r6_proto::reply::{DataWriter, ReplyWriter};
+use r6_proto::value::Values;
+use r6_proto::{AXES, Address, AxisIndex, Body, Decoder, Reading, RequestType};
 
 use r6_motion::drive::torques;
 use r6_motion::{Axes, AxisMotions};
@@ -117,6 +119,17 @@ impl<'m> Answers<'m> {
         let motion = AxisMotions { axes, speeds, accelerations };
         at(&torques(&machine.model, &motion), axis) * RATED_TORQUE
     }
+}
+
+/// The value of an address as it leaves on the wire; `None` where this firmware has none.
+pub(crate) fn reading(machine: &Machine, address: Address) -> Option<Reading> {
+    let mut frame = Vec::new();
+    let header = Header { ds_id: None, type_key: TypeKey::ReqType, type_word: None, pack_id: None };
+    let writer = ReplyWriter::new(machine.profile.dialect, header, RequestType::Query);
+    writer.query(Values::EMPTY, &mut frame, |data| Answers::of(machine).append(address, data));
+    let mut decoder = Decoder::new();
+    let Body::QueryReply(reply) = decoder.decode(&frame).ok()?.body else { return None };
+    Reading::of(address, reply.values.iter().next()?).ok()
 }
 
 fn at(values: &[f64; AXES], axis: AxisIndex) -> f64 {

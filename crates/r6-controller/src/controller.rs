@@ -18,6 +18,7 @@ use r6_proto::frame::Limits;
 use r6_proto::reply::encode_photo;
 use r6_proto::server::ServerSession;
 use r6_proto::time::Instant;
+use r6_proto::{Address, Reading};
 
 use cameras::{Cameras, Route};
 use desk::Desk;
@@ -449,6 +450,13 @@ impl Controller {
         self.advance(now);
         self.collect_machine_events();
         ControllerSnapshot::of(&self.machine, self.served())
+    }
+
+    /// The value that a client would read now, which is not always what the machine holds: a firmware has its rounding, and lacks some
+    /// addresses (`None`).
+    pub fn reading(&mut self, now: Instant, address: Address) -> Option<Reading> {
+        self.advance(now);
+        crate::answer::reading(&self.machine, address)
     }
 
     fn collect_machine_events(&mut self) {

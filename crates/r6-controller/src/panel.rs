@@ -180,31 +180,6 @@ pub enum Refused {
 }
 
 impl Refused {
-    /// A word for programs that does not change: `emergency_stop`, `alarm`, …
-    #[must_use]
-    pub fn code(&self) -> &'static str {
-        match self {
-            Self::NoSuchInput { .. } => "no_such_input",
-            Self::PowerOff => "power_off",
-            Self::EmergencyStop => "emergency_stop",
-            Self::Alarm { .. } => "alarm",
-            Self::NotHomed => "not_homed",
-            Self::NotAuto { .. } => "not_auto",
-            Self::NotManual { .. } => "not_manual",
-            Self::Moving => "moving",
-            Self::NoSuchAxis { .. } => "no_such_axis",
-            Self::NoDistance => "no_distance",
-            Self::BadSpeed => "bad_speed",
-            Self::NoGlobalSpeed => "no_global_speed",
-            Self::NoSuchAlarm { .. } => "no_such_alarm",
-            Self::Program { .. } => "program",
-            Self::BadProgram { .. } => "bad_program",
-            Self::ProgramRuns { .. } => "program_running",
-            Self::NoRoom { .. } => "no_room",
-            Self::NoPath { .. } => "no_path",
-        }
-    }
-
     /// Why, and what to do, without the numbers: for places that know them.
     #[must_use]
     pub fn reason(&self) -> &'static str {

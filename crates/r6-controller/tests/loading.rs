@@ -78,7 +78,7 @@ fn what_is_wrong_is_told_with_the_program_and_the_step() {
         ("a\nb", "", &["control characters"]),
     ] {
         let refused = load(&mut cell, name, text).unwrap_err();
-        assert_eq!(refused.code(), "bad_program", "{name:?} {text:.40}");
+        assert!(matches!(refused, Refused::BadProgram { .. }), "{name:?} {text:.40}: {refused}");
         for part in parts {
             assert!(refused.to_string().contains(part), "{part}: {refused}");
         }
@@ -110,7 +110,8 @@ fn a_program_that_runs_is_not_replaced_nor_one_that_it_may_call() {
     cell.ok(&["switchMold", "remote"]);
     load(&mut cell, "part", "[[step]]\ndo=\"call\"\nprogram=\"whole\"").unwrap();
     load(&mut cell, "own", "[[step]]\ndo=\"call\"\nprogram=\"own\"").unwrap();
-    assert_eq!(load(&mut cell, "remote", COUNT).unwrap_err().code(), "program_running");
+    let refused = load(&mut cell, "remote", COUNT).unwrap_err();
+    assert!(matches!(refused, Refused::ProgramRuns { .. }), "{refused}");
 }
 
 #[test]
@@ -132,7 +133,10 @@ fn there_is_room_for_so_much() {
         load(&mut cell, &format!("p{n}"), COUNT).unwrap();
     }
     let refused = load(&mut cell, "one-more", COUNT).unwrap_err();
-    assert!(refused.code() == "no_room" && refused.to_string().contains("200 programs"), "{refused}");
+    assert!(
+        matches!(refused, Refused::NoRoom { .. }) && refused.to_string().contains("200 programs"),
+        "{refused}"
+    );
     load(&mut cell, "p100", COUNT_TENS).unwrap();
 
     let mut cell = Cell::new();
@@ -142,7 +146,7 @@ fn there_is_room_for_so_much() {
         load(&mut cell, &format!("long{n}"), &long).unwrap();
     }
     let refused = load(&mut cell, "one-more", COUNT).unwrap_err();
-    assert!(refused.code() == "no_room" && refused.to_string().contains("bytes"), "{refused}");
+    assert!(matches!(refused, Refused::NoRoom { .. }) && refused.to_string().contains("bytes"), "{refused}");
     load(&mut cell, "long0", COUNT).unwrap();
     load(&mut cell, "one-more", COUNT).unwrap();
     // All that can be loaded can be read again.

@@ -12,8 +12,9 @@ use axum::http::{HeaderName, HeaderValue, Method, Request, StatusCode, Uri};
 use http_body_util::BodyExt;
 use hyper::service::Service;
 use hyper_util::service::TowerToHyperService;
+use r6_api::{Code, Problem};
 use r6_controller::ControllerSnapshot;
-use r6_sim::panel::{ProblemDto, router};
+use r6_sim::panel::router;
 use r6_sim::{SimSettings, Simulation};
 use serde_json::Value;
 use tokio::runtime::{Builder, Runtime};
@@ -85,10 +86,9 @@ fn check_body(status: StatusCode, body: &[u8], told: &str) {
     if status.is_success() {
         assert!(json.is_object());
     } else {
-        let problem: ProblemDto =
-            serde_json::from_value(json).unwrap_or_else(|error| panic!("{error}: {text}"));
+        let problem: Problem = serde_json::from_value(json).unwrap_or_else(|error| panic!("{error}: {text}"));
         assert!(!problem.message.is_empty());
-        assert!(problem.code.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'_'), "{text}");
+        assert!(problem.code != Code::Unknown, "{text}");
         assert!(problem.message.len() < 4096, "the problem is longer than the request may be: {text}");
     }
 }

@@ -79,8 +79,10 @@ pub fn query_result<'py>(
     query_result_class(py)?.call1((values, missing, result.took().as_secs_f64()))
 }
 
-/// A status, with its unmet conditions.
-pub fn status<'py>(py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyAny>> {
+/// A status of the robot with this address, with its unmet conditions.
+pub fn status<'py>(py: Python<'py>, robot: &str, status: &Status) -> PyResult<Bound<'py, PyAny>> {
+    let told = r6_api::Status::read(robot, None, |address| status.reading(address));
+    let told = serde_json::to_string(&told).map_err(|error| PyValueError::new_err(error.to_string()))?;
     Record::new(py, "Status")?
         .with("firmware", status.firmware.as_deref())?
         .with("machine_name", status.machine_name.as_deref())?
@@ -97,6 +99,7 @@ pub fn status<'py>(py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyAn
         .with("last_cycle", status.last_cycle)?
         .with("unmet", unmet(py, &status.unmet())?)?
         .with("unproved", unproved(py, status)?)?
+        .with("_told", told)?
         .build()
 }
 

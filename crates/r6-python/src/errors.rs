@@ -396,6 +396,6 @@ impl Raise for SimError {
 
 impl Raise for r6_controller::Refused {
     fn exception(&self, py: Python<'_>) -> PyErr {
-        Exception::new(py, "PanelRefused", self).with("code", self.code()).build()
+        Exception::new(py, "PanelRefused", self).with("code", r6_sim::panel::code(self).word()).build()
     }
 }

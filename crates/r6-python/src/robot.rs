@@ -134,8 +134,9 @@ impl RobotCore {
 
     fn status(&self, py: Python<'_>) -> PyResult<Operation> {
         let robot = self.robot(py)?;
+        let address = robot.address().to_owned();
         let reading = async move { robot.status().await };
-        self.here(reading, |py, status| convert::status(py, &raise(py, status)?))
+        self.here(reading, move |py, status| convert::status(py, &address, &raise(py, status)?))
     }
 
     fn firmware(&self, py: Python<'_>) -> PyResult<Operation> {

@@ -1,5 +1,6 @@
 """What is read and written besides motions."""
 
+import json
 import threading
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 import r6
+from hostile import WORKSPACE
 
 
 def test_a_query_gives_each_value_its_type(virtual_robot: r6.Robot) -> None:
@@ -54,6 +56,15 @@ def test_a_status_has_positions_as_arrays(virtual_robot: r6.Robot) -> None:
     virtual_robot.accept_identity(identity)
     with pytest.raises(TypeError):
         virtual_robot.accept_identity("this one")  # type: ignore[arg-type]
+
+
+def test_a_status_is_the_json_that_the_command_line_prints(
+    virtual_controller: r6.Simulator, virtual_robot: r6.Robot
+) -> None:
+    told = virtual_robot.status().to_dict()
+    assert told.pop("robot") == virtual_controller.address
+    # The tests of the command line and of the panel compare theirs with the same file.
+    assert told == json.loads((WORKSPACE / "crates/r6-api/tests/status.json").read_text())
 
 
 @pytest.mark.virtual_controller(model="GENERIC-SCARA")

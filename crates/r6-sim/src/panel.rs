@@ -4,25 +4,19 @@
 //! |---|---|
 //! | `GET /v1/controllers` | the controllers of this process, numbered from 1 |
 //! | `GET /v1/controllers/{n}` | what a person would see at the machine |
-//! | `POST /v1/controllers/{n}/actions` | does what an [`ActionDto`] says |
+//! | `GET /v1/controllers/{n}/status` | the state as the controller tells it over its port, as `r6 status --json` prints it |
+//! | `POST /v1/controllers/{n}/actions` | does what an [`r6_api::panel::Action`] says |
 //! | `PUT /v1/controllers/{n}/programs/{name}` | loads a program, whose text is the body |
 //! | `GET /v1/openapi.json` | all this for programs; committed as `openapi/panel.json` |
 //!
 //! There is no login, so it listens on this machine alone unless told otherwise, and pages of a browser cannot use it.
 
 mod convert;
-mod dto;
-mod guard;
-mod in_json;
-mod problem;
 mod routes;
-mod server;
 
 use std::net::SocketAddr;
 
-pub use dto::{ActionDto, AxisDto, ButtonDto, ControllerDto, ControllersDto, KeyDto, PoseDto, SnapshotDto};
-pub use problem::ProblemDto;
-pub(crate) use server::serve;
+pub use convert::code;
 
 /// Where `r6 up` offers the panel and `r6 panel` looks for it, unless told otherwise.
 pub const DEFAULT_PORT: u16 = 9770;

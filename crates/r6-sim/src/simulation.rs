@@ -60,7 +60,7 @@ impl Simulation {
         }
         if let Some((address, listener)) = panel {
             simulation.panel = Some(address);
-            simulation.tasks.spawn(panel::serve(listener, simulation.controllers.clone()));
+            simulation.tasks.spawn(r6_http::serve(listener, panel::router(&simulation.controllers, address)));
         }
         Ok(simulation)
     }

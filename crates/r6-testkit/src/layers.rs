@@ -40,13 +40,15 @@ pub const RULES: &[Rule] = &[
     Rule { package: "r6-controller", layer: Layer::Pure, may_use: &["r6-motion", "r6-proto", "r6-traffic"] },
     // The contract: whoever reads a robot hands over its values by address.
     Rule { package: "r6-api", layer: Layer::Pure, may_use: &["r6-proto"] },
+    // HTTP servers: whatever is served comes as a router.
+    Rule { package: "r6-http", layer: Layer::Shell, may_use: &["r6-api", "r6-proto"] },
     // A robot is only ever reached over the wire: the client cannot know that one is simulated.
     Rule { package: "r6-client", layer: Layer::Shell, may_use: &["r6-proto"] },
     // The simulator is the other end of the wire and shares nothing with the client but the protocol.
     Rule {
         package: "r6-sim",
         layer: Layer::Shell,
-        may_use: &["r6-api", "r6-controller", "r6-proto", "r6-traffic"],
+        may_use: &["r6-api", "r6-controller", "r6-http", "r6-proto", "r6-traffic"],
     },
     Rule {
         package: "r6",
@@ -57,7 +59,7 @@ pub const RULES: &[Rule] = &[
     Rule {
         package: "r6-python",
         layer: Layer::Shell,
-        may_use: &["r6-client", "r6-controller", "r6-proto", "r6-sim"],
+        may_use: &["r6-api", "r6-client", "r6-controller", "r6-proto", "r6-sim"],
     },
     // Nothing depends on it and nobody is given it; it looks at everything, and counts allocations as tests do.
     Rule {
@@ -69,7 +71,7 @@ pub const RULES: &[Rule] = &[
     Rule {
         package: "r6-fuzz",
         layer: Layer::Shell,
-        may_use: &["r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim", "r6-traffic"],
+        may_use: &["r6-api", "r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim", "r6-traffic"],
     },
     // The same: it has both ends in one process, and breaks what is between them.
     Rule {

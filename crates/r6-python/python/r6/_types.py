@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Literal, TypeAlias, Union
 
@@ -179,6 +180,12 @@ class Status:
     unproved: tuple[Literal["remote_step", "list_length"], ...]
     """What has to hold, and no value tells: whether the program sits in its step that waits for remote commands, which no firmware tells;
     how many instructions are left in the list, which older firmware does not tell."""
+    _told: str = field(default="{}", repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as ``r6 status --json`` prints and the panel gives, for ``json.dumps``; the keys are in docs/COMMAND_LINE.md."""
+        told: dict[str, Any] = json.loads(self._told)
+        return told
 
     @property
     def is_ready(self) -> bool:

@@ -1,34 +1,45 @@
 //! Between what goes over HTTP and what the controller knows: the one place where the two meet.
 
+use std::cell::RefCell;
+
+use axum::http::StatusCode;
+use r6_api::panel::{self, Action, Axis, Snapshot};
+use r6_api::{Code, Pose, Status, Unit};
 use r6_controller::io::Io;
-use r6_controller::{AxisMotion, Button, ControllerSnapshot, Key, PanelAction};
+use r6_controller::{AxisMotion, Button, ControllerSnapshot, Key, PanelAction, Refused};
+use r6_http::Refusal;
 use r6_proto::AxisIndex;
 use r6_proto::alarm::AlarmCode;
 use r6_proto::io_point::{IoPoint, PointKind};
 
-use super::dto::{ActionDto, AxisDto, ButtonDto, ControllerDto, KeyDto, PoseDto, SnapshotDto};
 use crate::handle::ControllerHandle;
 
-impl TryFrom<ActionDto> for PanelAction {
-    /// What is wrong with a name, in words.
-    type Error = String;
-
-    fn try_from(action: ActionDto) -> Result<Self, String> {
-        Ok(match action {
-            ActionDto::SetInput { point, on } => input(&point, on)?,
-            ActionDto::Press { button } => Self::Press(button.into()),
-            ActionDto::TurnKey { key } => Self::TurnKey(key.into()),
-            ActionDto::EmergencyStop {} => Self::EmergencyStop,
-            ActionDto::ReleaseEmergencyStop {} => Self::ReleaseEmergencyStop,
-            ActionDto::ClearAlarm {} => Self::ClearAlarm,
-            ActionDto::RaiseAlarm { alarm } => Self::RaiseAlarm(alarm),
-            ActionDto::Home {} => Self::Home,
-            ActionDto::Jog { axis, by, speed_percent } => {
-                Self::Jog { axis: axis_named(&axis)?, by, percent: speed_percent }
-            }
-            ActionDto::SwitchProgram { program } => Self::SwitchProgram(program),
-        })
-    }
+/// What a person wants to do; the error says in words which name is wrong.
+pub(super) fn action(action: Action) -> Result<PanelAction, String> {
+    Ok(match action {
+        Action::SetInput { point, on } => input(&point, on)?,
+        Action::Press { button } => PanelAction::Press(match button {
+            panel::Button::Start => Button::Start,
+            panel::Button::Stop => Button::Stop,
+            panel::Button::Pause => Button::Pause,
+            panel::Button::SingleCycle => Button::SingleCycle,
+            panel::Button::SingleStep => Button::SingleStep,
+        }),
+        Action::TurnKey { key } => PanelAction::TurnKey(match key {
+            panel::Key::Manual => Key::Manual,
+            panel::Key::Auto => Key::Auto,
+            panel::Key::Stop => Key::Stop,
+        }),
+        Action::EmergencyStop {} => PanelAction::EmergencyStop,
+        Action::ReleaseEmergencyStop {} => PanelAction::ReleaseEmergencyStop,
+        Action::ClearAlarm {} => PanelAction::ClearAlarm,
+        Action::RaiseAlarm { alarm } => PanelAction::RaiseAlarm(alarm),
+        Action::Home {} => PanelAction::Home,
+        Action::Jog { axis, by, speed_percent } => {
+            PanelAction::Jog { axis: axis_named(&axis)?, by, percent: speed_percent }
+        }
+        Action::SwitchProgram { program } => PanelAction::SwitchProgram(program),
+    })
 }
 
 fn input(name: &str, on: bool) -> Result<PanelAction, String> {
@@ -49,79 +60,99 @@ fn axis_named(name: &str) -> Result<AxisIndex, String> {
         .ok_or_else(|| format!("`{name}` is no axis: there are J1 to J8"))
 }
 
-impl From<ButtonDto> for Button {
-    fn from(button: ButtonDto) -> Self {
-        match button {
-            ButtonDto::Start => Self::Start,
-            ButtonDto::Stop => Self::Stop,
-            ButtonDto::Pause => Self::Pause,
-            ButtonDto::SingleCycle => Self::SingleCycle,
-            ButtonDto::SingleStep => Self::SingleStep,
-        }
+/// What is told of something that the machine refuses.
+pub(super) fn refused(refused: Refused) -> Refusal {
+    let (status, code) = status_and_code(&refused);
+    Refusal::new(status, code, refused.to_string())
+}
+
+/// The word for programs for what a machine refuses.
+#[must_use]
+pub fn code(refused: &Refused) -> Code {
+    status_and_code(refused).1
+}
+
+/// 409 where the machine could do it, but not now; 422 where it never could.
+fn status_and_code(refused: &Refused) -> (StatusCode, Code) {
+    match refused {
+        Refused::PowerOff => (StatusCode::CONFLICT, Code::PowerOff),
+        Refused::EmergencyStop => (StatusCode::CONFLICT, Code::EmergencyStop),
+        Refused::Alarm { .. } => (StatusCode::CONFLICT, Code::Alarm),
+        Refused::NotHomed => (StatusCode::CONFLICT, Code::NotHomed),
+        Refused::NotAuto { .. } => (StatusCode::CONFLICT, Code::NotAuto),
+        Refused::NotManual { .. } => (StatusCode::CONFLICT, Code::NotManual),
+        Refused::Moving => (StatusCode::CONFLICT, Code::Moving),
+        Refused::NoGlobalSpeed => (StatusCode::CONFLICT, Code::NoGlobalSpeed),
+        Refused::Program { .. } => (StatusCode::CONFLICT, Code::Program),
+        Refused::ProgramRuns { .. } => (StatusCode::CONFLICT, Code::ProgramRunning),
+        Refused::NoRoom { .. } => (StatusCode::CONFLICT, Code::NoRoom),
+        Refused::NoPath { .. } => (StatusCode::CONFLICT, Code::NoPath),
+        Refused::BadProgram { .. } => (StatusCode::UNPROCESSABLE_ENTITY, Code::BadProgram),
+        Refused::NoSuchInput { .. } => (StatusCode::UNPROCESSABLE_ENTITY, Code::NoSuchInput),
+        Refused::NoSuchAxis { .. } => (StatusCode::UNPROCESSABLE_ENTITY, Code::NoSuchAxis),
+        Refused::NoDistance => (StatusCode::UNPROCESSABLE_ENTITY, Code::NoDistance),
+        Refused::BadSpeed => (StatusCode::UNPROCESSABLE_ENTITY, Code::BadSpeed),
+        Refused::NoSuchAlarm { .. } => (StatusCode::UNPROCESSABLE_ENTITY, Code::NoSuchAlarm),
     }
 }
 
-impl From<KeyDto> for Key {
-    fn from(key: KeyDto) -> Self {
-        match key {
-            KeyDto::Manual => Self::Manual,
-            KeyDto::Auto => Self::Auto,
-            KeyDto::Stop => Self::Stop,
-        }
+/// A controller in the list of all.
+pub(super) fn controller(number: usize, controller: &ControllerHandle) -> panel::Controller {
+    let machine_name = controller.snapshot().machine_name;
+    panel::Controller { number, address: controller.address().to_string(), machine_name }
+}
+
+/// The state as the controller tells it over its port.
+pub(super) fn status(controller: &ControllerHandle) -> Status {
+    let robot = controller.address().to_string();
+    controller.look(|controller, now| {
+        let controller = RefCell::new(controller);
+        Status::read(&robot, None, |address| controller.borrow_mut().reading(now, address))
+    })
+}
+
+/// What a person would see at the machine.
+pub(super) fn snapshot(number: usize, controller: &ControllerHandle) -> Snapshot {
+    let state = controller.snapshot();
+    Snapshot {
+        number,
+        address: controller.address().to_string(),
+        r#virtual: true,
+        axes: axes(&state),
+        pose: Pose::of(&state.world.map(Some)),
+        mode: state.mode.number(),
+        mode_name: state.mode.to_string(),
+        alarm: state.alarm,
+        alarm_text: (state.alarm != 0).then(|| AlarmCode(state.alarm).decode().text),
+        inputs_on: inputs_on(&state.io),
+        outputs_on: outputs_on(&state.io),
+        m_on: names(PointKind::M, &state.io.m),
+        machine_name: state.machine_name,
+        firmware: state.version,
+        profile: state.profile,
+        model: state.model,
+        emergency_stop: state.emergency_stop,
+        homed: state.homed,
+        moving: state.moving,
+        program: state.program,
+        programs: state.programs,
+        list_length: state.list_length,
+        global_speed_percent: state.global_speed_percent,
+        cycle_seconds: state.cycle_seconds,
+        last_cycle_seconds: state.last_cycle_seconds,
+        connections: state.connections,
     }
 }
 
-impl ControllerDto {
-    pub(super) fn of(number: usize, controller: &ControllerHandle) -> Self {
-        let machine_name = controller.snapshot().machine_name;
-        Self { number, address: controller.address().to_string(), machine_name }
-    }
-}
-
-impl SnapshotDto {
-    pub(super) fn of(number: usize, controller: &ControllerHandle) -> Self {
-        let state = controller.snapshot();
-        let [x_mm, y_mm, z_mm, u_deg, v_deg, w_deg] = state.world;
-        Self {
-            number,
-            address: controller.address().to_string(),
-            r#virtual: true,
-            axes: axes(&state),
-            pose: PoseDto { x_mm, y_mm, z_mm, u_deg, v_deg, w_deg },
-            mode: state.mode.number(),
-            mode_name: state.mode.to_string(),
-            alarm: state.alarm,
-            alarm_text: (state.alarm != 0).then(|| AlarmCode(state.alarm).decode().text),
-            inputs_on: inputs_on(&state.io),
-            outputs_on: outputs_on(&state.io),
-            m_on: names(PointKind::M, &state.io.m),
-            machine_name: state.machine_name,
-            firmware: state.version,
-            profile: state.profile,
-            model: state.model,
-            emergency_stop: state.emergency_stop,
-            homed: state.homed,
-            moving: state.moving,
-            program: state.program,
-            programs: state.programs,
-            list_length: state.list_length,
-            global_speed_percent: state.global_speed_percent,
-            cycle_seconds: state.cycle_seconds,
-            last_cycle_seconds: state.last_cycle_seconds,
-            connections: state.connections,
-        }
-    }
-}
-
-fn axes(state: &ControllerSnapshot) -> Vec<AxisDto> {
+fn axes(state: &ControllerSnapshot) -> Vec<Axis> {
     let figures = state.axis_limits.iter().zip(&state.axis_motions);
     let axes = AxisIndex::ALL.into_iter().zip(state.axes).zip(figures);
-    axes.map(|((axis, position), ((lowest, highest), motion))| AxisDto {
+    axes.map(|((axis, position), ((lowest, highest), motion))| Axis {
         name: axis.to_string(),
         position,
         unit: match motion {
-            AxisMotion::Turns => "deg".to_owned(),
-            AxisMotion::Slides => "mm".to_owned(),
+            AxisMotion::Turns => Unit::Degrees,
+            AxisMotion::Slides => Unit::Millimetres,
         },
         lowest: *lowest,
         highest: *highest,

@@ -2,35 +2,34 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::body::Bytes;
 use axum::extract::rejection::{BytesRejection, PathRejection};
-use axum::extract::{DefaultBodyLimit, Path, Request, State};
+use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderMap, StatusCode, Uri};
-use axum::middleware::{self, Next};
-use axum::response::{IntoResponse, Response};
+use axum::middleware;
+use axum::response::IntoResponse;
 use axum::{Json, Router};
+use r6_api::panel::{Action, Controllers, Snapshot};
+use r6_api::{Code, Problem, Status};
 use r6_controller::program::MAX_TEXT_BYTES;
 use r6_controller::{PanelAction, Refused};
+use r6_http::Refusal;
+use r6_http::body::{in_time, is_json, whole};
+use r6_http::guard::guard;
 use utoipa::OpenApi;
 use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouterExt};
 use utoipa_axum::routes;
 
-use super::dto::{ActionDto, ControllerDto, ControllersDto, SnapshotDto};
-use super::guard::guard;
-use super::problem::{Problem, ProblemDto};
+use super::convert;
 use crate::handle::ControllerHandle;
 
 /// The longest body: the longest action has about a hundred bytes, and a program's name.
 const MAX_BODY_BYTES: usize = 4096;
 
-/// How long a request may take, its body included: the controller itself takes microseconds.
-const REQUEST_TIME: Duration = Duration::from_secs(10);
-
 /// The controllers of this process, in the order of their numbers.
-pub(super) type Controllers = Arc<[ControllerHandle]>;
+pub(super) type Handles = Arc<[ControllerHandle]>;
 
 #[derive(OpenApi)]
 #[openapi(info(
@@ -43,17 +42,18 @@ pub(super) type Controllers = Arc<[ControllerHandle]>;
 struct Api;
 
 /// The paths with their description.
-pub(super) fn routes() -> OpenApiRouter<Controllers> {
+pub(super) fn routes() -> OpenApiRouter<Handles> {
     OpenApiRouter::with_openapi(Api::openapi())
         .routes(routes!(list))
         .routes(routes!(show))
+        .routes(routes!(status))
         .routes(routes!(act))
         .routes(routes!(load).layer(DefaultBodyLimit::max(MAX_TEXT_BYTES)))
         .routes(routes!(describe))
 }
 
 /// The panel of these controllers, which listens at this address.
-pub(super) fn router(controllers: Controllers, address: SocketAddr) -> Router {
+pub(super) fn router(controllers: Handles, address: SocketAddr) -> Router {
     let (router, _) = routes().split_for_parts();
     router
         .fallback(no_such_path)
@@ -64,19 +64,12 @@ pub(super) fn router(controllers: Controllers, address: SocketAddr) -> Router {
         .with_state(controllers)
 }
 
-async fn in_time(request: Request, next: Next) -> Response {
-    tokio::time::timeout(REQUEST_TIME, next.run(request)).await.unwrap_or_else(|_| {
-        Problem::new(StatusCode::REQUEST_TIMEOUT, "too_slow", "the request did not come to its end in time")
-            .into_response()
-    })
-}
-
 /// The controllers of this process.
-#[utoipa::path(get, path = "/v1/controllers", responses((status = 200, description = "All of them", body = ControllersDto)))]
-async fn list(State(controllers): State<Controllers>) -> Json<ControllersDto> {
+#[utoipa::path(get, path = "/v1/controllers", responses((status = 200, description = "All of them", body = Controllers)))]
+async fn list(State(controllers): State<Handles>) -> Json<Controllers> {
     let numbered = (1..).zip(controllers.iter());
-    let controllers = numbered.map(|(number, controller)| ControllerDto::of(number, controller)).collect();
-    Json(ControllersDto { controllers })
+    let controllers = numbered.map(|(number, controller)| convert::controller(number, controller)).collect();
+    Json(Controllers { controllers })
 }
 
 /// What a person would see at the machine.
@@ -85,16 +78,34 @@ async fn list(State(controllers): State<Controllers>) -> Json<ControllersDto> {
     path = "/v1/controllers/{n}",
     params(("n" = usize, Path, description = "The number of the controller, from 1")),
     responses(
-        (status = 200, description = "Now", body = SnapshotDto),
-        (status = 404, description = "`no_such_controller`, `no_such_path`", body = ProblemDto),
+        (status = 200, description = "Now", body = Snapshot),
+        (status = 404, description = "`no_such_controller`, `no_such_path`", body = Problem),
     )
 )]
 async fn show(
-    State(controllers): State<Controllers>,
+    State(controllers): State<Handles>,
     number: Result<Path<String>, PathRejection>,
-) -> Result<Json<SnapshotDto>, Problem> {
+) -> Result<Json<Snapshot>, Refusal> {
     let (number, controller) = find(&controllers, &named(number)?)?;
-    Ok(Json(SnapshotDto::of(number, controller)))
+    Ok(Json(convert::snapshot(number, controller)))
+}
+
+/// The state as the controller tells it over its port: the same JSON as `r6 status --json` prints.
+#[utoipa::path(
+    get,
+    path = "/v1/controllers/{n}/status",
+    params(("n" = usize, Path, description = "The number of the controller, from 1")),
+    responses(
+        (status = 200, description = "Now", body = Status),
+        (status = 404, description = "`no_such_controller`, `no_such_path`", body = Problem),
+    )
+)]
+async fn status(
+    State(controllers): State<Handles>,
+    number: Result<Path<String>, PathRejection>,
+) -> Result<Json<Status>, Refusal> {
+    let (_, controller) = find(&controllers, &named(number)?)?;
+    Ok(Json(convert::status(controller)))
 }
 
 /// Does what a person does at the machine; the answer is what he would then see.
@@ -102,48 +113,44 @@ async fn show(
     post,
     path = "/v1/controllers/{n}/actions",
     params(("n" = usize, Path, description = "The number of the controller, from 1")),
-    request_body = ActionDto,
+    request_body = Action,
     responses(
-        (status = 200, description = "Done; a move has begun", body = SnapshotDto),
-        (status = 400, description = "`bad_json`", body = ProblemDto),
-        (status = 403, description = "`foreign_host`, `foreign_origin`", body = ProblemDto),
-        (status = 404, description = "`no_such_controller`, `no_such_path`", body = ProblemDto),
-        (status = 408, description = "`too_slow`", body = ProblemDto),
+        (status = 200, description = "Done; a move has begun", body = Snapshot),
+        (status = 400, description = "`bad_json`", body = Problem),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_controller`, `no_such_path`", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
         (
             status = 409,
             description = "The machine refuses it now: `power_off`, `emergency_stop`, `alarm`, `not_homed`, `not_auto`, \
                            `not_manual`, `moving`, `no_global_speed`, `program`, `no_path`",
-            body = ProblemDto
+            body = Problem
         ),
-        (status = 413, description = "`too_long`", body = ProblemDto),
-        (status = 415, description = "`not_json`", body = ProblemDto),
+        (status = 413, description = "`too_long`", body = Problem),
+        (status = 415, description = "`not_json`", body = Problem),
         (
             status = 422,
             description = "No such action, or one that is never possible: `bad_action`, `no_such_input`, \
                            `no_such_axis`, `no_distance`, `bad_speed`, `no_such_alarm`",
-            body = ProblemDto
+            body = Problem
         ),
     )
 )]
 async fn act(
-    State(controllers): State<Controllers>,
+    State(controllers): State<Handles>,
     number: Result<Path<String>, PathRejection>,
     headers: HeaderMap,
     body: Result<Bytes, BytesRejection>,
-) -> Result<Json<SnapshotDto>, Problem> {
+) -> Result<Json<Snapshot>, Refusal> {
     let (number, controller) = find(&controllers, &named(number)?)?;
-    if !is_json(&headers) {
-        return Err(Problem::new(
-            StatusCode::UNSUPPORTED_MEDIA_TYPE,
-            "not_json",
-            "send JSON, with `Content-Type: application/json`",
-        ));
-    }
+    is_json(&headers)?;
     let body = whole(body, MAX_BODY_BYTES)?;
-    let action: ActionDto = serde_json::from_slice(&body).map_err(|error| Problem::of_json(&error))?;
-    let action = PanelAction::try_from(action).map_err(Problem::bad_action)?;
-    controller.operate(&action)?;
-    Ok(Json(SnapshotDto::of(number, controller)))
+    let action: Action =
+        serde_json::from_slice(&body).map_err(|error| Refusal::of_json(&error, Code::BadAction))?;
+    let action = convert::action(action)
+        .map_err(|wrong| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadAction, wrong))?;
+    controller.operate(&action).map_err(convert::refused)?;
+    Ok(Json(convert::snapshot(number, controller)))
 }
 
 /// Loads a program, in place of one with the same name; `switch_program` chooses it. The answer is what a person would then see; the program
@@ -157,52 +164,41 @@ async fn act(
     ),
     request_body(content = String, content_type = "application/toml", description = "Its text, TOML or JSON"),
     responses(
-        (status = 200, description = "Loaded", body = SnapshotDto),
-        (status = 400, description = "`bad_body`", body = ProblemDto),
-        (status = 403, description = "`foreign_host`, `foreign_origin`", body = ProblemDto),
-        (status = 404, description = "`no_such_controller`, `no_such_path`", body = ProblemDto),
-        (status = 408, description = "`too_slow`: the body, or the disk that keeps it", body = ProblemDto),
-        (status = 409, description = "`power_off`, `program_running`, `moving`, `no_room`", body = ProblemDto),
-        (status = 413, description = "`too_long`", body = ProblemDto),
-        (status = 422, description = "`bad_program`, with the step that is wrong", body = ProblemDto),
+        (status = 200, description = "Loaded", body = Snapshot),
+        (status = 400, description = "`bad_body`", body = Problem),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_controller`, `no_such_path`", body = Problem),
+        (status = 408, description = "`too_slow`: the body, or the disk that keeps it", body = Problem),
+        (status = 409, description = "`power_off`, `program_running`, `moving`, `no_room`", body = Problem),
+        (status = 413, description = "`too_long`", body = Problem),
+        (status = 422, description = "`bad_program`, with the step that is wrong", body = Problem),
     )
 )]
 async fn load(
-    State(controllers): State<Controllers>,
+    State(controllers): State<Handles>,
     names: Result<Path<(String, String)>, PathRejection>,
     body: Result<Bytes, BytesRejection>,
-) -> Result<Json<SnapshotDto>, Problem> {
+) -> Result<Json<Snapshot>, Refusal> {
     let (number, name) = named(names)?;
     let (number, controller) = find(&controllers, &number)?;
     let body = whole(body, MAX_TEXT_BYTES)?;
     let text = String::from_utf8(body.into()).map_err(|error| {
         let reason = format!("program `{name}`: the text is no UTF-8: {}", error.utf8_error());
-        Problem::from(Refused::BadProgram { reason })
+        convert::refused(Refused::BadProgram { reason })
     })?;
-    controller.operate_and_keep(&PanelAction::LoadProgram { name, text }).await?;
-    Ok(Json(SnapshotDto::of(number, controller)))
+    controller.operate_and_keep(&PanelAction::LoadProgram { name, text }).await.map_err(convert::refused)?;
+    Ok(Json(convert::snapshot(number, controller)))
 }
 
 /// What a path names, where it is text.
-fn named<T>(path: Result<Path<T>, PathRejection>) -> Result<T, Problem> {
+fn named<T>(path: Result<Path<T>, PathRejection>) -> Result<T, Refusal> {
     let Path(names) = path.map_err(|_| {
-        Problem::not_found(
-            "no_such_path",
+        Refusal::not_found(
+            Code::NoSuchPath,
             "the path is no text: behind each `%` stand two digits of a byte of UTF-8",
         )
     })?;
     Ok(names)
-}
-
-/// A body that was read to its end.
-fn whole(body: Result<Bytes, BytesRejection>, most: usize) -> Result<Bytes, Problem> {
-    body.map_err(|rejection| match rejection.status() {
-        StatusCode::PAYLOAD_TOO_LARGE => {
-            let most = format!("the body is longer than {most} bytes");
-            Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "too_long", most)
-        }
-        _ => Problem::new(StatusCode::BAD_REQUEST, "bad_body", rejection.body_text()),
-    })
 }
 
 /// This description.
@@ -211,11 +207,12 @@ async fn describe() -> impl IntoResponse {
     ([(CONTENT_TYPE, "application/json")], super::openapi())
 }
 
-async fn no_such_path(uri: Uri) -> Problem {
+async fn no_such_path(uri: Uri) -> Refusal {
     let path = uri.path();
     let known = [
         "/v1/controllers",
         "/v1/controllers/1",
+        "/v1/controllers/1/status",
         "/v1/controllers/1/actions",
         "/v1/controllers/1/programs/cell",
         "/v1/openapi.json",
@@ -224,26 +221,20 @@ async fn no_such_path(uri: Uri) -> Problem {
         Some(near) => format!("there is no `{path}`; nearest: `{near}`"),
         None => format!("there is no such path; there are: {}", known.join(", ")),
     };
-    Problem::not_found("no_such_path", message)
+    Refusal::not_found(Code::NoSuchPath, message)
 }
 
-async fn no_such_method() -> Problem {
+async fn no_such_method() -> Refusal {
     let message = "an action is a POST, a program is loaded with PUT, everything else is a GET";
-    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "no_such_method", message)
+    Refusal::new(StatusCode::METHOD_NOT_ALLOWED, Code::NoSuchMethod, message)
 }
 
-fn find<'c>(controllers: &'c Controllers, number: &str) -> Result<(usize, &'c ControllerHandle), Problem> {
+fn find<'c>(controllers: &'c Handles, number: &str) -> Result<(usize, &'c ControllerHandle), Refusal> {
     let told = number.parse::<usize>().ok();
     told.and_then(|told| Some((told, controllers.get(told.checked_sub(1)?)?))).ok_or_else(|| {
         let last = controllers.len();
         let there_are = if last == 1 { "there is 1".to_owned() } else { format!("there are 1 to {last}") };
         let number: String = number.chars().take(20).collect();
-        Problem::not_found("no_such_controller", format!("there is no controller `{number}`: {there_are}"))
+        Refusal::not_found(Code::NoSuchController, format!("there is no controller `{number}`: {there_are}"))
     })
-}
-
-/// A page of a browser can send forms and plain text without asking, but no JSON.
-fn is_json(headers: &HeaderMap) -> bool {
-    let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
-    kind.split(';').next().is_some_and(|kind| kind.trim().eq_ignore_ascii_case("application/json"))
 }

@@ -6,9 +6,9 @@ mod http;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
+use r6_api::panel::{Action, Button, Key, Snapshot};
 use r6_proto::AxisIndex;
 use r6_proto::io_point::{IoPoint, PointKind};
-use r6_sim::panel::{ActionDto, ButtonDto, KeyDto, SnapshotDto};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -213,7 +213,7 @@ pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
 #[derive(Serialize)]
 struct Seen<'s> {
     #[serde(flatten)]
-    state: &'s SnapshotDto,
+    state: &'s Snapshot,
     #[serde(skip_serializing_if = "Option::is_none")]
     problem: Option<Value>,
 }
@@ -228,7 +228,7 @@ pub fn no_robot(robot: &str) -> Failure {
 /// What is asked of the panel.
 enum Wish {
     Look,
-    Act(ActionDto),
+    Act(Action),
     Load { file: PathBuf, name: String, text: String },
 }
 
@@ -248,30 +248,30 @@ impl What {
         Ok(Wish::Act(match self {
             Self::Status => return Ok(Wish::Look),
             Self::Load { file, name } => return file::load(file, name),
-            Self::Input { point, level } => ActionDto::SetInput { point, on: level == Level::On },
-            Self::Button { button } => ActionDto::Press {
+            Self::Input { point, level } => Action::SetInput { point, on: level == Level::On },
+            Self::Button { button } => Action::Press {
                 button: match button {
-                    ButtonWord::Start => ButtonDto::Start,
-                    ButtonWord::Stop => ButtonDto::Stop,
-                    ButtonWord::Pause => ButtonDto::Pause,
-                    ButtonWord::SingleCycle => ButtonDto::SingleCycle,
-                    ButtonWord::SingleStep => ButtonDto::SingleStep,
+                    ButtonWord::Start => Button::Start,
+                    ButtonWord::Stop => Button::Stop,
+                    ButtonWord::Pause => Button::Pause,
+                    ButtonWord::SingleCycle => Button::SingleCycle,
+                    ButtonWord::SingleStep => Button::SingleStep,
                 },
             },
-            Self::Key { position } => ActionDto::TurnKey {
+            Self::Key { position } => Action::TurnKey {
                 key: match position {
-                    KeyWord::Manual => KeyDto::Manual,
-                    KeyWord::Auto => KeyDto::Auto,
-                    KeyWord::Stop => KeyDto::Stop,
+                    KeyWord::Manual => Key::Manual,
+                    KeyWord::Auto => Key::Auto,
+                    KeyWord::Stop => Key::Stop,
                 },
             },
-            Self::Estop => ActionDto::EmergencyStop {},
-            Self::Release => ActionDto::ReleaseEmergencyStop {},
-            Self::Alarm { number } => ActionDto::RaiseAlarm { alarm: number },
-            Self::Clear => ActionDto::ClearAlarm {},
-            Self::Jog { axis, by, speed } => ActionDto::Jog { axis, by, speed_percent: speed },
-            Self::Home => ActionDto::Home {},
-            Self::Program { name } => ActionDto::SwitchProgram { program: name },
+            Self::Estop => Action::EmergencyStop {},
+            Self::Release => Action::ReleaseEmergencyStop {},
+            Self::Alarm { number } => Action::RaiseAlarm { alarm: number },
+            Self::Clear => Action::ClearAlarm {},
+            Self::Jog { axis, by, speed } => Action::Jog { axis, by, speed_percent: speed },
+            Self::Home => Action::Home {},
+            Self::Program { name } => Action::SwitchProgram { program: name },
         }))
     }
 }

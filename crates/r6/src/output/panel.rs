@@ -1,12 +1,12 @@
 //! What a person sees at a virtual machine, as text.
 
+use r6_api::panel::{Axis, Snapshot};
 use r6_proto::printable;
-use r6_sim::panel::{AxisDto, SnapshotDto};
 
 use crate::output::table::Table;
 
 /// Everything.
-pub fn text(state: &SnapshotDto) -> String {
+pub fn text(state: &Snapshot) -> String {
     let yes_no = |flag| if flag { "yes" } else { "no" };
     let mut table = Table::new();
     table.row([&"mode", &state.mode_name]);
@@ -33,14 +33,14 @@ pub fn text(state: &SnapshotDto) -> String {
 }
 
 /// What matters after something was done, in one line.
-pub fn summary(state: &SnapshotDto) -> String {
+pub fn summary(state: &Snapshot) -> String {
     let motion = if state.moving { "moving" } else { "at rest" };
     let pressed = if state.emergency_stop { ", EMERGENCY STOP pressed" } else { "" };
     let alarm = if state.alarm == 0 { "no alarm".to_owned() } else { format!("alarm {}", alarm(state)) };
     printable(&format!("mode {}, {alarm}, {motion}{pressed}", state.mode_name)).to_string()
 }
 
-fn alarm(state: &SnapshotDto) -> String {
+fn alarm(state: &Snapshot) -> String {
     match &state.alarm_text {
         Some(text) => format!("{} ({text})", state.alarm),
         None => "none".to_owned(),
@@ -51,7 +51,7 @@ fn points(names: &[String]) -> String {
     if names.is_empty() { "none".to_owned() } else { names.join(" ") }
 }
 
-fn axes(axes: &[AxisDto]) -> Table {
+fn axes(axes: &[Axis]) -> Table {
     let mut table = Table::with_right_columns(&[1, 3, 4]);
     table.row([&"axis", &"position", &"", &"lowest", &"highest"]);
     for axis in axes {
@@ -60,7 +60,7 @@ fn axes(axes: &[AxisDto]) -> Table {
         table.row([
             &axis.name,
             &format!("{position:.3}"),
-            &axis.unit,
+            &axis.unit.word(),
             &format!("{:.0}", axis.lowest),
             &format!("{:.0}", axis.highest),
         ]);

@@ -1,6 +1,9 @@
 //! `r6 panel` against the panel of `r6 sim` and `r6 up`.
 
-use std::net::TcpListener;
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+
+use serde_json::Value;
 
 use crate::support::{Outcome, Running, TempFile, r6};
 
@@ -85,6 +88,29 @@ fn inputs_alarms_and_programs_show_in_the_status() {
         assert!(text.contains(part), "{part} in\n{text}");
     }
     assert!(!text.contains("X1.011"), "{text}");
+}
+
+/// The Python tests compare `Status.to_dict` with the same file.
+#[test]
+fn a_status_is_the_same_json_on_the_command_line_and_from_the_panel() {
+    let cell = Cell::start(&[]);
+    let mut stream = TcpStream::connect(&cell.panel).unwrap();
+    let request =
+        format!("GET /v1/controllers/1/status HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", cell.panel);
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+    assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+    let of_the_panel: Value = serde_json::from_str(body).unwrap();
+    let mut told = r6(&["-r", &cell.robot, "status", "--json"]).json();
+    assert_eq!(told, of_the_panel);
+    let robot = told.as_object_mut().unwrap().remove("robot");
+    assert_eq!(robot, Some(cell.robot.clone().into()));
+    assert_eq!(
+        told,
+        serde_json::from_str::<Value>(include_str!("../../../r6-api/tests/status.json")).unwrap()
+    );
 }
 
 #[test]

@@ -9,7 +9,9 @@ use hyper::header::{CONTENT_TYPE, HOST};
 use hyper::http::uri::Authority;
 use hyper::{Method, Request, StatusCode};
 use hyper_util::rt::TokioIo;
-use r6_sim::panel::{ActionDto, DEFAULT_PORT, ProblemDto, SnapshotDto};
+use r6_api::Problem;
+use r6_api::panel::{Action, Snapshot};
+use r6_sim::panel::DEFAULT_PORT;
 use tokio::net::TcpStream;
 
 use crate::exit::{Exit, Failure};
@@ -46,12 +48,12 @@ impl Panel {
     }
 
     /// What a person would see at the machine.
-    pub async fn state(&self, controller: usize) -> Result<SnapshotDto, Failure> {
+    pub async fn state(&self, controller: usize) -> Result<Snapshot, Failure> {
         self.ask(Method::GET, &format!("/v1/controllers/{controller}"), Bytes::new(), Exit::NoReply).await
     }
 
     /// Does what a person does at the machine, and tells what he would then see.
-    pub async fn act(&self, controller: usize, action: &ActionDto) -> Result<SnapshotDto, Failure> {
+    pub async fn act(&self, controller: usize, action: &Action) -> Result<Snapshot, Failure> {
         let body = serde_json::to_vec(action)
             .map_err(|error| Failure::usage(format!("this cannot be written as JSON: {error}")))?;
         let path = format!("/v1/controllers/{controller}/actions");
@@ -59,13 +61,13 @@ impl Panel {
     }
 
     /// Loads a program, and tells what a person would then see.
-    pub async fn load(&self, controller: usize, name: &str, text: String) -> Result<SnapshotDto, Failure> {
+    pub async fn load(&self, controller: usize, name: &str, text: String) -> Result<Snapshot, Failure> {
         let path = format!("/v1/controllers/{controller}/programs/{}", in_path(name));
         self.ask(Method::PUT, &path, text.into(), Exit::Unknown).await
     }
 
     /// Sends a request; `lost` is how the run ends where no reply comes.
-    async fn ask(&self, method: Method, path: &str, body: Bytes, lost: Exit) -> Result<SnapshotDto, Failure> {
+    async fn ask(&self, method: Method, path: &str, body: Bytes, lost: Exit) -> Result<Snapshot, Failure> {
         let stream = self.connect().await?;
         let kind = if method == Method::PUT { "text/plain; charset=utf-8" } else { "application/json" };
         let request = Request::builder()
@@ -92,7 +94,7 @@ impl Panel {
             return serde_json::from_slice(&body)
                 .map_err(|error| no_reply(&format!("not a panel's: {error}")));
         }
-        match serde_json::from_slice::<ProblemDto>(&body) {
+        match serde_json::from_slice::<Problem>(&body) {
             // What only the machine could tell is a refusal; what was wrong from the start is ours.
             Ok(problem) if matches!(status, StatusCode::CONFLICT | StatusCode::FORBIDDEN) => {
                 Err(Failure::refused(problem.message))

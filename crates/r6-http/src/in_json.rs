@@ -1,7 +1,7 @@
 //! Answers of the HTTP library itself, in JSON.
 //!
 //! To bytes that are no HTTP request the library answers by itself, with a status and no body; no handler ever sees them. Whoever reads
-//! the panel's answers reads JSON, so such an answer gets a body on its way out.
+//! the other answers reads JSON, so such an answer gets a body on its way out.
 
 use std::io;
 use std::pin::Pin;
@@ -10,8 +10,9 @@ use std::task::{Context, Poll, ready};
 use axum::http::StatusCode;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
-use super::ProblemDto;
-use super::server::MAX_HEAD_BYTES;
+use r6_api::{Code, Problem};
+
+use crate::server::MAX_HEAD_BYTES;
 
 /// A stream whose bare refusals get a body.
 #[derive(Debug)]
@@ -91,11 +92,11 @@ fn with_body(written: &[u8]) -> Option<Vec<u8>> {
     }
     let (code, message) = match status {
         StatusCode::URI_TOO_LONG | StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE => {
-            ("too_long", format!("the head of the request is longer than {MAX_HEAD_BYTES} bytes"))
+            (Code::TooLong, format!("the head of the request is longer than {MAX_HEAD_BYTES} bytes"))
         }
-        _ => ("bad_request", "this is no HTTP request that can be read".to_owned()),
+        _ => (Code::BadRequest, "this is no HTTP request that can be read".to_owned()),
     };
-    let body = serde_json::to_string(&ProblemDto { code: code.to_owned(), message }).ok()?;
+    let body = serde_json::to_string(&Problem { code, message }).ok()?;
     let length = body.len();
     Some(
         format!(

@@ -1,4 +1,4 @@
-//! Who may use the panel: programs on this machine, and no page that a browser has loaded from elsewhere.
+//! Who may use a server without a login: programs on this machine, and no page that a browser has loaded from elsewhere.
 //!
 //! There is no login. A page on the web can make a browser on this machine send requests here, under a foreign
 //! `Origin`, or under a name of its own that it lets point to 127.0.0.1. Neither gets through.
@@ -12,32 +12,35 @@ use axum::http::{HeaderMap, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use super::problem::Problem;
+use r6_api::Code;
 
-/// Lets a request through, or refuses it.
-pub(super) async fn guard(State(address): State<SocketAddr>, request: Request, next: Next) -> Response {
+use crate::refusal::Refusal;
+
+/// Lets a request through, or refuses it with 403: a layer for `axum::middleware::from_fn_with_state`, whose state is where the server
+/// listens.
+pub async fn guard(State(address): State<SocketAddr>, request: Request, next: Next) -> Response {
     match check(address.ip(), request.uri(), request.headers()) {
         Ok(()) => next.run(request).await,
         Err(problem) => problem.into_response(),
     }
 }
 
-fn check(listens: IpAddr, uri: &Uri, headers: &HeaderMap) -> Result<(), Problem> {
+fn check(listens: IpAddr, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal> {
     let mut hosts = headers.get_all(HOST).iter();
     let host = match (hosts.next().and_then(|host| host.to_str().ok()), hosts.next()) {
         (Some(host), None) => host,
         (None, _) | (Some(_), Some(_)) => {
-            return Err(Problem::foreign("foreign_host", "a request names its host, once"));
+            return Err(Refusal::foreign(Code::ForeignHost, "a request names its host, once"));
         }
     };
     let told = host.parse::<Authority>().ok();
     if !told.is_some_and(|told| is_own(listens, &told))
         || uri.authority().is_some_and(|told| !is_own(listens, told))
     {
-        return Err(Problem::foreign(
-            "foreign_host",
+        return Err(Refusal::foreign(
+            Code::ForeignHost,
             format!(
-                "`{host}` is not this panel: use localhost, 127.0.0.1, or the address that it listens on"
+                "`{host}` is not this server: use localhost, 127.0.0.1, or the address that it listens on"
             ),
         ));
     }
@@ -48,7 +51,7 @@ fn check(listens: IpAddr, uri: &Uri, headers: &HeaderMap) -> Result<(), Problem>
     if headers.get_all(ORIGIN).iter().any(|origin| !same_origin(origin.as_bytes()))
         || headers.get_all("sec-fetch-site").iter().any(|site| !same_site(site.as_bytes()))
     {
-        return Err(Problem::foreign("foreign_origin", "pages of a browser cannot use the panel"));
+        return Err(Refusal::foreign(Code::ForeignOrigin, "pages of a browser cannot use it"));
     }
     Ok(())
 }

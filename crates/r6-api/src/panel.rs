@@ -1,17 +1,18 @@
-//! What goes over HTTP. Units stand in the names; points and axes are called as on the pendant.
+//! What goes over the HTTP panel of virtual controllers. Units stand in the names; points and axes are called as on the pendant.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+
+use crate::position::{Pose, Unit};
 
 /// What a person does at the machine; `do` says what.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
-#[schema(as = Action)]
-pub enum ActionDto {
+pub enum Action {
     /// Sets an input.
     SetInput {
         /// `X010`, on board 1 `X1.010`, on the EU board `EUX010`: octal, from 010 to 047.
-        #[schema(example = "X010")]
+        #[cfg_attr(feature = "openapi", schema(example = "X010"))]
         point: String,
         /// Its level from now on.
         on: bool,
@@ -19,12 +20,12 @@ pub enum ActionDto {
     /// Presses a button.
     Press {
         /// Which.
-        button: ButtonDto,
+        button: Button,
     },
     /// Turns the mode key.
     TurnKey {
         /// To where.
-        key: KeyDto,
+        key: Key,
     },
     /// Presses the emergency stop, which stays pressed: alarm 7.
     EmergencyStop {},
@@ -35,7 +36,7 @@ pub enum ActionDto {
     /// Raises an alarm.
     RaiseAlarm {
         /// Its number, 1 to 10000.
-        #[schema(minimum = 1, maximum = 10_000, example = 130)]
+        #[cfg_attr(feature = "openapi", schema(minimum = 1, maximum = 10_000, example = 130))]
         alarm: u32,
     },
     /// In manual: moves all axes to 0, where the machine is homed.
@@ -43,20 +44,20 @@ pub enum ActionDto {
     /// In manual: moves one axis by hand. It ends at a soft limit, with the alarm of that limit.
     Jog {
         /// `J1` to `J8`.
-        #[schema(example = "J1")]
+        #[cfg_attr(feature = "openapi", schema(example = "J1"))]
         axis: String,
         /// How far, degrees, or mm where the axis slides; below 0 the other way.
-        #[schema(example = 10.0)]
+        #[cfg_attr(feature = "openapi", schema(example = 10.0))]
         by: f64,
         /// How fast, percent of the axis's full speed, times the global speed: above 0, at most 100; 10 if left out.
         #[serde(default = "usual_speed")]
-        #[schema(default = 10.0, maximum = 100.0)]
+        #[cfg_attr(feature = "openapi", schema(default = 10.0, maximum = 100.0))]
         speed_percent: f64,
     },
     /// Chooses another program.
     SwitchProgram {
         /// Its name.
-        #[schema(example = "remote")]
+        #[cfg_attr(feature = "openapi", schema(example = "remote"))]
         program: String,
     },
 }
@@ -67,10 +68,10 @@ fn usual_speed() -> f64 {
 }
 
 /// A button of the pendant.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
-#[schema(as = Button)]
-pub enum ButtonDto {
+pub enum Button {
     /// The program runs.
     Start,
     /// The program ends with its cycle; a second press ends it at once. Ends a move by hand.
@@ -84,10 +85,10 @@ pub enum ButtonDto {
 }
 
 /// A position of the mode key.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
-#[schema(as = Key)]
-pub enum KeyDto {
+pub enum Key {
     /// Moves by hand.
     Manual,
     /// Programs, once start is pressed.
@@ -97,30 +98,30 @@ pub enum KeyDto {
 }
 
 /// The controllers of this process.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[schema(as = Controllers)]
-pub struct ControllersDto {
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Controllers {
     /// In the order of their numbers.
-    pub controllers: Vec<ControllerDto>,
+    pub controllers: Vec<Controller>,
 }
 
 /// One of the controllers.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[schema(as = Controller)]
-pub struct ControllerDto {
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Controller {
     /// Its number in paths, from 1.
     pub number: usize,
     /// Where it speaks the remote protocol.
-    #[schema(example = "127.0.0.1:9760")]
+    #[cfg_attr(feature = "openapi", schema(example = "127.0.0.1:9760"))]
     pub address: String,
     /// What `machineName` answers.
     pub machine_name: String,
 }
 
 /// What a person would see at the machine.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[schema(as = Snapshot)]
-pub struct SnapshotDto {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Snapshot {
     /// Its number in paths, from 1.
     pub number: usize,
     /// Where it speaks the remote protocol.
@@ -138,7 +139,7 @@ pub struct SnapshotDto {
     /// The operation mode (`curMode`).
     pub mode: i64,
     /// The operation mode in words.
-    #[schema(example = "running (7)")]
+    #[cfg_attr(feature = "openapi", schema(example = "running (7)"))]
     pub mode_name: String,
     /// The alarm, 0 for none (`curAlarm`).
     pub alarm: u32,
@@ -158,9 +159,9 @@ pub struct SnapshotDto {
     /// How many instructions are left in the list.
     pub list_length: usize,
     /// The arm's axes, J1 first.
-    pub axes: Vec<AxisDto>,
+    pub axes: Vec<Axis>,
     /// The pose of the tool in use, in the work frame in use.
-    pub pose: PoseDto,
+    pub pose: Pose,
     /// Global speed, percent.
     pub global_speed_percent: f64,
     /// Time of the present cycle.
@@ -168,43 +169,30 @@ pub struct SnapshotDto {
     /// Time of the last cycle that ended.
     pub last_cycle_seconds: f64,
     /// The inputs that are on, by name.
-    #[schema(example = json!(["X010", "EUX012"]))]
+    #[cfg_attr(feature = "openapi", schema(example = json!(["X010", "EUX012"])))]
     pub inputs_on: Vec<String>,
     /// The outputs that are on, by name.
-    #[schema(example = json!(["Y010", "EUY012"]))]
+    #[cfg_attr(feature = "openapi", schema(example = json!(["Y010", "EUY012"])))]
     pub outputs_on: Vec<String>,
     /// The M points that are on, by name.
-    #[schema(example = json!(["M011"]))]
+    #[cfg_attr(feature = "openapi", schema(example = json!(["M011"])))]
     pub m_on: Vec<String>,
     /// How many connections of the remote protocol are served.
     pub connections: usize,
 }
 
 /// One axis.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[schema(as = Axis)]
-pub struct AxisDto {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Axis {
     /// `J1` to `J8`.
     pub name: String,
     /// Where it stands, in its unit.
     pub position: f64,
     /// `deg`, or `mm` where it slides.
-    pub unit: String,
+    pub unit: Unit,
     /// Its lower soft limit, in its unit.
     pub lowest: f64,
     /// Its upper soft limit, in its unit.
     pub highest: f64,
-}
-
-/// A pose.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[schema(as = Pose)]
-#[expect(missing_docs, reason = "the names say it")]
-pub struct PoseDto {
-    pub x_mm: f64,
-    pub y_mm: f64,
-    pub z_mm: f64,
-    pub u_deg: f64,
-    pub v_deg: f64,
-    pub w_deg: f64,
 }

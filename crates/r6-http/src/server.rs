@@ -1,5 +1,6 @@
-//! The panel's listener and its connections.
+//! A listener and its connections.
 
+use std::io;
 use std::net::IpAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,14 +11,12 @@ use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::{AbortHandle, JoinSet};
 use tracing::{debug, warn};
 
-use super::in_json::InJson;
-use super::routes;
-use crate::connection::hang_up;
-use crate::handle::ControllerHandle;
+use crate::in_json::InJson;
 
 /// How many connections are open at once. A person and a few scripts need one each.
 const MAX_CONNECTIONS: usize = 64;
@@ -30,25 +29,17 @@ const MAX_OF_ONE_PEER: usize = 32;
 const HEAD_TIME: Duration = Duration::from_secs(2);
 
 /// The longest head of a request, and what is read at once.
-pub(super) const MAX_HEAD_BYTES: usize = 16 * 1024;
+pub const MAX_HEAD_BYTES: usize = 16 * 1024;
 
-/// Serves the panel for as long as it is polled.
-pub(crate) async fn serve(listener: TcpListener, controllers: Vec<ControllerHandle>) {
-    let address = match listener.local_addr() {
-        Ok(address) => address,
-        Err(error) => {
-            warn!(%error, "the panel has no address");
-            return;
-        }
-    };
-    let router = routes::router(controllers.into(), address);
+/// Serves what comes for as long as it is polled.
+pub async fn serve(listener: TcpListener, router: Router) {
     let mut guests = Guests::default();
     loop {
         match listener.accept().await {
             Ok((stream, peer)) => guests.admit(peer.ip(), stream, router.clone()),
             Err(error) => {
                 // Most likely too many open files: give the connections a moment to end.
-                warn!(panel = %address, %error, "a connection could not be accepted");
+                warn!(%error, "an HTTP connection could not be accepted");
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
         }
@@ -121,10 +112,22 @@ async fn converse(stream: TcpStream, router: Router, answers: Arc<AtomicBool>) {
         .serve_connection(TokioIo::new(&mut stream), service)
         .await;
     if let Err(error) = served {
-        debug!(%error, "a connection of the panel was lost");
+        debug!(%error, "an HTTP connection was lost");
         if stream.has_refused() {
             // What the peer still sends is read, else it would lose the answer.
-            hang_up(&mut stream.into_inner(), &mut [0; 1024]).await;
+            hang_up(stream.into_inner()).await;
         }
     }
+}
+
+/// Closes our half, and waits a little for the peer to close its own.
+async fn hang_up(mut stream: TcpStream) {
+    /// How long a peer has to close its half after we have closed ours.
+    const HANG_UP_TIME: Duration = Duration::from_secs(2);
+    let end = async {
+        stream.shutdown().await?;
+        while stream.read(&mut [0; 1024]).await? > 0 {}
+        io::Result::Ok(())
+    };
+    let _ = tokio::time::timeout(HANG_UP_TIME, end).await;
 }

@@ -1,0 +1,53 @@
+//! The bodies of requests: within limits of time and length, and of the right kind.
+
+use std::time::Duration;
+
+use axum::body::Bytes;
+use axum::extract::Request;
+use axum::extract::rejection::BytesRejection;
+use axum::http::header::CONTENT_TYPE;
+use axum::http::{HeaderMap, StatusCode};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use r6_api::Code;
+
+use crate::refusal::Refusal;
+
+/// How long a request may take, its body included: what is asked for takes microseconds, and a disk that keeps something some seconds.
+pub const REQUEST_TIME: Duration = Duration::from_secs(10);
+
+/// Lets a request end within [`REQUEST_TIME`], or refuses it: a layer for `axum::middleware::from_fn`.
+pub async fn in_time(request: Request, next: Next) -> Response {
+    tokio::time::timeout(REQUEST_TIME, next.run(request)).await.unwrap_or_else(|_| {
+        let message = "the request did not come to its end in time";
+        Refusal::new(StatusCode::REQUEST_TIMEOUT, Code::TooSlow, message).into_response()
+    })
+}
+
+/// A body that was read to its end.
+///
+/// # Errors
+/// 413 if it is longer than `most` bytes; the limit itself is that of `axum::extract::DefaultBodyLimit`. 400 if it broke off.
+pub fn whole(body: Result<Bytes, BytesRejection>, most: usize) -> Result<Bytes, Refusal> {
+    body.map_err(|rejection| match rejection.status() {
+        StatusCode::PAYLOAD_TOO_LARGE => {
+            let most = format!("the body is longer than {most} bytes");
+            Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, Code::TooLong, most)
+        }
+        _ => Refusal::new(StatusCode::BAD_REQUEST, Code::BadBody, rejection.body_text()),
+    })
+}
+
+/// Holds a request to say that its body is JSON: a page of a browser can send forms and plain text without asking, but no JSON.
+///
+/// # Errors
+/// 415.
+pub fn is_json(headers: &HeaderMap) -> Result<(), Refusal> {
+    let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
+    let kind = kind.split(';').next().unwrap_or_default().trim();
+    if kind.eq_ignore_ascii_case("application/json") {
+        return Ok(());
+    }
+    let message = "send JSON, with `Content-Type: application/json`";
+    Err(Refusal::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, Code::NotJson, message))
+}

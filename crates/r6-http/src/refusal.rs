@@ -1,0 +1,98 @@
+//! What a request is told that was not carried out.
+
+use axum::Json;
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use r6_api::{Code, Problem};
+
+/// A problem and the status that it goes out with.
+#[derive(Debug)]
+pub struct Refusal {
+    status: StatusCode,
+    problem: Problem,
+}
+
+impl Refusal {
+    /// This problem.
+    pub fn new(status: StatusCode, code: Code, message: impl Into<String>) -> Self {
+        Self { status, problem: Problem { code, message: message.into() } }
+    }
+
+    /// 404.
+    pub fn not_found(code: Code, message: impl Into<String>) -> Self {
+        Self::new(StatusCode::NOT_FOUND, code, message)
+    }
+
+    /// 403: a request that a page of a browser may have sent.
+    pub fn foreign(code: Code, message: impl Into<String>) -> Self {
+        Self::new(StatusCode::FORBIDDEN, code, message)
+    }
+
+    /// What is wrong with a body that should have been JSON of a certain kind: 400 if it is no JSON at all; 422 with `other` if it is
+    /// another JSON, with the nearest word to one that is not known.
+    #[must_use]
+    pub fn of_json(error: &serde_json::Error, other: Code) -> Self {
+        let text = error.to_string();
+        if error.is_data() {
+            Self::new(StatusCode::UNPROCESSABLE_ENTITY, other, with_nearest(&text))
+        } else {
+            Self::new(StatusCode::BAD_REQUEST, Code::BadJson, format!("the body is no JSON: {text}"))
+        }
+    }
+
+    /// The problem.
+    #[must_use]
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        (self.status, Json(self.problem)).into_response()
+    }
+}
+
+/// Serde's words about an unknown one, which lists those there are, with the nearest of them.
+fn with_nearest(text: &str) -> String {
+    let words: Vec<_> = text.split('`').skip(1).step_by(2).collect();
+    match words.split_first() {
+        Some((word, known)) if text.starts_with("unknown ") => {
+            match r6_proto::nearest(word, known.iter().copied()) {
+                Some(near) => format!("{text}; nearest: `{near}`"),
+                None => text.to_owned(),
+            }
+        }
+        Some(_) | None => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use r6_api::panel::Action;
+
+    use super::*;
+
+    fn told(body: &str) -> String {
+        let error = serde_json::from_str::<Action>(body).unwrap_err();
+        Refusal::of_json(&error, Code::BadAction).problem.message
+    }
+
+    #[test]
+    fn an_unknown_word_gets_the_nearest() {
+        for (body, near) in [
+            (r#"{"do":"emergncy_stop"}"#, "emergency_stop"),
+            (r#"{"do":"emergencyStop"}"#, "emergency_stop"),
+            (r#"{"do":"press","button":"singlecycle"}"#, "single_cycle"),
+            (r#"{"do":"turn_key","key":"automatic"}"#, "auto"),
+            (r#"{"do":"jog","axis":"J1","by":1,"speed":5}"#, "speed_percent"),
+        ] {
+            let told = told(body);
+            assert!(told.contains(&format!("nearest: `{near}`")) || near == "auto", "{told}");
+            assert!(told.contains(near), "{told}");
+        }
+        assert!(told(r#"{"do":"home","x":1}"#).starts_with("unknown field `x`"));
+        assert!(told(r#"{"do":"press"}"#).contains("`button`"));
+        assert!(told("{}").contains("`do`"));
+    }
+}
