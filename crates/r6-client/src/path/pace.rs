@@ -163,3 +163,51 @@ impl Pace {
         self.looked = now;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A look that took no time, so many seconds after the first list left.
+    fn look(seconds: u64) -> Looked {
+        let at = Instant::ORIGIN + Duration::from_secs(seconds);
+        Looked { asked_at: at, answered_at: at }
+    }
+
+    /// A turn of 10 degrees at full speed.
+    fn turn() -> Way {
+        Way::of_turn(10.0, 1.0)
+    }
+
+    /// An arm that turned 10 degrees in each second of `looks` looks.
+    fn seen(looks: u64, stepwise: bool) -> Pace {
+        let mut pace = Pace::new(Instant::ORIGIN);
+        (1..=looks).for_each(|second| pace.went(&turn(), look(second)));
+        if stepwise {
+            pace.goes_stepwise();
+        }
+        pace
+    }
+
+    #[test]
+    fn a_pace_is_known_after_three_looks_of_which_one_saw_the_list_get_shorter() {
+        for (looks, stepwise, known) in
+            [(0, true, false), (2, true, false), (3, false, false), (3, true, true)]
+        {
+            assert_eq!(seen(looks, stepwise).is_known(), known, "{looks} looks, stepwise {stepwise}");
+        }
+        let mut trembling = seen(2, true);
+        trembling.went(&Way::of_turn(0.005, 1.0), look(3));
+        assert!(!trembling.is_known());
+    }
+
+    #[test]
+    fn a_known_pace_allows_five_times_as_much_and_an_unknown_one_what_is_possible() {
+        let after =
+            |pace: Pace, degrees, to_and_fro| pace.allows(&Way::of_turn(degrees, 1.0), look(4), to_and_fro);
+        assert!(after(seen(3, true), 49.0, false) && !after(seen(3, true), 51.0, false));
+        assert!(after(seen(3, true), 14.0, true) && !after(seen(3, true), 16.0, true));
+        // Nobody saw the list get shorter: the arm may just have begun to move.
+        assert!(after(seen(3, false), 449.0, false) && !after(seen(3, false), 451.0, false));
+    }
+}
