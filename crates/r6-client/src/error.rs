@@ -1,7 +1,5 @@
 //! Why a request failed, sorted by what the caller must do.
 
-mod advice;
-
 use std::fmt;
 use std::io::ErrorKind;
 use std::time::Duration;
@@ -309,7 +307,7 @@ impl fmt::Display for Refused {
             None => f.write_str(" and gave no reason")?,
         }
         match self {
-            Self::Command { command, .. } => write!(f, "; {}", advice::after_refusal(*command)),
+            Self::Command { command, .. } => write!(f, "; {}", command.info().if_refused),
             Self::InstructionList { .. } => f.write_str(
                 "; look at the arm before anything else, because controllers have run lists that they refused; the list \
                  is taken in mode 7, without alarm, and only while the pendant's program sits in its step that waits for \
@@ -372,3 +370,40 @@ impl std::error::Error for RequestError {}
 impl std::error::Error for NotSent {}
 impl std::error::Error for Refused {}
 impl std::error::Error for OutcomeUnknown {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(command: CommandName, reason: &str) -> String {
+        Refused::Command { command, reason: Some(reason.to_owned()) }.to_string()
+    }
+
+    #[test]
+    fn the_advice_is_about_the_command_that_was_refused() {
+        for (command, words) in [
+            (CommandName::ActionStop, "use the emergency stop"),
+            (CommandName::StartButton, "in auto"),
+            (CommandName::ClearAlarm, "remove the cause of the alarm"),
+            (CommandName::ModifyGspd, "0 to 100 percent"),
+            (CommandName::SwitchMold, "moldList"),
+            (CommandName::ModifyCounter, "counterList"),
+            (CommandName::RewriteData, "800 to 900"),
+        ] {
+            let told = told(command, "no");
+            assert!(told.starts_with(&format!("the controller refused {command}: no; ")), "{told}");
+            assert!(told.contains(words), "{told}");
+        }
+        // Only what starts the machine depends on its mode.
+        for command in [CommandName::ModifyGspd, CommandName::SwitchMold, CommandName::ModifyOutput] {
+            assert!(!told(command, "no").contains("mode"), "{command}");
+        }
+    }
+
+    #[test]
+    fn a_reason_cannot_forge_a_line() {
+        let told = told(CommandName::ModifyGspd, "no\r\nREADY\u{1b}[2J");
+        assert!(told.contains(r"no\r\nREADY\u{1b}[2J"), "{told}");
+        assert!(!told.chars().any(char::is_control), "{told:?}");
+    }
+}

@@ -86,19 +86,8 @@ impl Status {
             Address::RemoteCmdLen => self.list_length.map(Reading::Integer),
             Address::CurCycle => self.cycle.map(Reading::Decimal),
             Address::LastCycle => self.last_cycle.map(Reading::Decimal),
-            Address::CounterList
-            | Address::Counter(_)
-            | Address::BoardIoNum
-            | Address::Input(_)
-            | Address::Output(_)
-            | Address::M(_)
-            | Address::CurTorque(_)
-            | Address::CurSpeed(_)
-            | Address::CurAccount
-            | Address::MoldList
-            | Address::Addr(_)
-            | Address::Faxis(_)
-            | Address::ToolCoord => None,
+            // No status has the others.
+            _ => None,
         }
     }
 

@@ -2,7 +2,6 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use r6_proto::Command;
 use r6_proto::message::Action;
 use r6_proto::message::instruction::Manner;
 
@@ -77,7 +76,7 @@ struct Tells {
 impl Tells {
     fn of(work: &Work) -> Self {
         match work {
-            Work::Command(command) => Self { frame: tells_frame(command), watching: None },
+            Work::Command(command) => Self { frame: command.name().info().changes_frame, watching: None },
             Work::AddRcc { instructions, .. } => {
                 instructions.iter().fold(Self::default(), |tells, step| tells.and(&step.action))
             }
@@ -101,32 +100,9 @@ impl Tells {
     }
 }
 
-/// Whether a command changes what poses refer to.
-pub(crate) fn tells_frame(command: &Command<'_>) -> bool {
-    match command {
-        Command::SwitchTool { .. } | Command::ModifyTool { .. } | Command::SwitchCoordinate { .. } => true,
-        Command::ActionStop
-        | Command::ActionPause
-        | Command::ActionSingleCycle
-        | Command::StartButton
-        | Command::StopButton
-        | Command::SwitchMold { .. }
-        | Command::ModifyCounter { .. }
-        | Command::ModifyOutput { .. }
-        | Command::ClearAlarmRunNext
-        | Command::ClearAlarmContinue
-        | Command::ModifyStackData { .. }
-        | Command::ModifyGspd { .. }
-        | Command::RewriteData { .. }
-        | Command::RewriteDataList { .. }
-        | Command::ModifyAccDec { .. }
-        | Command::ClearAlarm
-        | Command::ClearAlarmWith { .. } => false,
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use r6_proto::Command;
     use r6_proto::message::Instruction;
     use r6_proto::message::instruction::{Move, StopOnSignal, Workbench};
 

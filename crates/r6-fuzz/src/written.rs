@@ -76,22 +76,8 @@ impl Rounded {
                 self.take_all([acceleration, deceleration], FEW);
             }
             Command::ModifyTool { offset, .. } => self.take_all(offset, FEW),
-            Command::ActionStop
-            | Command::ActionPause
-            | Command::ActionSingleCycle
-            | Command::StartButton
-            | Command::StopButton
-            | Command::SwitchMold { .. }
-            | Command::ModifyCounter { .. }
-            | Command::ModifyOutput { .. }
-            | Command::ClearAlarmRunNext
-            | Command::ClearAlarmContinue
-            | Command::RewriteData { .. }
-            | Command::RewriteDataList { .. }
-            | Command::SwitchTool { .. }
-            | Command::SwitchCoordinate { .. }
-            | Command::ClearAlarm
-            | Command::ClearAlarmWith { .. } => {}
+            // The others have no number with a fraction.
+            _ => {}
         }
     }
 

@@ -18,6 +18,17 @@ pub struct Command(pub Sent<'static>);
 #[pymethods]
 impl Command {
     #[staticmethod]
+    #[pyo3(signature = (word, *arguments))]
+    fn typed(word: &str, arguments: Vec<Bound<'_, PyAny>>) -> PyResult<Self> {
+        let name = CommandName::exact(word.as_bytes()).ok_or_else(|| {
+            let near = CommandName::nearest(word).map(|near| format!("; nearest: `{near}`"));
+            PyValueError::new_err(format!("there is no command `{word}`{}", near.unwrap_or_default()))
+        })?;
+        let words = arguments.iter().map(typed_word).collect::<PyResult<Vec<_>>>()?;
+        Sent::typed(name, &words).map(Self).map_err(|error| PyValueError::new_err(format!("{name}: {error}")))
+    }
+
+    #[staticmethod]
     fn action_stop() -> Self {
         Self(Sent::ActionStop)
     }
@@ -143,6 +154,14 @@ impl Command {
 impl Command {
     fn name(&self) -> CommandName {
         self.0.name()
+    }
+}
+
+/// An argument as a person types it; `True` and `False` are `1` and `0` there.
+fn typed_word(argument: &Bound<'_, PyAny>) -> PyResult<String> {
+    match argument.extract::<bool>() {
+        Ok(flag) => Ok(u8::from(flag).to_string()),
+        Err(_) => Ok(argument.str()?.to_string()),
     }
 }
 

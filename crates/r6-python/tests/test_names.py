@@ -218,9 +218,11 @@ def test_every_field_is_here(file: str, rust: str, python: Any, elsewhere: Table
     assert [name for name in there if not name.startswith(" ") and name not in known] == []
 
 
-def test_every_command_is_here() -> None:
+def test_every_method_of_a_command_has_its_row() -> None:
     variants = re.findall(r'^    ([A-Z]\w+) (?:"|of )', COMMAND.read_text(), re.MULTILINE)
     names = {re.sub(r"(?<!^)(?=[A-Z])", "_", variant).lower() for variant in variants}
     names = (names - {"modify_stack_data"}) | {"modify_stack"}
     public = {name for name in vars(r6.Command) if not name.startswith("_")}
-    assert names == public - {"word", "meaning"} and len(names) == 20
+    # A command with no method of its own yet is reached by its word, with `typed`.
+    methods = public - {"word", "meaning", "typed"}
+    assert methods <= names and len(methods) == 20

@@ -139,6 +139,18 @@ def test_counters_outputs_inputs_and_speed(virtual_robot: r6.Robot, virtual_cont
     assert virtual_controller.snapshot().global_speed == 35
 
 
+def test_a_command_is_typed_as_on_the_command_line() -> None:
+    assert r6.Command.typed("modifyGSPD", 20) == r6.Command.modify_gspd(r6.Percent(20))
+    assert r6.Command.typed("modifyOutput", 0, 5, True) == r6.Command.modify_output(0, 5, True)
+    assert r6.Command.typed("actionStop") == r6.Command.action_stop()
+    with pytest.raises(ValueError, match="nearest: `modifyGSPD`"):
+        r6.Command.typed("modifyGspd", 20)
+    with pytest.raises(ValueError, match="modifyGSPD: .*percent from 0 to 100"):
+        r6.Command.typed("modifyGSPD", 200)
+    with pytest.raises(ValueError, match="actionStop: .*no argument"):
+        r6.Command.typed("actionStop", 1)
+
+
 def test_commands_say_what_they_are(virtual_robot: r6.Robot) -> None:
     command = r6.Command.modify_output(0, 5, True)
     assert command.word == "modifyOutput" and "output" in command.meaning

@@ -10,7 +10,6 @@ use crate::pushed::LostReason;
 use crate::query::result::Rows;
 use crate::reply::Reply;
 use crate::robot::Robot;
-use crate::told;
 
 impl Robot {
     /// Sends a command (manual 4.2). A stop or a pause overtakes everything that waits.
@@ -22,7 +21,7 @@ impl Robot {
     }
 
     pub(crate) async fn command_now(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
-        let changes_frame = told::tells_frame(&command);
+        let changes_frame = command.name().info().changes_frame;
         let work = Work::Command(command);
         let lane = match work.sent().effect {
             Effect::Stops => {

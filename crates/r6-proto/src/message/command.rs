@@ -63,8 +63,12 @@ pub struct CommandInfo {
     pub arguments: &'static [ArgumentInfo],
     /// What it does.
     pub meaning: &'static str,
+    /// What to do where the controller refuses it.
+    pub if_refused: &'static str,
     /// What it can do to the machine.
     pub effect: Effect,
+    /// Whether poses refer to another tool or workbench after it.
+    pub changes_frame: bool,
     /// Which port has it.
     pub ports: Ports,
     /// The first manual or firmware that knows it.

@@ -645,6 +645,10 @@ class Command:
     """A command with its arguments, in the units of people: for ``Robot.command`` (manual 4.2)."""
 
     @staticmethod
+    def typed(word: str, *arguments: object) -> Command:
+        """Any command by its word and arguments, as ``r6 command`` takes them: ``Command.typed("modifyGSPD", 20)``.
+        ``ValueError`` says which word or argument is wrong, and what it has to be."""
+    @staticmethod
     def action_stop() -> Command:
         """Stops the motion at once. ``Robot.stop`` does more: it looks whether the arm stands and clears its list."""
     @staticmethod

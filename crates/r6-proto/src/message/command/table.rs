@@ -10,15 +10,16 @@ use crate::address::{Ports, RegisterIndex};
 use crate::error::EncodeError;
 use crate::grid::Grid;
 
-/// The table of commands, one row each: its name, its word on the wire, what it can do to the machine, the ports that have it, the first
-/// manual or firmware that knows it, where it is written, what it does; then its fields with the arguments that they are. Where fields and
+/// The table of commands, one row each: its name, its word on the wire, what it can do to the machine (`+ Frame`: poses refer to another tool or workbench
+/// after it), the ports that have it, the first manual or firmware that knows it, where it is written, what it does, what to do if it is refused; then its fields with the arguments that they are. Where fields and
 /// arguments are not the same, the arguments stand alone, with the functions that take and give them.
 macro_rules! commands {
     (
         $life:lifetime
         rows { $(
             $(#[$doc:meta])*
-            $name:ident $word:literal $effect:ident $ports:ident $since:literal $source:literal $meaning:literal
+            $name:ident $word:literal $effect:ident $(+ $frame:ident)? $ports:ident $since:literal $source:literal $meaning:literal
+            $if_refused:tt
             $({ $( $(#[$field_doc:meta])* $field:ident: $type:ty = [$($argument:expr),+], )+ })?
             $(= [$($other:expr),+] $take:ident $give:ident $({ $( $(#[$own_doc:meta])* $own:ident: $own_type:ty, )+ })?)?
         )+ }
@@ -38,7 +39,9 @@ macro_rules! commands {
             word: $word,
             arguments: &[$($($($argument),+),+)? $($($other),+)?],
             meaning: $meaning,
+            if_refused: $if_refused,
             effect: Effect::$effect,
+            changes_frame: commands!(has $($frame)?),
             ports: Ports::$ports,
             since: $since,
             source: $source,
@@ -89,6 +92,8 @@ macro_rules! commands {
             }
         }
     };
+    (has) => { false };
+    (has Frame) => { true };
     (take $from:ident $name:ident) => { Ok(Self::$name) };
     (take $from:ident $name:ident { $( $field:ident )+ }) => { Ok(Self::$name { $( $field: Field::take($from)?, )+ }) };
     (take $from:ident $name:ident $take:ident) => { Self::$take($from) };
@@ -152,27 +157,41 @@ const SPACING: ArgumentKind = ArgumentKind::Number {
     wanted_on_the_wire: "a spacing in mm",
 };
 
+// What to do if one of several like commands is refused.
+const GO_ON: &str = "the arm may go on: use the emergency stop, then look at the arm";
+const STARTS: &str = "a program starts in auto, without an alarm, and with the emergency stop released: look at the mode, the alarm and the key, then send it again";
+const CLEARS: &str = "it clears the alarm and starts the program: remove the cause of the alarm, release the emergency stop, turn the key to auto, then send it again";
+const REGISTERS: &str = "check the registers (800 to 900) and the values, and read them back";
+const TOOLS: &str = "check the number of the tool and its values against the tools on the pendant";
+
 #[rustfmt::skip]
 commands! {
     'a
     rows {
     /// Stops the motion at once; start begins from the first step. It is no emergency stop.
     ActionStop "actionStop" Stops Both "V6.0" "4.2.1 #1" "stops the motion at once; start begins from the first step"
+        GO_ON
     /// Pauses the motion; start goes on from the present step.
     ActionPause "actionPause" Stops Both "V6.0" "4.2.1 #2" "pauses the motion; start goes on from the present step"
+        GO_ON
     /// Enters single cycle.
     ActionSingleCycle "actionSingleCycle" Moves Both "V6.0" "4.2.1 #3" "enters single cycle"
+        STARTS
     /// The start button.
     StartButton "startButton" Moves Both "V6.0" "4.2.1 #4" "the start button"
+        STARTS
     /// The stop button.
     StopButton "stopButton" Stops Both "V6.0" "4.2.1 #5" "the stop button: first press ends with the cycle, second at once"
+        GO_ON
     /// Switches to another program.
-    SwitchMold "switchMold" Moves Pendant "V6.0" "4.2.1 #6" "switches to another program (mold)" {
+    SwitchMold "switchMold" Moves Pendant "V6.0" "4.2.1 #6" "switches to another program (mold)"
+        "compare the name with the programs of the controller (moldList); it changes only while the arm stands" {
         /// Its name.
         mold: Cow<'a, str> = [argument("mold", Text, "name of the program")],
     }
     /// Changes a counter; `None` keeps what it has (−1 on the wire).
-    ModifyCounter "modifyCounter" Changes Both "V6.0" "4.2.1 #7" "changes a counter" {
+    ModifyCounter "modifyCounter" Changes Both "V6.0" "4.2.1 #7" "changes a counter"
+        "compare the number with the counters of the controller (counterList)" {
         /// The counter.
         id: u32 = [argument("id", NUMBER, "counter")],
         /// Its count.
@@ -181,7 +200,8 @@ commands! {
         target: Option<u32> = [argument("target", Count, "its target, -1 to keep; the mainboard's port of 2020 cannot change it")],
     }
     /// Sets one output.
-    ModifyOutput "modifyOutput" Moves Both "V6.0" "4.2.1 #8" "sets one output" {
+    ModifyOutput "modifyOutput" Moves Both "V6.0" "4.2.1 #8" "sets one output"
+        "check that the controller has this board and this point" {
         /// 0–3 output boards, 4–6 M, 7 EU.
         board: u8 = [argument("board", BOARD, "0-3 output boards, 4-6 M (not on the pendant's port of 2020), 7 EU")],
         /// 0–31.
@@ -191,10 +211,13 @@ commands! {
     }
     /// Clears the alarm and runs the next step.
     ClearAlarmRunNext "clearAlarmRunNext" Moves Both "V6.0" "4.2.1 #9" "clears the alarm and runs the next step"
+        CLEARS
     /// Clears the alarm and goes on automatically.
     ClearAlarmContinue "clearAlarmContinue" Moves Both "V6.0" "4.2.1 #10" "clears the alarm and goes on automatically"
+        CLEARS
     /// Changes a stack.
-    ModifyStackData "modifyStackData" Changes Pendant "V6.0" "4.2.1 #11" "changes a stack (palletising pattern)" {
+    ModifyStackData "modifyStackData" Changes Pendant "V6.0" "4.2.1 #11" "changes a stack (palletising pattern)"
+        "check the number of the stack, the spacing and the counts; not every firmware changes stacks over the network" {
         /// The stack.
         stack: u32 = [argument("stack", NUMBER, "stack")],
         /// Spacing in X, Y, Z, in steps of 0.001, others are not sent; the manual gives no unit, mm is our reading.
@@ -203,12 +226,14 @@ commands! {
         count: [u32; 3] = [argument("nx", NUMBER, "count in X"), argument("ny", NUMBER, "count in Y"), argument("nz", NUMBER, "count in Z")],
     }
     /// Changes the global speed; on the wire percent × 10.
-    ModifyGspd "modifyGSPD" Changes Both "V6.0" "4.2.1 #12" "changes the global speed" {
+    ModifyGspd "modifyGSPD" Changes Both "V6.0" "4.2.1 #12" "changes the global speed"
+        "check the value: the global speed is 0 to 100 percent" {
         /// Percent, 0 to 100, in steps of 0.1; others are not sent.
         percent: f64 = [argument("percent", PERCENT, "global speed in percent; the wire has percent x 10")],
     }
     /// Writes one register.
-    RewriteData "rewriteData" Moves Both "V6.0" "4.2.1 #13" "writes one register" {
+    RewriteData "rewriteData" Moves Both "V6.0" "4.2.1 #13" "writes one register"
+        REGISTERS {
         /// The register.
         register: RegisterIndex = [argument("register", Register, "800-900")],
         /// Its value, 32 bits with sign.
@@ -218,6 +243,7 @@ commands! {
     }
     /// Writes registers in a row.
     RewriteDataList "rewriteDataList" Moves Both "V6.0" "4.2.1 #14" "writes several registers"
+        REGISTERS
         = [argument("register", Register, "the first, 800-900"), argument("length", LENGTH, "how many values follow"), argument("savable", Flag, "1 to keep them over a power cut"), argument("values", Integer, "whole numbers")]
         take_registers give_registers {
             /// The first register.
@@ -228,31 +254,36 @@ commands! {
             values: Vec<i64>,
         }
     /// Changes the acceleration and deceleration time of the path; on the wire seconds × 1000.
-    ModifyAccDec "modifyAccDec" Changes Both "V6.0" "4.2.1 #15" "changes the acceleration and deceleration time of the path" {
+    ModifyAccDec "modifyAccDec" Changes Both "V6.0" "4.2.1 #15" "changes the acceleration and deceleration time of the path"
+        "check both times: seconds from 0.001 to 60" {
         /// Seconds, in steps of 0.001; others are not sent.
         acceleration: f64 = [argument("acceleration", SECONDS, "seconds; the wire has seconds x 1000")],
         /// Seconds, in steps of 0.001.
         deceleration: f64 = [argument("deceleration", SECONDS, "seconds; the wire has seconds x 1000")],
     }
     /// Switches to another tool.
-    SwitchTool "switchTool" Changes Both "V6.0" "4.2.1 #16" "switches to another tool" {
+    SwitchTool "switchTool" Changes + Frame Both "V6.0" "4.2.1 #16" "switches to another tool"
+        TOOLS {
         /// Its number; 0 for none.
         tool: u32 = [argument("tool", NUMBER, "number of the tool")],
     }
     /// Changes a tool; on the wire × 1000.
-    ModifyTool "modifyTool" Changes Both "V6.0" "4.2.1 #17" "changes a tool" {
+    ModifyTool "modifyTool" Changes + Frame Both "V6.0" "4.2.1 #17" "changes a tool"
+        TOOLS {
         /// Its number.
         tool: u32 = [argument("tool", NUMBER, "number of the tool")],
         /// X, Y, Z in mm and RX, RY, RZ in degrees, from the flange, in steps of 0.001; others are not sent.
         offset: [f64; 6] = [argument("x", MM, "mm; the wire has mm x 1000"), argument("y", MM, "mm"), argument("z", MM, "mm"), argument("rx", DEGREES, "degrees; the wire has degrees x 1000"), argument("ry", DEGREES, "degrees"), argument("rz", DEGREES, "degrees")],
     }
     /// Switches to another workbench.
-    SwitchCoordinate "switchCoordinate" Changes Both "V6.0" "4.2.1 #18" "switches to another workbench" {
+    SwitchCoordinate "switchCoordinate" Changes + Frame Both "V6.0" "4.2.1 #18" "switches to another workbench"
+        "check the number of the workbench against the workbenches on the pendant" {
         /// Its number; 0 is the world.
         workbench: u32 = [argument("workbench", NUMBER, "number of the workbench")],
     }
     /// Resets and clears the alarm.
     ClearAlarm "clearAlarm" Changes Both "207beta57" "later manual" "resets and clears the alarm"
+        "remove the cause of the alarm and release the emergency stop, then send it again; where the firmware does not know the command, clear the alarm on the pendant"
         = [optional("first_line", Flag, "1: the program goes to its first line (newest manual)"), optional("only_alarm", Flag, "1: only the alarm is cleared (newest manual)")]
         take_clear_alarm give_nothing
     }

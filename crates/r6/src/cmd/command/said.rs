@@ -44,14 +44,8 @@ pub fn words(command: &Command<'_>) -> Option<String> {
             let yes_no = |flag: &bool| if *flag { "yes" } else { "no" };
             format!("to the first line: {}, only the alarm: {}", yes_no(first_line), yes_no(only_alarm))
         }
-        Command::ActionStop
-        | Command::ActionPause
-        | Command::ActionSingleCycle
-        | Command::StartButton
-        | Command::StopButton
-        | Command::ClearAlarmRunNext
-        | Command::ClearAlarmContinue
-        | Command::ClearAlarm => return None,
+        // What takes no arguments is said by its name; of others the wire's words are told.
+        _ => return None,
     })
 }
 
