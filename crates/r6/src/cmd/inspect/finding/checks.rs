@@ -80,7 +80,7 @@ pub fn list(message: &Message<'_>, list: &AddRcc<'_>, finding: &mut Finding) {
     };
     let mut actions: Vec<String> = Vec::new();
     for instruction in list.instructions {
-        let action = action::name(&instruction.action);
+        let action = instruction.action.name().into_owned();
         if actions.last() != Some(&action) {
             actions.push(action);
         }
