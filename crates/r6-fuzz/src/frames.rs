@@ -1,7 +1,9 @@
-//! Frame boundaries: however a stream is cut, the same frames and the same errors, those that a plain scanner finds.
+//! Frame boundaries: however a stream is cut, the same frames and the same errors, those that a plain scanner finds; also where it
+//! is read as a recording.
 //!
 //! An input is a byte for the limits, a byte for the pieces, and the stream.
 
+mod recording;
 mod scanner;
 
 use r6_proto::frame::{FrameBuffer, FrameError, Limits, READ_ROOM};
@@ -47,6 +49,11 @@ pub fn run(bytes: &[u8]) {
         let found: Vec<_> = whole.iter().map(plain).collect();
         assert_eq!(found, scanner::scan(stream, limits), "the plain scanner disagrees");
     }
+
+    recording::check_log(stream);
+    // Recordings are read within the limits of a connection.
+    let told = told(stream, Limits::default(), &mut |left| left);
+    recording::check_transcript(stream, usize::from(pieces) + 1, &told);
 }
 
 /// What the plain scanner tells too: where frames and faults begin, and which fault it is.

@@ -20,7 +20,7 @@ use std::fmt;
 
 pub use command::{Command, CommandName, CommandReply, CommandWords, Effect};
 pub use decoder::Decoder;
-pub use extra::{Extra, ExtraKind, Place};
+pub use extra::{Extra, ExtraKey, ExtraKind, Place};
 pub use instruction::{Action, Instruction};
 pub use query::{LengthMismatch, Query, QueryReply};
 pub use reading::Reading;
@@ -268,29 +268,58 @@ pub struct UnknownType<'a> {
 }
 
 impl UnknownType<'_> {
-    /// The type that comes nearest.
+    /// The type, to be kept beyond the frame.
+    #[must_use]
+    pub fn to_word(&self) -> UnknownTypeWord {
+        UnknownTypeWord { word: self.word.map(|word| word.text().into_owned()) }
+    }
+
+    /// As [`UnknownTypeWord::nearest`].
     #[must_use]
     pub fn nearest(&self) -> Option<&'static str> {
-        let word = self.word?.text();
-        crate::spelling::nearest(&word, RequestType::ALL.map(RequestType::word))
+        self.to_word().nearest()
     }
 }
 
 impl fmt::Display for UnknownType<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.word {
-            None => f.write_str("the frame has neither `reqType` nor anything to tell its type by"),
-            Some(word) => {
-                let text = word.text();
-                write!(f, "`reqType` is `{}`, which is no request type", printable(&excerpt(&text)))?;
-                if CommandName::exact(text.as_bytes()).is_some() {
-                    return f.write_str("; it is a command: send it as `reqType` \"command\" with `cmdData`");
-                }
-                match self.nearest() {
-                    None => Ok(()),
-                    Some(near) => write!(f, "; nearest: `{near}`"),
-                }
-            }
+        self.to_word().fmt(f)
+    }
+}
+
+/// The type of an [`UnknownType`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownTypeWord {
+    /// The type, as long as the frame has it; `None` where the frame has no type and nothing to tell it by.
+    pub word: Option<String>,
+}
+
+impl UnknownTypeWord {
+    /// The type that comes nearest.
+    #[must_use]
+    pub fn nearest(&self) -> Option<&'static str> {
+        crate::spelling::nearest(self.word.as_ref()?, RequestType::ALL.map(RequestType::word))
+    }
+
+    /// The command of this name: its sender took a command for a type.
+    #[must_use]
+    pub fn command(&self) -> Option<CommandName> {
+        CommandName::exact(self.word.as_ref()?.as_bytes())
+    }
+}
+
+impl fmt::Display for UnknownTypeWord {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(word) = &self.word else {
+            return f.write_str("the frame has neither `reqType` nor anything to tell its type by");
+        };
+        write!(f, "`reqType` is `{}`, which is no request type", printable(&excerpt(word)))?;
+        if self.command().is_some() {
+            return f.write_str("; it is a command: send it as `reqType` \"command\" with `cmdData`");
+        }
+        match self.nearest() {
+            None => Ok(()),
+            Some(near) => write!(f, "; nearest: `{near}`"),
         }
     }
 }

@@ -53,7 +53,7 @@ pub const RULES: &[Rule] = &[
     Rule {
         package: "r6",
         layer: Layer::Shell,
-        may_use: &["r6-api", "r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim"],
+        may_use: &["r6-api", "r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim", "r6-traffic"],
     },
     // This crate alone binds both sides: a Python program brings its own virtual controller.
     Rule {

@@ -189,6 +189,7 @@ mod tests {
             let message = decoder.decode(frame.as_bytes()).unwrap();
             let Body::AddRcc(list) = message.body else { panic!("{message:?}") };
             assert_eq!(list.instructions[0].action.number(), action.number);
+            assert_eq!(list.instructions[0].action.name(), action.name);
             let mut passed_over: Vec<String> = message
                 .extras()
                 .filter(|extra| extra.kind == ExtraKind::OutOfPlace)

@@ -75,21 +75,52 @@ pub struct Extra<'a> {
 }
 
 impl Extra<'_> {
+    /// Its place, key and kind, to be kept beyond the frame.
+    #[must_use]
+    pub fn to_key(&self) -> ExtraKey {
+        ExtraKey { place: self.place, key: self.key.text().into_owned(), kind: self.kind }
+    }
+
+    /// As [`ExtraKey::nearest`].
+    #[must_use]
+    pub fn nearest(&self) -> Option<&'static str> {
+        self.to_key().nearest()
+    }
+}
+
+impl fmt::Display for Extra<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.to_key().fmt(f)
+    }
+}
+
+/// An [`Extra`] without its value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ExtraKey {
+    /// Where it stands.
+    pub place: Place,
+    /// Its key, as long as the frame has it.
+    pub key: String,
+    /// Why it is none of the known fields.
+    pub kind: ExtraKind,
+}
+
+impl ExtraKey {
     /// The key of the protocol that comes nearest to an unknown one.
     #[must_use]
     pub fn nearest(&self) -> Option<&'static str> {
         let known = super::top::Top::KEYS.into_iter().chain(super::fields::Fields::names());
         match self.kind {
-            ExtraKind::UnknownKey => crate::spelling::nearest(&self.key.text(), known),
+            ExtraKind::UnknownKey => crate::spelling::nearest(&self.key, known),
             ExtraKind::OtherSpelling => Some("Angel"),
             ExtraKind::DuplicateKey | ExtraKind::OutOfPlace => None,
         }
     }
 }
 
-impl fmt::Display for Extra<'_> {
+impl fmt::Display for ExtraKey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: `{}`: {}", self.place, printable(&self.key.text()), self.kind)?;
+        write!(f, "{}: `{}`: {}", self.place, printable(&self.key), self.kind)?;
         match self.nearest() {
             None => Ok(()),
             Some(near) => write!(f, "; nearest: `{near}`"),

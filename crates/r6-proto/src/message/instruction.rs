@@ -1,11 +1,13 @@
 //! Instructions: the steps that AddRCC puts into a controller's instruction list (manual 6).
 
+use std::borrow::Cow;
+
 use crate::axis::{AXES, AxisIndex, AxisMask};
 use crate::encode::{Decimals, ObjectWriter, key};
 use crate::error::{EncodeError, FieldError};
 use crate::grid::Grid;
 use crate::io_point::PairMask;
-use crate::message::action::Known;
+use crate::message::action::{self, Known};
 use crate::message::fields::{Fields, FieldsView};
 
 /// One step of an instruction list (manual 6, "instructions").
@@ -59,6 +61,13 @@ impl Action {
             Self::Unknown(unknown) => return unknown.action,
         };
         known.number()
+    }
+
+    /// What it is called: the name of its row in the table, such as `axis move`; `action 14` where there is no such row.
+    #[must_use]
+    pub fn name(&self) -> Cow<'static, str> {
+        let number = self.number();
+        action::name(number).map_or_else(|| format!("action {number}").into(), Cow::Borrowed)
     }
 }
 

@@ -1,24 +1,18 @@
 //! `r6 inspect`: reads captured traffic and names what is wrong with it.
 
-mod finding;
-mod source;
-
 use std::collections::BTreeMap;
 use std::io::Read;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use r6_proto::printable;
+use r6_traffic::judge::{Finding, Judge};
+use r6_traffic::recording::{MAX_BYTES, Place, Recording};
 use serde_json::{Value, json};
 
-use crate::cmd::inspect::finding::{Finding, Judge};
-use crate::cmd::inspect::source::{At, Piece, Pieces};
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::output::problem::{self, Code};
-
-/// The largest input that is read into memory: hours of traffic.
-const MAX_INPUT_BYTES: u64 = 256 * 1024 * 1024;
 
 /// Read captured traffic and name what is wrong with it
 #[derive(Debug, Args)]
@@ -50,8 +44,7 @@ pub struct InspectArgs {
 
 /// Reads the input and prints what was found.
 pub fn run(args: &InspectArgs) -> Result<Exit, Failure> {
-    let input = read(&args.file)?;
-    let report = Report::of(source::pieces(&input));
+    let report = Report::of(read(&args.file)?);
     if args.json {
         output::json_pretty(&report.json(args.problems));
     } else {
@@ -60,7 +53,7 @@ pub fn run(args: &InspectArgs) -> Result<Exit, Failure> {
     Ok(if report.problems() == 0 { Exit::Done } else { Exit::Refused })
 }
 
-fn read(file: &PathBuf) -> Result<Vec<u8>, Failure> {
+fn read(file: &Path) -> Result<Recording, Failure> {
     let name = file.display();
     let unreadable = |error: std::io::Error| Failure::usage(format!("{name} cannot be read: {error}"));
     let mut input = Vec::new();
@@ -70,42 +63,23 @@ fn read(file: &PathBuf) -> Result<Vec<u8>, Failure> {
     } else {
         Box::new(std::fs::File::open(file).map_err(unreadable)?)
     };
-    source.take(MAX_INPUT_BYTES + 1).read_to_end(&mut input).map_err(unreadable)?;
-    if u64::try_from(input.len()).unwrap_or(u64::MAX) > MAX_INPUT_BYTES {
-        return Err(Failure::usage(format!(
-            "{name} has more than {MAX_INPUT_BYTES} bytes: a capture is read into memory as a whole"
-        ))
-        .advise("cut the capture into parts"));
-    }
-    Ok(input)
+    let most = u64::try_from(MAX_BYTES).unwrap_or(u64::MAX);
+    source.take(most.saturating_add(1)).read_to_end(&mut input).map_err(unreadable)?;
+    Recording::read(&input)
+        .map_err(|error| Failure::usage(format!("{name} has {error}")).advise("cut the capture into parts"))
 }
 
 /// Everything that was found.
 struct Report {
-    frames: Vec<(At, Finding)>,
+    frames: Vec<(Place, Finding)>,
     other_bytes: usize,
 }
 
 impl Report {
-    fn of(pieces: Pieces) -> Self {
+    fn of(recording: Recording) -> Self {
         let mut judge = Judge::default();
-        let frames = pieces
-            .list
-            .into_iter()
-            .map(|piece| match piece {
-                Piece::Frame { at, from, bytes } => (at, judge.judge(&bytes, from)),
-                Piece::Broken { at, from: _, error } => {
-                    let finding = Finding {
-                        direction: "?",
-                        kind: "broken frame",
-                        problems: vec![error],
-                        ..Finding::default()
-                    };
-                    (at, finding)
-                }
-            })
-            .collect();
-        Self { frames, other_bytes: pieces.other_bytes }
+        let frames = recording.frames.into_iter().map(|frame| (frame.place, judge.captured(&frame)));
+        Self { frames: frames.collect(), other_bytes: recording.other_bytes }
     }
 
     fn problems(&self) -> usize {
@@ -115,32 +89,32 @@ impl Report {
     fn counts(&self) -> BTreeMap<&'static str, usize> {
         let mut counts = BTreeMap::new();
         for (_, finding) in &self.frames {
-            *counts.entry(finding.kind).or_default() += 1;
+            *counts.entry(finding.kind.word()).or_default() += 1;
         }
         counts
     }
 
     /// The frames that are shown, each with its number from 1.
-    fn shown(&self, only_problems: bool) -> impl Iterator<Item = (usize, &At, &Finding)> {
-        let frames = (1..).zip(&self.frames).map(|(number, (at, finding))| (number, at, finding));
+    fn shown(&self, only_problems: bool) -> impl Iterator<Item = (usize, &Place, &Finding)> {
+        let frames = (1..).zip(&self.frames).map(|(number, (place, finding))| (number, place, finding));
         frames.filter(move |(_, _, finding)| !only_problems || !finding.problems.is_empty())
     }
 
     fn print(&self, only_problems: bool) {
-        for (number, at, finding) in self.shown(only_problems) {
+        for (number, place, finding) in self.shown(only_problems) {
             let Finding { direction, kind, summary, problems, notes } = finding;
             let colon = if summary.is_empty() { "" } else { ": " };
             output::line(format_args!(
                 "#{number} line {} offset {}  {direction}  {kind}{colon}{}",
-                at.line,
-                at.offset,
+                place.line,
+                place.offset,
                 printable(summary)
             ));
             for problem in problems {
-                output::line(format_args!("    problem: {}", printable(problem)));
+                output::line(format_args!("    problem: {}", printable(&problem.to_string())));
             }
             for note in notes {
-                output::line(format_args!("    note: {}", printable(note)));
+                output::line(format_args!("    note: {}", printable(&note.to_string())));
             }
         }
         output::line(self.summary());
@@ -170,11 +144,12 @@ impl Report {
     fn json(&self, only_problems: bool) -> Value {
         let frames: Vec<_> = self
             .shown(only_problems)
-            .map(|(number, at, finding)| {
+            .map(|(number, place, finding)| {
                 json!({
-                    "number": number, "line": at.line, "offset_bytes": at.offset, "direction": finding.direction,
-                    "kind": finding.kind, "summary": finding.summary, "problems": finding.problems,
-                    "notes": finding.notes,
+                    "number": number, "line": place.line, "offset_bytes": place.offset,
+                    "direction": finding.direction.word(), "kind": finding.kind.word(),
+                    "summary": finding.summary, "problems": texts(&finding.problems),
+                    "notes": texts(&finding.notes),
                 })
             })
             .collect();
@@ -191,4 +166,8 @@ impl Report {
         }
         report
     }
+}
+
+fn texts(found: &[impl ToString]) -> Vec<String> {
+    found.iter().map(ToString::to_string).collect()
 }

@@ -4,12 +4,6 @@ use r6_proto::io_point::{IoPoint, PointKind};
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{Output, OutputKind, Wait, WaitCondition, WaitSource};
 
-/// What an action is called.
-pub fn name(action: &Action) -> String {
-    let number = action.number();
-    r6_proto::message::action::name(number).map_or_else(|| format!("action {number}"), str::to_owned)
-}
-
 /// `1 instruction`, `2 instructions`.
 pub fn instructions(count: usize) -> String {
     super::counted(count, "instruction")
@@ -27,7 +21,7 @@ pub fn text(action: &Action) -> String {
         | Action::PathSpeed(_)
         | Action::BoardOutput(_)
         | Action::Workbench(_)
-        | Action::Unknown(_) => name(action),
+        | Action::Unknown(_) => action.name().into_owned(),
     }
 }
 

@@ -1,81 +1,38 @@
-//! Finds the frames in what was captured: raw bytes, logs with text around the frames, transcripts.
-
-mod transcript;
+//! Raw bytes and logs: frames with anything between them.
 
 use r6_proto::Decoder;
 use r6_proto::frame::{FrameBuffer, FrameError, Limits, READ_ROOM};
-use serde::Deserialize;
 
-/// Who sent something, as far as the capture says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Side {
-    /// The PC, or a camera.
-    Pc,
-    /// The controller.
-    Controller,
-}
+use super::{BrokenFrame, Captured, Place, Recording, TooLong, is_printed_python};
 
-/// Where something stands in the input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct At {
-    /// Bytes from the beginning of the input; in a transcript, of that side's stream.
-    pub offset: usize,
-    /// Line of the input, counted from 1.
-    pub line: usize,
-}
-
-/// A stretch of the input.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Piece {
-    /// A whole frame.
-    Frame { at: At, from: Option<Side>, bytes: Vec<u8> },
-    /// What began as a frame and is none.
-    Broken { at: At, from: Option<Side>, error: String },
-}
-
-/// What an input holds.
-#[derive(Debug, Default, PartialEq, Eq)]
-pub struct Pieces {
-    /// The frames, whole and broken, in order.
-    pub list: Vec<Piece>,
-    /// How many bytes belong to no frame, blanks apart.
-    pub other_bytes: usize,
-}
-
-/// Takes the input apart.
-pub fn pieces(input: &[u8]) -> Pieces {
-    transcript::read(input).unwrap_or_else(|| captured(input))
-}
-
-/// Reads raw bytes or a log: frames, with anything between them.
-fn captured(input: &[u8]) -> Pieces {
-    let mut pieces = Pieces::default();
+/// Reads raw bytes or a log, of at most so many frames.
+pub(super) fn read(input: &[u8], most: usize) -> Result<Recording, TooLong> {
+    let mut recording = Recording::default();
+    let mut frames = FrameBuffer::new(Limits::default());
     let mut decoder = Decoder::new();
     let mut lines = Lines::new(input);
     let mut at = 0;
     let mut resync = false;
     while let Some(start) = next_start(input, at, resync) {
-        pieces.other_bytes += if resync { 0 } else { weight(input.get(at..start)) };
+        recording.other_bytes += if resync { 0 } else { weight(input.get(at..start)) };
         let rest = input.get(start..).unwrap_or_default();
-        let place = At { offset: start, line: lines.of(start) };
-        match first_frame(rest) {
+        let place = Place { offset: start as u64, line: lines.of(start) };
+        let frame = match first_frame(&mut frames, rest) {
             Ok(length) => {
-                let bytes = rest.get(..length).unwrap_or_default().to_vec();
-                pieces.list.push(Piece::Frame { at: place, from: None, bytes });
                 at = start + length;
                 resync = false;
+                Ok(rest.get(..length).unwrap_or_default().to_vec())
             }
             Err(error) => {
-                let error = explain(rest, &error, &mut decoder);
-                pieces.list.push(Piece::Broken { at: place, from: None, error });
                 at = start + 1;
                 resync = true;
+                Err(explain(rest, error, &mut decoder))
             }
-        }
+        };
+        recording.push(Captured { place, from: None, time: None, frame }, most)?;
     }
-    pieces.other_bytes += if resync { 0 } else { weight(input.get(at..)) };
-    pieces
+    recording.other_bytes += if resync { 0 } else { weight(input.get(at..)) };
+    Ok(recording)
 }
 
 /// How many bytes are no blanks.
@@ -114,8 +71,8 @@ fn next_start(input: &[u8], at: usize, resync: bool) -> Option<usize> {
 }
 
 /// The length of the frame that begins at the first byte.
-fn first_frame(bytes: &[u8]) -> Result<usize, FrameError> {
-    let mut frames = FrameBuffer::new(Limits::default());
+fn first_frame(frames: &mut FrameBuffer, bytes: &[u8]) -> Result<usize, FrameError> {
+    frames.reset();
     for chunk in bytes.chunks(READ_ROOM) {
         let mut rest = chunk;
         while !rest.is_empty() {
@@ -136,24 +93,16 @@ fn first_frame(bytes: &[u8]) -> Result<usize, FrameError> {
 }
 
 /// What is wrong with a broken frame: the first thing that is no JSON, where the brackets only tell later.
-fn explain(bytes: &[u8], error: &FrameError, decoder: &mut Decoder) -> String {
-    if is_python(bytes) {
-        return PYTHON.to_owned();
+fn explain(bytes: &[u8], error: FrameError, decoder: &mut Decoder) -> BrokenFrame {
+    if is_printed_python(bytes) {
+        return BrokenFrame::PrintedPython;
     }
     let seen =
         usize::try_from(error.fault_offset).map_or(usize::MAX, |at| at.saturating_add(1)).min(bytes.len());
     match decoder.decode(bytes.get(..seen).unwrap_or_default()) {
-        Err(json) if json.found.is_some() => format!("no JSON: {json}"),
-        Err(_) | Ok(_) => error.to_string(),
+        Err(json) if json.found.is_some() => BrokenFrame::NoJson(json),
+        Err(_) | Ok(_) => BrokenFrame::Frame(error),
     }
-}
-
-/// What is wrong with a printed Python dictionary.
-pub const PYTHON: &str = "single quotes: a printed Python dictionary, not what was on the wire";
-
-/// Whether this is a printed Python dictionary.
-pub fn is_python(frame: &[u8]) -> bool {
-    frame.get(1..).unwrap_or_default().trim_ascii_start().starts_with(b"'")
 }
 
 /// Counts lines, going forward only.
@@ -183,20 +132,19 @@ mod tests {
     const QUERY: &str =
         r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","queryAddr":["version"]}"#;
 
-    /// For each piece its line and, of a broken one, the error.
+    fn read(input: &str) -> Recording {
+        super::read(input.as_bytes(), 100).unwrap()
+    }
+
+    /// For each frame its line and, of a broken one, the error.
     fn shape(input: &str) -> Vec<(usize, Option<String>)> {
-        let pieces = pieces(input.as_bytes());
-        pieces
-            .list
-            .into_iter()
-            .map(|piece| match piece {
-                Piece::Frame { at, bytes, .. } => {
-                    assert!(bytes.starts_with(b"{") && bytes.ends_with(b"}"));
-                    (at.line, None)
-                }
-                Piece::Broken { at, error, .. } => (at.line, Some(error)),
-            })
-            .collect()
+        let told = |captured: Captured| {
+            if let Ok(bytes) = &captured.frame {
+                assert!(bytes.starts_with(b"{") && bytes.ends_with(b"}"));
+            }
+            (captured.place.line, captured.frame.err().map(|error| error.to_string()))
+        };
+        read(input).frames.into_iter().map(told).collect()
     }
 
     #[test]
@@ -204,7 +152,7 @@ mod tests {
         assert_eq!(shape(&format!("{QUERY}{QUERY}")), [(1, None), (1, None)]);
         let log = format!("10:00:01 TX: {QUERY} ok\n10:00:02 Foo {{ a: 1 }}\nrx {QUERY}\n");
         assert_eq!(shape(&log), [(1, None), (3, None)]);
-        assert_eq!(pieces(log.as_bytes()).other_bytes, "10:00:01TX:ok10:00:02Foo{a:1}rx".len());
+        assert_eq!(read(&log).other_bytes, "10:00:01TX:ok10:00:02Foo{a:1}rx".len());
         let pretty = QUERY.replace(',', ",\n  ");
         assert_eq!(shape(&format!("{pretty}\n{pretty}")), [(1, None), (4, None)]);
     }
@@ -233,37 +181,9 @@ mod tests {
 
     #[test]
     fn python_dictionaries_are_recognised() {
+        assert_eq!(shape("{'reqType': 'query'}\n"), [(1, None)]);
         let found = shape("{'reqType': 'que\n");
         assert_eq!(found.len(), 1);
-        assert_eq!(shape("{'reqType': 'query'}\n"), [(1, None)]);
-        assert!(is_python(b"{ 'reqType': 'query'}") && !is_python(b"{\"a\":'"));
         assert!(found[0].1.as_ref().unwrap().contains("single quotes"));
-    }
-
-    #[test]
-    fn transcripts_have_two_sides() {
-        let (half, rest) = QUERY.split_at(20);
-        let line =
-            |from: &str, bytes: &str| serde_json::json!({"from": from, "ms": 0, "bytes": bytes}).to_string();
-        let text =
-            ["{\"about\":\"x\"}".to_owned(), line("pc", half), line("controller", QUERY), line("pc", rest)]
-                .join("\n");
-        let sides: Vec<_> = pieces(text.as_bytes())
-            .list
-            .iter()
-            .map(|piece| match piece {
-                Piece::Frame { at, from, .. } => (at.line, *from),
-                Piece::Broken { error, .. } => panic!("{error}"),
-            })
-            .collect();
-        assert_eq!(sides, [(3, Some(Side::Controller)), (4, Some(Side::Pc))]);
-    }
-
-    #[test]
-    fn any_bytes_are_taken_apart() {
-        for input in [&b""[..], b"{", b"{{{{", b"\xff{\"a\":\xfe}", b"}}}", b"{\"", b"{ }", b"{'"] {
-            let pieces = pieces(input);
-            assert!(pieces.list.len() <= input.len());
-        }
     }
 }
