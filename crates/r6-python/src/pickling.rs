@@ -141,6 +141,8 @@ impl Command {
                 made("clear_alarm_with", none())
             }
             Sent::ClearAlarm => made("clear_alarm", none()),
+            #[allow(unreachable_patterns, reason = "a command may have its row before it has a method here")]
+            other => return Err(not_pickled(other.name().word())),
         }?;
         reduced(py, "Command", (name, arguments, named))
     }
