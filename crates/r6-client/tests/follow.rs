@@ -88,6 +88,25 @@ async fn a_target_that_is_no_longer_sent_is_not_gone_to() {
     assert_eq!(followed.behind, Some(Degrees(100.0 - at)));
 }
 
+/// A target of which nothing was heard again is nowhere to go: it is no reason to end with an error either.
+#[tokio::test(start_paused = true)]
+async fn a_target_that_grew_old_while_the_arm_was_on_its_way_is_not_checked() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    let guard = Envelope::new().axis_limits(r6_client::AxisIndex::ALL[0], Degrees(-15.0), Degrees(15.0));
+    let slowly = FollowOptions { speed: Percent::new(2.0).unwrap(), ..FollowOptions::default() };
+    let followed = follow(&robot.with_guard(guard), slowly, async |target| {
+        hold(&target, j1(10.0), Duration::from_millis(200)).await;
+        // Beyond the limits, told once, and old before the arm has come to the end of its step.
+        target.send(j1(50.0));
+        sleep(Duration::from_secs(60)).await;
+        drop(target);
+    })
+    .await
+    .unwrap();
+    assert_eq!((followed.steps, controller.handle().snapshot().axes[0]), (1, 10.0));
+    assert_eq!(followed.behind, Some(Degrees(40.0)));
+}
+
 #[tokio::test(start_paused = true)]
 async fn nothing_more_is_sent_once_the_source_has_ended() {
     let (controller, robot) = cell(VirtualController::builder()).await;
