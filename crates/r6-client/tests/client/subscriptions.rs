@@ -301,11 +301,13 @@ async fn the_link_is_measured() {
         other["packID"] = "4711".into();
         peer.send(values(&other, json!(["3"]))).await;
         peer.send("}}garbage ").await;
+        // Its brackets are in order, and it is no JSON.
+        peer.send("{no json}").await;
         peer.send(values(&request, json!(["7"]))).await;
     });
     let took = result.unwrap().took();
     let link = robot.link_quality();
-    assert_eq!((link.requests, link.replies, link.strays, link.garbled), (1, 1, 1, 1), "{link}");
+    assert_eq!((link.requests, link.replies, link.strays, link.garbled), (1, 1, 1, 2), "{link}");
     let latency = link.latency.unwrap();
     assert_eq!((link.state, latency.count, latency.p50, latency.max), (LinkState::Alive, 1, took, took));
     let (result, _peer) = tokio::join!(robot.query(&[MODE]), async {
