@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::{AxisIndex, OperationMode};
 
 use crate::mode::Key;
@@ -10,7 +11,7 @@ use crate::mode::Key;
 pub const LAST_ALARM: u32 = 10_000;
 
 /// The alarm that the emergency stop raises.
-pub const EMERGENCY_STOP: u32 = 7;
+pub const EMERGENCY_STOP: u32 = AlarmCode::EMERGENCY_STOP.0;
 
 /// What a person does at the machine, or a machine in the cell where inputs are concerned.
 #[derive(Clone, Debug, PartialEq)]

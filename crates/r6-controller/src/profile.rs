@@ -19,6 +19,7 @@ use std::time::Duration;
 
 use r6_motion::Turning;
 use r6_proto::address::{ADDRESSES, Ports};
+use r6_proto::alarm::AlarmCode;
 use r6_proto::dialect::Dialect;
 use r6_proto::message::command::COMMANDS;
 use r6_proto::{Address, CommandName, Port};
@@ -157,7 +158,7 @@ impl Profile {
             answers_heartbreak: false,
             accepts_heartbreak_command: false,
             heartbeat_timeout: Duration::from_secs(10),
-            heartbeat_alarm: 9,
+            heartbeat_alarm: AlarmCode::NO_HOST.0,
             action_stop_time: Duration::from_millis(78),
             action_stop_alarm: 0,
             action_stop_mode: StopMode::Auto,

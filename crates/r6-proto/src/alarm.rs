@@ -158,6 +158,24 @@ impl Row {
 const IO_WAIT: std::ops::RangeInclusive<u32> = 2048..=4095;
 
 impl AlarmCode {
+    /// The emergency stop is pressed.
+    pub const EMERGENCY_STOP: Self = Self(7);
+
+    /// Nobody answers a photo, or nobody feeds the watchdog.
+    pub const NO_HOST: Self = Self(9);
+
+    /// The program, or an instruction, cannot be carried out.
+    pub const PROGRAM: Self = Self(10);
+
+    /// A tool or a workbench is not there.
+    pub const FRAME: Self = Self(27);
+
+    /// The list was replaced while the arm moved.
+    pub const LIST_REPLACED: Self = Self(200);
+
+    /// A move has no speed, or a path speed cannot be set.
+    pub const PATH_SPEED: Self = Self(219);
+
     /// What the code means.
     #[must_use]
     pub fn decode(self) -> Alarm {

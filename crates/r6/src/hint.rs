@@ -2,7 +2,8 @@
 
 use std::sync::OnceLock;
 
-use crate::cmd::panel::DEFAULT_PANEL;
+/// Where `r6 up` offers the panel, and `r6 panel` looks for it unless told otherwise.
+pub const DEFAULT_PANEL: &str = "127.0.0.1:9770";
 
 /// Where `r6 up` and the usual `r6 sim` listen: the panel of this one is where `r6 panel` looks.
 const USUAL_ROBOTS: [&str; 4] = ["127.0.0.1", "127.0.0.1:9760", "localhost", "localhost:9760"];

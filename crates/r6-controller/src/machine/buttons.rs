@@ -1,5 +1,6 @@
 //! What starts, stops and pauses the machine, and what goes into its list.
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::Instruction;
 
 use super::Machine;
@@ -243,7 +244,7 @@ impl Machine {
                 | Activity::Resting { .. } => false,
             };
             if in_motion && !clears && self.profile.replace_in_motion == ReplaceInMotion::Alarm200 {
-                self.raise(200, AlarmCause::ListReplacedInMotion);
+                self.raise(AlarmCode::LIST_REPLACED.0, AlarmCause::ListReplacedInMotion);
                 self.clear_list();
                 return Err(NotTaken::Refused(ListRefusal::InMotion));
             }

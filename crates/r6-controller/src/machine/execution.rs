@@ -327,7 +327,7 @@ impl Machine {
                 self.bench = workbench(*bench)?;
                 Ok(())
             }
-            Action::Unknown(_) => Err((10, "unknown action".to_owned())),
+            Action::Unknown(_) => Err((AlarmCode::PROGRAM.0, "unknown action".to_owned())),
         }
     }
 

@@ -1,5 +1,6 @@
 //! From a step of the list to a move as the arm is told it.
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{
     Coordinates, CurveMove, Manner, Move as MoveStep, PathSpeed, Workbench,
@@ -76,7 +77,9 @@ fn speed(target: &MoveTarget, manner: &Manner, path_speed: Option<f64>) -> Resul
         (MoveTarget::Line(_) | MoveTarget::Curve { .. }, None, Some(speed)) => {
             Ok(MoveSpeed::MmPerSecond(speed))
         }
-        (MoveTarget::Axes(_), None, _) | (_, None, None) => Err((219, "the move has no speed".to_owned())),
+        (MoveTarget::Axes(_), None, _) | (_, None, None) => {
+            Err((AlarmCode::PATH_SPEED.0, "the move has no speed".to_owned()))
+        }
     }
 }
 
@@ -105,7 +108,10 @@ pub(super) fn workbench(step: Workbench) -> Result<u32, (u32, String)> {
         return Ok(id);
     }
     // Chosen: "user coordinate system wrong".
-    Err((27, format!("there is no workbench {id}, there are numbers 0 to {}", MAX_FRAMES - 1)))
+    Err((
+        AlarmCode::FRAME.0,
+        format!("there is no workbench {id}, there are numbers 0 to {}", MAX_FRAMES - 1),
+    ))
 }
 
 /// The path speed that action 51 tells. It has to be a whole number of mm/s: a fraction raised alarm 219 on unit B.
@@ -113,11 +119,13 @@ pub(super) fn path_speed(step: &PathSpeed) -> Result<Option<f64>, (u32, String)>
     match (step.in_use, step.speed) {
         (false, _) => Ok(None),
         (true, Some(speed)) if speed >= 1.0 && speed.fract() == 0.0 => Ok(Some(speed)),
-        (true, Some(speed)) => {
-            Err((219, format!("the path speed {speed} is no whole number of mm/s from 1")))
-        }
-        (true, None) => {
-            Err((219, "the path speed is missing: it is a whole number of mm/s from 1".to_owned()))
-        }
+        (true, Some(speed)) => Err((
+            AlarmCode::PATH_SPEED.0,
+            format!("the path speed {speed} is no whole number of mm/s from 1"),
+        )),
+        (true, None) => Err((
+            AlarmCode::PATH_SPEED.0,
+            "the path speed is missing: it is a whole number of mm/s from 1".to_owned(),
+        )),
     }
 }

@@ -5,10 +5,7 @@ use super::execution::Activity;
 use super::halt::AfterHalt;
 use crate::event::{AlarmCause, Event};
 use crate::io::{BOARDS, POINTS};
-use crate::panel::{Button, LAST_ALARM, PanelAction, Refused};
-
-/// The alarm of the emergency stop (the pendant's table).
-const EMERGENCY_STOP: u32 = crate::panel::EMERGENCY_STOP;
+use crate::panel::{Button, EMERGENCY_STOP, LAST_ALARM, PanelAction, Refused};
 
 impl Machine {
     /// Does what a person does at the machine. The machine has to stand at the present time.

@@ -13,13 +13,11 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::exit::{Exit, Failure};
+use crate::hint::DEFAULT_PANEL;
 use crate::output::problem::{self, Code};
 use crate::output::{self, alarm, panel};
 use crate::units;
 use http::Panel;
-
-/// Where the panel is looked for unless told otherwise: where `r6 up` offers it.
-pub const DEFAULT_PANEL: &str = "127.0.0.1:9770";
 
 /// Do what a person does at a virtual machine: inputs, buttons, emergency stop, moves by hand
 #[derive(Debug, Args)]

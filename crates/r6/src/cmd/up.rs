@@ -120,7 +120,7 @@ fn hints(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Vec<String
     let robot =
         if address.to_string() == "127.0.0.1:9760" { String::new() } else { format!(" -r {address}") };
     let panel = panel.map(|address| match address.to_string().as_str() {
-        crate::cmd::panel::DEFAULT_PANEL => "r6 panel status".to_owned(),
+        crate::hint::DEFAULT_PANEL => "r6 panel status".to_owned(),
         _ => format!("r6 panel --panel {address} status"),
     });
     let commands = [
