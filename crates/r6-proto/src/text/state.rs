@@ -4,7 +4,7 @@ use super::plain_end;
 
 /// Where a string stands whose bytes arrive piece by piece: it finds the closing quote without looking back.
 ///
-/// Escapes are stepped over, not checked: that is [`scan_string`]'s part, which finds the same end.
+/// Escapes are stepped over, not checked: that is [`super::scan_string`]'s part, which finds the same end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StringState {
     reading: Reading,
