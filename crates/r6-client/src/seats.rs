@@ -378,6 +378,19 @@ mod tests {
         }
     }
 
+    /// Worlds are told apart by the place of a seat, so two calls on one seat would look like one.
+    #[test]
+    fn every_call_has_a_seat_of_its_own() {
+        let seats = Seats::default();
+        let [mut one, mut other] = [Seat::default(), Seat::default()];
+        seats.sit(&mut one, &Waker::from(Arc::new(Bell(0))));
+        seats.sit(&mut other, &Waker::from(Arc::new(Bell(1))));
+        assert_ne!(one.0, other.0);
+        seats.leave(&mut other);
+        seats.happened();
+        assert_eq!(WOKEN.take(), [0]);
+    }
+
     #[test]
     fn no_order_of_steps_loses_a_reply_or_leaves_nobody_to_drive() {
         let (mut seen, mut to_see, mut ends) = (HashSet::new(), vec![World::begin()], 0);
