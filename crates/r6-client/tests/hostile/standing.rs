@@ -222,6 +222,14 @@ async fn a4_a_list_that_is_taken_late_is_cleared_again() {
         assert!(report.to_string().contains("had no answer"), "{report}");
         assert_true(&controller, &stopped).await;
         assert_eq!(controller.arm(|arm, _| arm.list_length(1)), 0);
+        // What runs all at once is stopped at once, and not when nothing can be in doubt any more.
+        let ran_on = controller.arm(|arm, _| {
+            let came = arm.log().iter().find(|entry| entry.did == Did::TakesLater).unwrap().at;
+            let taken = came + Duration::from_millis(taken_after);
+            let stops = arm.log().iter().filter(|entry| entry.kind == Kind::Command && entry.at > taken);
+            stops.map(|entry| entry.at - taken).min()
+        });
+        assert!(ran_on.is_some_and(|ran_on| ran_on < Duration::from_millis(300)), "{ran_on:?}");
         assert_eq!(handle.finished().await.unwrap_err().cause, Cause::StoppedHere);
     }
 }
