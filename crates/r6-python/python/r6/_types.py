@@ -183,7 +183,8 @@ class Status:
     _told: str = field(default="{}", repr=False)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as ``r6 status --json`` prints and the panel gives, for ``json.dumps``; the keys are in docs/COMMAND_LINE.md."""
+        """The same as ``r6 status --json`` (without ``--remote-program``) prints and the panel gives, for ``json.dumps``; the keys are in
+        docs/COMMAND_LINE.md."""
         told: dict[str, Any] = json.loads(self._told)
         return told
 
