@@ -1,4 +1,5 @@
-//! The contract: the types of everything that leaves r6 as JSON. `r6 --json`, the panel over HTTP and Python's `to_dict` use the same ones.
+//! The contract: types of what leaves r6 as JSON, so far the status, positions, problems and the panel. `r6 status --json`, the panel over
+//! HTTP and Python's `to_dict` use the same ones. The other output of `r6 --json` is still made in the crate `r6`.
 //!
 //! Each type is serde's; with the feature `openapi` it is an OpenAPI schema, too. There is no I/O here, and no type of a client or
 //! of a controller: whoever reads a robot hands over its values by address.

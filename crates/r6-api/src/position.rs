@@ -46,8 +46,10 @@ pub struct AxisPosition {
     #[cfg_attr(feature = "openapi", schema(example = "J1"))]
     pub name: String,
     /// Where it stands, in its unit; `null` where it could not be read.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub position: Option<f64>,
     /// `deg` for an axis that turns, `mm` for one that slides. `null` where it is not known which it does: the protocol does not tell.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub unit: Option<Unit>,
 }
 
@@ -65,11 +67,17 @@ impl AxisPosition {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[expect(missing_docs, reason = "the names say it")]
 pub struct Pose {
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub x_mm: Option<f64>,
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub y_mm: Option<f64>,
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub z_mm: Option<f64>,
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub u_deg: Option<f64>,
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub v_deg: Option<f64>,
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub w_deg: Option<f64>,
 }
 

@@ -22,6 +22,7 @@ pub struct CommandProblem {
     /// What is wrong, in one line: for people.
     pub message: String,
     /// What to do; `null` where there is nothing to say.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub advice: Option<String>,
     /// The exit code of `r6`, 1 to 4 (`docs/COMMAND_LINE.md`).
     pub exit: u8,
@@ -33,9 +34,10 @@ macro_rules! codes {
         /// What kind of problem it is. The words do not change; new ones may come.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
         #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+        #[serde(rename_all = "snake_case")]
         pub enum Code {
-            $($(#[$meaning])* #[serde(rename = $word)] $code,)*
-            /// A word that this version does not know.
+            $($(#[$meaning])* $code,)*
+            /// A word that this version does not know; it is never sent.
             #[serde(other)]
             Unknown,
         }
@@ -49,7 +51,7 @@ macro_rules! codes {
             pub fn word(self) -> &'static str {
                 match self {
                     $(Self::$code => $word,)*
-                    Self::Unknown => "Unknown",
+                    Self::Unknown => "unknown",
                 }
             }
         }
@@ -104,7 +106,7 @@ codes! {
     ProblemsFound "problems_found",
 
     // Requests over HTTP.
-    /// No HTTP request that can be read.
+    /// The bytes are not a readable HTTP request.
     BadRequest "bad_request",
     /// The body is no JSON.
     BadJson "bad_json",
@@ -158,7 +160,7 @@ codes! {
     NoSuchAxis "no_such_axis",
     /// A move by hand without a distance.
     NoDistance "no_distance",
-    /// A speed that is none.
+    /// The speed is not above 0 and at most 100 percent.
     BadSpeed "bad_speed",
     /// There is no such alarm.
     NoSuchAlarm "no_such_alarm",
@@ -172,12 +174,20 @@ mod tests {
 
     #[test]
     fn every_code_has_one_word_and_is_documented() {
-        let pages =
-            concat!(include_str!("../../../docs/COMMAND_LINE.md"), include_str!("../../../docs/PANEL.md"));
-        for code in Code::ALL {
+        let of_commands = include_str!("../../../docs/COMMAND_LINE.md");
+        let of_http = include_str!("../../../docs/PANEL.md");
+        let last_of_commands = Code::ALL.iter().position(|code| *code == Code::ProblemsFound).unwrap();
+        for (number, code) in Code::ALL.iter().enumerate() {
             let word = code.word();
             assert_eq!(serde_json::to_value(code).unwrap(), word);
-            assert!(pages.contains(&format!("`{word}`")), "{code:?} is documented");
+            let has_row = if number <= last_of_commands {
+                of_commands.contains(&format!("\n| `{word}` | "))
+            } else {
+                // Status, codes, meaning.
+                let codes = of_http.lines().filter_map(|line| line.strip_prefix("| ")?.split(" | ").nth(1));
+                codes.flat_map(|codes| codes.split(", ")).any(|code| code == format!("`{word}`"))
+            };
+            assert!(has_row, "{code:?} is documented");
             assert_eq!(Code::ALL.iter().filter(|other| other.word() == word).count(), 1, "{word}");
         }
     }

@@ -12,44 +12,56 @@ use crate::problem::{Code, CommandProblem};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Status {
-    /// Where it speaks the remote protocol, as it was asked for.
+    /// Where it speaks the remote protocol: the address that the caller gave; from the panel, the one that it listens on.
     #[cfg_attr(feature = "openapi", schema(example = "127.0.0.1:9760"))]
     pub robot: String,
     /// Its name (`machineName`).
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub machine_name: Option<String>,
     /// Whether it says by its name that it is no real machine.
     pub r#virtual: bool,
     /// Its firmware (`version`).
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub firmware: Option<String>,
     /// The program in use (`curMold`); only the pendant's port tells.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub program: Option<String>,
     /// The operation mode (`curMode`).
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub mode: Option<i64>,
     /// The operation mode in words.
-    #[cfg_attr(feature = "openapi", schema(example = "running (7)"))]
+    #[cfg_attr(feature = "openapi", schema(required = true, example = "running (7)"))]
     pub mode_name: Option<String>,
     /// The alarm, 0 for none (`curAlarm`).
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub alarm: Option<i64>,
     /// The alarm in words; `null` while there is none.
-    #[cfg_attr(feature = "openapi", schema(example = "135 (J6: positive soft limit)"))]
+    #[cfg_attr(feature = "openapi", schema(required = true, example = "135 (J6: positive soft limit)"))]
     pub alarm_text: Option<String>,
     /// Whether it is homed (`origin`).
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub homed: Option<bool>,
     /// Whether a move is under way (`isMoving`).
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub moving: Option<bool>,
     /// How many instructions are left in the list (`RemoteCmdLen`); older firmware does not tell.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub list_length: Option<i64>,
     /// How many axes the robot has (`axisNum`).
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub axis_count: Option<i64>,
     /// The axes that the robot has, J1 first, six at most (`axis-n`).
     pub axes: Vec<AxisPosition>,
     /// The pose of the tool in use, in the work frame in use (`world-n`).
     pub pose: Pose,
     /// Time of the present cycle, seconds (`curCycle`).
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub cycle_s: Option<f64>,
     /// Time of the last cycle that ended, seconds (`lastCycle`).
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub last_cycle_s: Option<f64>,
     /// Whether it takes instructions: `true` where values prove every condition, `false` where one is not met, else `null`.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub ready: Option<bool>,
     /// The conditions that are not met, in the order in which they are to be dealt with.
     pub unmet: Vec<Unmet>,
@@ -125,7 +137,7 @@ impl Status {
     }
 }
 
-/// An alarm that is none of 0 in a few words, such as `135 (J6: positive soft limit)`.
+/// An alarm in a few words, such as `135 (J6: positive soft limit)`; `code` is not 0.
 #[must_use]
 pub fn alarm_text(code: i64) -> String {
     match u32::try_from(code) {
@@ -148,8 +160,10 @@ pub struct Unmet {
     /// Which: a word that does not change.
     pub condition: Condition,
     /// The mode, the alarm, or how many instructions are left; `null` for the other conditions.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub value: Option<i64>,
     /// The address that cannot be read; `null` for the other conditions.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub address: Option<String>,
     /// What is, in a few words.
     #[cfg_attr(feature = "openapi", schema(example = "mode is stop (3)"))]
@@ -158,22 +172,22 @@ pub struct Unmet {
     pub advice: String,
 }
 
-/// What has to hold before instructions are sent.
+/// Which condition is not met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Condition {
-    /// The mode is 7.
+    /// The mode is not 7.
     Mode,
-    /// There is no alarm.
+    /// There is an alarm.
     Alarm,
-    /// The machine is homed.
+    /// The machine is not homed.
     NotHomed,
-    /// The arm stands.
+    /// The arm moves.
     Moving,
-    /// No instructions are left from before.
+    /// Instructions are left from before.
     LeftoverList,
-    /// A value that has to be known could be read.
+    /// A value that has to be known could not be read.
     Unknown,
 }
 

@@ -14,9 +14,9 @@ use r6_api::Code;
 use crate::refusal::Refusal;
 
 /// How long a request may take, its body included: what is asked for takes microseconds, and a disk that keeps something some seconds.
-pub const REQUEST_TIME: Duration = Duration::from_secs(10);
+pub(crate) const REQUEST_TIME: Duration = Duration::from_secs(10);
 
-/// Lets a request end within [`REQUEST_TIME`], or refuses it: a layer for `axum::middleware::from_fn`.
+/// Lets a request end within 10 s, or refuses it with 408: a layer for `axum::middleware::from_fn`.
 pub async fn in_time(request: Request, next: Next) -> Response {
     tokio::time::timeout(REQUEST_TIME, next.run(request)).await.unwrap_or_else(|_| {
         let message = "the request did not come to its end in time";
@@ -38,11 +38,11 @@ pub fn whole(body: Result<Bytes, BytesRejection>, most: usize) -> Result<Bytes, 
     })
 }
 
-/// Holds a request to say that its body is JSON: a page of a browser can send forms and plain text without asking, but no JSON.
+/// Refuses a request whose `Content-Type` is not JSON: a page of a browser can send forms and plain text without asking, but no JSON.
 ///
 /// # Errors
-/// 415.
-pub fn is_json(headers: &HeaderMap) -> Result<(), Refusal> {
+/// 415, `not_json`.
+pub fn require_json(headers: &HeaderMap) -> Result<(), Refusal> {
     let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     let kind = kind.split(';').next().unwrap_or_default().trim();
     if kind.eq_ignore_ascii_case("application/json") {

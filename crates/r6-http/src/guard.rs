@@ -51,7 +51,7 @@ fn check(listens: IpAddr, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal>
     if headers.get_all(ORIGIN).iter().any(|origin| !same_origin(origin.as_bytes()))
         || headers.get_all("sec-fetch-site").iter().any(|site| !same_site(site.as_bytes()))
     {
-        return Err(Refusal::foreign(Code::ForeignOrigin, "pages of a browser cannot use it"));
+        return Err(Refusal::foreign(Code::ForeignOrigin, "pages of a browser cannot use this server"));
     }
     Ok(())
 }

@@ -39,12 +39,6 @@ impl Refusal {
             Self::new(StatusCode::BAD_REQUEST, Code::BadJson, format!("the body is no JSON: {text}"))
         }
     }
-
-    /// The problem.
-    #[must_use]
-    pub fn problem(&self) -> &Problem {
-        &self.problem
-    }
 }
 
 impl IntoResponse for Refusal {

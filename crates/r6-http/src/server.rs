@@ -29,7 +29,7 @@ const MAX_OF_ONE_PEER: usize = 32;
 const HEAD_TIME: Duration = Duration::from_secs(2);
 
 /// The longest head of a request, and what is read at once.
-pub const MAX_HEAD_BYTES: usize = 16 * 1024;
+pub(crate) const MAX_HEAD_BYTES: usize = 16 * 1024;
 
 /// Serves what comes for as long as it is polled.
 pub async fn serve(listener: TcpListener, router: Router) {
@@ -39,7 +39,8 @@ pub async fn serve(listener: TcpListener, router: Router) {
             Ok((stream, peer)) => guests.admit(peer.ip(), stream, router.clone()),
             Err(error) => {
                 // Most likely too many open files: give the connections a moment to end.
-                warn!(%error, "an HTTP connection could not be accepted");
+                let server = listener.local_addr().ok();
+                warn!(?server, %error, "an HTTP connection could not be accepted");
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
         }
@@ -120,7 +121,7 @@ async fn converse(stream: TcpStream, router: Router, answers: Arc<AtomicBool>) {
     }
 }
 
-/// Closes our half, and waits a little for the peer to close its own.
+/// Closes our half, and waits, as `r6-sim` does for the robots' own protocol: neither crate uses the other's sockets. It waits a little for the peer to close its own.
 async fn hang_up(mut stream: TcpStream) {
     /// How long a peer has to close its half after we have closed ours.
     const HANG_UP_TIME: Duration = Duration::from_secs(2);

@@ -167,7 +167,7 @@ impl AlarmCode {
     /// The program, or an instruction, cannot be carried out.
     pub const PROGRAM: Self = Self(10);
 
-    /// A tool or a workbench is not there.
+    /// The user coordinate system (workbench) is wrong.
     pub const FRAME: Self = Self(27);
 
     /// The list was replaced while the arm moved.

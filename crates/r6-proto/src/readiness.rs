@@ -75,7 +75,7 @@ pub enum Readiness {
 }
 
 impl ReadinessFacts<'_> {
-    /// What keeps the machine from taking instructions, the most telling first; empty if nothing does.
+    /// What keeps the machine from taking instructions, in the order in which they are to be dealt with; empty if nothing does.
     ///
     /// A value that is not known counts against it, the length of the list apart: older firmware cannot tell it.
     /// Empty does not mean ready: see [`Self::readiness`].
@@ -108,7 +108,7 @@ impl ReadinessFacts<'_> {
         [moving, list, alarm, homed, mode].into_iter().flatten().collect()
     }
 
-    /// What no value tells, where nothing is unmet.
+    /// The conditions of which no value tells, whatever else is unmet.
     ///
     /// `remote_program` names a program of which the caller knows that it does nothing but wait for remote commands. Where the
     /// controller tells its program (`curMold`, on the pendant's port), mode 7 and this name together prove the step.

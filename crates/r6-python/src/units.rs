@@ -30,7 +30,7 @@ pub struct Millimetres(pub units::Millimetres);
 #[derive(Clone, Copy)]
 pub struct Percent(pub units::Percent);
 
-/// The speed of the tool along its path: a whole number of mm/s, 1 to 100 000.
+/// The speed of the tool along its path: a whole number of mm/s, 1 to 10 000.
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Copy)]
 pub struct MillimetresPerSecond(pub units::MillimetresPerSecond);

@@ -225,4 +225,5 @@ def test_every_method_of_a_command_has_its_row() -> None:
     public = {name for name in vars(r6.Command) if not name.startswith("_")}
     # A command with no method of its own yet is reached by its word, with `typed`.
     methods = public - {"word", "meaning", "typed"}
-    assert methods <= names and len(methods) == 20
+    without_method: set[str] = set()
+    assert methods | without_method == names and len(methods) == 20

@@ -324,6 +324,26 @@ fn the_committed_description_is_up_to_date() {
         "openapi/panel.json is not what the panel is: UPDATE_OPENAPI=1 writes it anew"
     );
     let api: Value = serde_json::from_str(&described).unwrap();
+    let codes = r6_api::Code::ALL.iter().copied().chain([r6_api::Code::Unknown]);
+    let words: Vec<Value> = codes.map(|code| code.word().into()).collect();
+    assert_eq!(api["components"]["schemas"]["Code"]["enum"], Value::Array(words));
+    let members = |schema: &str, member: &str| {
+        let members = &api["components"]["schemas"][schema][member];
+        let of_object = members.as_object().map(|all| all.keys().cloned().collect::<Vec<_>>());
+        let mut names = of_object.unwrap_or_else(|| serde_json::from_value(members.clone()).unwrap());
+        names.sort();
+        names
+    };
+    for schema in ["Pose", "AxisPosition", "Unmet", "CommandProblem"] {
+        assert_eq!(
+            members(schema, "required"),
+            members(schema, "properties"),
+            "{schema}: all are always sent"
+        );
+    }
+    let but_problem: Vec<_> =
+        members("Status", "properties").into_iter().filter(|name| name != "problem").collect();
+    assert_eq!(members("Status", "required"), but_problem);
     let paths: Vec<_> = api["paths"].as_object().unwrap().keys().cloned().collect();
     assert_eq!(
         paths,

@@ -18,8 +18,8 @@ use serde::{Deserialize, Serialize};
 /// How many requests wait for their replies; beyond, the earliest is forgotten. No client has as many on their way.
 pub const MAX_OPEN: usize = 256;
 
-/// How many bytes the requests take that wait for their replies; beyond, the earliest are forgotten. [`MAX_OPEN`] frames of the
-/// longest kind (64 KiB) have as many.
+/// How many bytes of memory the requests take that wait for their replies; beyond, the earliest are forgotten. 16 MiB: room for 20 to 256
+/// queries of the longest frame (64 KiB), by the length of their addresses.
 pub const MAX_OPEN_BYTES: usize = MAX_OPEN * 65_536;
 
 /// One end of the link between a PC and a controller.

@@ -15,7 +15,7 @@ pub use problem::{Note, Problem};
 use crate::conversation::{Conversation, Request, Side};
 use crate::recording::{BrokenFrame, Captured, is_printed_python};
 
-/// Characters of a summary, and of a text of a peer in a [`Problem`]: one line of a terminal.
+/// Characters of a summary, and of a `dsID` where a [`Problem`] is shown: one line of a terminal.
 pub const SUMMARY_CHARS: usize = 160;
 
 /// What one frame says, and what is wrong with it.
@@ -174,7 +174,7 @@ impl Judge {
         match &captured.frame {
             Ok(frame) => self.frame(frame, captured.from, captured.time),
             Err(error) => Finding {
-                direction: Direction::Unknown,
+                direction: captured.from.into(),
                 kind: FrameKind::Broken,
                 summary: String::new(),
                 problems: vec![Problem::Broken(error.clone())],

@@ -35,7 +35,7 @@ pub use door::Door;
 use fate::{DrawnFor, Fate, Felt, InForce, disturbed, drawn_for, speed};
 use way::{Group, Parcel, Way};
 
-/// How many bytes wait in one direction; then a link takes no more. Enough for the longest frame that a test sends and to fill the
+/// How many bytes wait in one direction; then a link takes no more. An empty link takes one frame of any length. Enough to fill the
 /// buffers of a peer's system, and little enough for a thousand links.
 pub const MAX_WAITING_BYTES: usize = 256 * 1024;
 

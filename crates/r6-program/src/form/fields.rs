@@ -203,7 +203,8 @@ impl<'d> Fields<'d> {
                 });
             } else if read.is_ok() && !asked.contains(&key.as_str()) {
                 let used: Vec<_> = asked.iter().copied().filter(|name| *name != "do").collect();
-                let what = format!("`{key}` means nothing here; beside it stand: {}", used.join(", "));
+                let what =
+                    format!("`{key}` has no meaning here; the keys that are used here: {}", used.join(", "));
                 noted.push(Wrong { at: Some(*at), ..what.into() });
             }
         }

@@ -263,7 +263,10 @@ mod tests {
     #[test]
     fn wrong_steps_say_what_is_wrong() {
         for (text, wrong) in [
-            ("do=\"workbench\"\nnumber=1\nspeed=5", "`speed` means nothing here; beside it stand: number"),
+            (
+                "do=\"workbench\"\nnumber=1\nspeed=5",
+                "`speed` has no meaning here; the keys that are used here: number",
+            ),
             (
                 "do=\"axis-move\"\nto=[1]\nspeed=5.55",
                 "`speed` is 5.55: it has to be in steps of 0.1 percent; nearest: 5.5 or 5.6",

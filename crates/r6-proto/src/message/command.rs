@@ -67,7 +67,7 @@ pub struct CommandInfo {
     pub if_refused: &'static str,
     /// What it can do to the machine.
     pub effect: Effect,
-    /// Whether poses refer to another tool or workbench after it.
+    /// Whether poses refer to another frame after it: another tool or workbench, or changed values of a tool.
     pub changes_frame: bool,
     /// Which port has it.
     pub ports: Ports,

@@ -184,7 +184,8 @@ impl PathSpeed {
     /// What a wrong one has to be.
     pub const WANTED: &str = "a whole number of mm/s, from 1 to 10000";
 
-    /// Whether a controller takes this speed, mm/s, while a path speed is on: it wants a whole number.
+    /// Whether this speed is sent while a path speed is on: a whole number of mm/s, from 1 to [`Self::FASTEST`]. A controller may take
+    /// more: no maximum is known.
     #[must_use]
     pub fn is_possible(speed: f64) -> bool {
         speed.fract() == 0.0 && (1.0..=f64::from(Self::FASTEST)).contains(&speed)

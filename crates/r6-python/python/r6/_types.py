@@ -166,7 +166,7 @@ class Status:
     moving: bool | None
     axis_count: int | None
     axes: Floats
-    """J1 to J6: shape (6,), degrees, NaN where not known."""
+    """J1 to J6: shape (6,), degrees, or mm where an axis slides, which no address tells; NaN where not known."""
     pose: Floats
     """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN where not known."""
     list_length: int | None
@@ -180,11 +180,16 @@ class Status:
     unproved: tuple[Literal["remote_step", "list_length"], ...]
     """What has to hold, and no value tells: whether the program sits in its step that waits for remote commands, which no firmware tells;
     how many instructions are left in the list, which older firmware does not tell."""
-    _told: str = field(default="{}", repr=False)
+    _told: str = field(default="", repr=False)
 
     def to_dict(self) -> dict[str, Any]:
         """The same as ``r6 status --json`` (without ``--remote-program``) prints and the panel gives, for ``json.dumps``; the keys are in
-        docs/COMMAND_LINE.md."""
+        docs/COMMAND_LINE.md. It tells what was read, whatever was replaced in this object since.
+
+        Errors: ``ValueError`` for a status that was not read from a robot.
+        """
+        if not self._told:
+            raise ValueError("only a status that was read from a robot has this form")
         told: dict[str, Any] = json.loads(self._told)
         return told
 
@@ -199,7 +204,7 @@ class Done:
     """The arm stands, without alarm, and as far as the controller tells its list is done."""
 
     axes: Floats
-    """J1 to J6: shape (6,), degrees, NaN where not known."""
+    """J1 to J6: shape (6,), degrees, or mm where an axis slides, which no address tells; NaN where not known."""
     pose: Floats
     """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN where not known."""
     mode: int | None
@@ -223,7 +228,7 @@ class Followed:
     steps: int
     """Steps that were made."""
     axes: Floats
-    """J1 to J6: shape (6,), degrees, NaN where not known."""
+    """J1 to J6: shape (6,), degrees, or mm where an axis slides, which no address tells; NaN where not known."""
     behind: float | None
     """How far the farthest axis is from the last target that was told, degrees; mm where it slides. ``None`` where no target was
     told, or it is not known where an axis is."""

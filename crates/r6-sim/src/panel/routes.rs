@@ -16,7 +16,7 @@ use r6_api::{Code, Problem, Status};
 use r6_controller::program::MAX_TEXT_BYTES;
 use r6_controller::{PanelAction, Refused};
 use r6_http::Refusal;
-use r6_http::body::{in_time, is_json, whole};
+use r6_http::body::{in_time, require_json, whole};
 use r6_http::guard::guard;
 use utoipa::OpenApi;
 use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouterExt};
@@ -65,7 +65,11 @@ pub(super) fn router(controllers: Handles, address: SocketAddr) -> Router {
 }
 
 /// The controllers of this process.
-#[utoipa::path(get, path = "/v1/controllers", responses((status = 200, description = "All of them", body = Controllers)))]
+#[utoipa::path(get, path = "/v1/controllers", responses(
+    (status = 200, description = "All of them", body = Controllers),
+    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+    (status = 408, description = "`too_slow`", body = Problem),
+))]
 async fn list(State(controllers): State<Handles>) -> Json<Controllers> {
     let numbered = (1..).zip(controllers.iter());
     let controllers = numbered.map(|(number, controller)| convert::controller(number, controller)).collect();
@@ -79,6 +83,8 @@ async fn list(State(controllers): State<Handles>) -> Json<Controllers> {
     params(("n" = usize, Path, description = "The number of the controller, from 1")),
     responses(
         (status = 200, description = "Now", body = Snapshot),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
         (status = 404, description = "`no_such_controller`, `no_such_path`", body = Problem),
     )
 )]
@@ -97,6 +103,8 @@ async fn show(
     params(("n" = usize, Path, description = "The number of the controller, from 1")),
     responses(
         (status = 200, description = "Now", body = Status),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
         (status = 404, description = "`no_such_controller`, `no_such_path`", body = Problem),
     )
 )]
@@ -143,7 +151,7 @@ async fn act(
     body: Result<Bytes, BytesRejection>,
 ) -> Result<Json<Snapshot>, Refusal> {
     let (number, controller) = find(&controllers, &named(number)?)?;
-    is_json(&headers)?;
+    require_json(&headers)?;
     let body = whole(body, MAX_BODY_BYTES)?;
     let action: Action =
         serde_json::from_slice(&body).map_err(|error| Refusal::of_json(&error, Code::BadAction))?;

@@ -68,12 +68,23 @@ fn line_of(line: &impl Serialize) -> String {
     text + "\n"
 }
 
-/// The writes of a transcript; `None` if a line is none of a transcript, or if there is no write.
+/// How many writes of a transcript are read: hours of traffic. Each takes memory, even one without bytes.
+pub const MAX_WRITES: usize = 1 << 20;
+
+/// The writes of a transcript; `None` if a line is none of a transcript, or if there is no write or more than [`MAX_WRITES`]: such a file
+/// is read as a log.
 #[must_use]
 pub fn writes(input: &[u8]) -> Option<Vec<Write>> {
+    writes_within(input, MAX_WRITES)
+}
+
+fn writes_within(input: &[u8], most: usize) -> Option<Vec<Write>> {
     let text = std::str::from_utf8(input).ok()?;
     let mut writes = Vec::new();
     for (line, text) in (1..).zip(text.lines()) {
+        if writes.len() > most {
+            return None;
+        }
         if text.trim().is_empty() || serde_json::from_str::<About>(text).is_ok() {
             continue;
         }
@@ -86,7 +97,7 @@ pub fn writes(input: &[u8]) -> Option<Vec<Write>> {
         let time = ms.as_u64().map(|ms| Instant::ORIGIN + Duration::from_millis(ms));
         writes.push(Write { line, from, time, bytes });
     }
-    (!writes.is_empty()).then_some(writes)
+    (1..=most).contains(&writes.len()).then_some(writes)
 }
 
 fn from_hex(digits: &str) -> Option<Vec<u8>> {
@@ -229,6 +240,9 @@ mod tests {
             assert_eq!(writes(format!("{good}{bad}\n").as_bytes()), None, "{bad}");
         }
         assert_eq!(writes(about("nothing was written").as_bytes()), None);
+        let three = good.repeat(3);
+        assert_eq!(writes_within(three.as_bytes(), 3).map(|writes| writes.len()), Some(3));
+        assert_eq!(writes_within(three.as_bytes(), 2), None);
     }
 
     #[test]

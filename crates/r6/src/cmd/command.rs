@@ -81,7 +81,8 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
                 }));
             } else {
                 let means = means.map(|means| format!(": {means}")).unwrap_or_default();
-                let wire = if scaled { format!("; on the wire {}", quoted(&wire)) } else { String::new() };
+                let told = scaled || means.is_empty();
+                let wire = if told && !wire.is_empty() { format!("; on the wire {}", quoted(&wire)) } else { String::new() };
                 output::line(format_args!("{name} accepted after {milliseconds:.1} ms{means}{wire}"));
             }
             Ok(Exit::Done)

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::exit::Failure;
 
-/// The problem object of a failure: a [`CommandProblem`]. Where the command has more to tell, its members stand beside those of it.
+/// The problem object of a failure: a [`CommandProblem`]. Members that a command adds stand beside its own.
 pub fn object(failure: &Failure) -> Value {
     let mut object = json!(CommandProblem {
         code: failure.code(),
@@ -15,7 +15,9 @@ pub fn object(failure: &Failure) -> Value {
         exit: failure.exit().number(),
     });
     for (name, value) in failure.members() {
-        object[name] = value.clone();
+        if object.get(name).is_none() {
+            object[name] = value.clone();
+        }
     }
     object
 }
@@ -35,5 +37,6 @@ mod tests {
         let failure = Failure::usage("no such file").member("event", "failed").with_exit(Exit::Unknown);
         assert_eq!(object(&failure)["event"], "failed");
         assert_eq!(object(&failure)["exit"], 4);
+        assert_eq!(object(&failure.member("code", "mine"))["code"], "usage");
     }
 }

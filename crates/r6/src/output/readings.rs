@@ -47,7 +47,7 @@ fn value_text(address: Address, value: &Result<Reading, NoReading>) -> String {
     }
 }
 
-/// The unit of one address: a pose has mm for its first three components and degrees for the others. What an axis has is not told.
+/// The unit of one address: a pose has mm for its first three components and degrees for the others. The wire does not tell the unit of an axis.
 pub fn unit(address: Address) -> &'static str {
     match (address, Unit::of(address)) {
         (_, Some(unit)) => unit.word(),

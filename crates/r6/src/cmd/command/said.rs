@@ -44,7 +44,7 @@ pub fn words(command: &Command<'_>) -> Option<String> {
             let yes_no = |flag: &bool| if *flag { "yes" } else { "no" };
             format!("to the first line: {}, only the alarm: {}", yes_no(first_line), yes_no(only_alarm))
         }
-        // What takes no arguments is said by its name; of others the wire's words are told.
+        // The name says all, or the words on the wire are told.
         _ => return None,
     })
 }
