@@ -1,5 +1,6 @@
 //! Inputs, outputs and M points.
 
+use r6_proto::io_point::{IoPoint, PointKind};
 use r6_proto::message::instruction::{BoardOutput, OutputBoard, WaitSource};
 
 /// How many boards of 32 points a command can name (`input-0` … `input-7`).
@@ -44,6 +45,29 @@ impl OutputPoint {
             7 => Some(Self::Eu(point)),
             _ => None,
         }
+    }
+
+    /// The point of this name; `None` for an input.
+    #[must_use]
+    pub fn named(name: IoPoint) -> Option<Self> {
+        let IoPoint { kind, board, point } = name;
+        match kind {
+            PointKind::Y => Some(Self::Y(board, point)),
+            PointKind::M => Some(Self::M(board, point)),
+            PointKind::Euy => Some(Self::Eu(point)),
+            PointKind::X | PointKind::Eux => None,
+        }
+    }
+
+    /// Its name on the pendant.
+    #[must_use]
+    pub fn name(self) -> IoPoint {
+        let (kind, board, point) = match self {
+            Self::Y(board, point) => (PointKind::Y, board, point),
+            Self::M(board, point) => (PointKind::M, board, point),
+            Self::Eu(point) => (PointKind::Euy, 0, point),
+        };
+        IoPoint { kind, board, point }
     }
 
     /// Output point 32 of action 200 is the first one of the next board.

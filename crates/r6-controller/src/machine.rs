@@ -43,14 +43,9 @@ use crate::program::Library;
 use crate::saved::SavedState;
 use crate::settings::ControllerSettings;
 use r6_motion::{Axes, Frame, Frames, MotionState, Pose, Ramps, RobotModel};
+pub use r6_program::taught::{CounterState, MAX_FRAMES, MAX_STACKS, Stack};
 use r6_proto::OperationMode;
 use r6_traffic::random::Random;
-
-/// How many tools and workbenches can be defined: numbers 0 to 31.
-pub const MAX_FRAMES: u32 = 32;
-
-/// How many stacks can be defined: numbers 0 to 31.
-pub const MAX_STACKS: u32 = 32;
 
 /// How many points of all cameras are kept; older ones go first. A program consumes them; a camera sends a few dozen.
 pub const MAX_POINTS: usize = 1000;
@@ -60,24 +55,6 @@ const MAX_EVENTS: usize = 256;
 
 /// How many timed outputs may be on at once: as many as one output board has points.
 const MAX_PULSES: usize = 32;
-
-/// A stack (palletising pattern).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stack {
-    /// Spacing in X, Y, Z, mm.
-    pub spacing: [f64; 3],
-    /// Count in X, Y, Z.
-    pub count: [u32; 3],
-}
-
-/// A counter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CounterState {
-    /// The count it goes to.
-    pub target: i64,
-    /// The count it has.
-    pub current: i64,
-}
 
 /// Something that happened by itself, for the log.
 #[derive(Clone, Debug, PartialEq)]

@@ -14,10 +14,10 @@
 mod choices;
 mod file;
 
-use std::fmt;
 use std::time::Duration;
 
 use r6_motion::Turning;
+use r6_program::Mistakes;
 use r6_proto::address::{ADDRESSES, Ports};
 use r6_proto::alarm::AlarmCode;
 use r6_proto::dialect::Dialect;
@@ -214,8 +214,8 @@ impl Profile {
     /// The profile that a user's TOML file describes.
     ///
     /// # Errors
-    /// [`ProfileError`] names the line, the setting and what it has to be.
-    pub fn from_toml(text: &str) -> Result<Self, ProfileError> {
+    /// [`Mistakes`]: all places where the text is wrong, and what each setting has to be.
+    pub fn from_toml(text: &str) -> Result<Self, Mistakes> {
         file::read(text)
     }
 
@@ -236,18 +236,6 @@ fn addresses_missing_on(port: Port) -> Vec<String> {
     let missing = |ports: Ports| !ports.has(port);
     ADDRESSES.iter().filter(|row| missing(row.ports)).map(|row| row.name.to_owned()).collect()
 }
-
-/// What is wrong with a profile file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ProfileError(String);
-
-impl fmt::Display for ProfileError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for ProfileError {}
 
 #[cfg(test)]
 mod tests {
@@ -283,13 +271,17 @@ mod tests {
     fn a_wrong_file_says_where_and_what() {
         let error =
             Profile::from_toml("max_connections = 2\nkey_order = \"random\"").unwrap_err().to_string();
-        assert!(error.contains("line 2") && error.contains("alphabetical"), "{error}");
+        let wanted = "2:13: `key_order` is \"random\", but has to be one of \"alphabetical\", \"manual\"";
+        assert_eq!(error, wanted);
         let error = Profile::from_toml("max_conections = 2").unwrap_err().to_string();
         assert!(error.contains("max_conections") && error.contains("max_connections"), "{error}");
         let error = Profile::from_toml("base = \"hc2\"").unwrap_err().to_string();
-        assert_eq!(error, "base: `hc2` is not known; nearest: `hc1`");
+        assert!(
+            error.starts_with("1:8: `base` is \"hc2\"") && error.ends_with("; nearest: \"hc1\""),
+            "{error}"
+        );
         let error = Profile::from_toml("max_connections = 0").unwrap_err().to_string();
-        assert!(error.starts_with("max_connections: 0 ") && error.contains("1 or more"), "{error}");
+        assert!(error.starts_with("1:19: `max_connections` is 0") && error.contains("1 or more"), "{error}");
         let error = Profile::from_toml("unsupported_commands = [\"actoinStop\"]").unwrap_err().to_string();
         assert!(error.contains("nearest: `actionStop`"), "{error}");
     }

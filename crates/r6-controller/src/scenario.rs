@@ -8,8 +8,9 @@ mod file;
 mod run;
 mod words;
 
-use std::fmt;
 use std::time::Duration;
+
+use r6_program::Mistakes;
 
 use crate::fault::Fault;
 use crate::io::OutputPoint;
@@ -17,7 +18,6 @@ use crate::panel::PanelAction;
 
 pub use file::HAPPENINGS;
 pub(crate) use run::{LateList, ScenarioRun, Turn};
-pub(crate) use words::output_name;
 
 /// No list of a scenario is longer.
 pub const MAX_ENTRIES: usize = 1000;
@@ -155,27 +155,6 @@ impl Window {
     }
 }
 
-/// Why a text is no scenario.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ScenarioError {
-    /// In which entry: its list, its number from 1, and what it is.
-    entry: Option<(&'static str, usize, String)>,
-    reason: String,
-}
-
-impl fmt::Display for ScenarioError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.entry {
-            Some((list, number, what)) if what.is_empty() => write!(f, "[[{list}]] {number}: ")?,
-            Some((list, number, what)) => write!(f, "[[{list}]] {number} ({what}): ")?,
-            None => {}
-        }
-        f.write_str(&self.reason)
-    }
-}
-
-impl std::error::Error for ScenarioError {}
-
 impl Scenario {
     /// Whether an entry of the timeline happens again and again.
     pub(crate) fn repeats(&self, number: usize) -> bool {
@@ -185,8 +164,8 @@ impl Scenario {
     /// The scenario that a text describes.
     ///
     /// # Errors
-    /// [`ScenarioError`] names the entry, the field, what it has to be and what it is.
-    pub fn read(text: &str) -> Result<Self, ScenarioError> {
+    /// [`Mistakes`]: all places where the text is wrong, in which entry, and what is due there.
+    pub fn read(text: &str) -> Result<Self, Mistakes> {
         file::read(text)
     }
 }

@@ -64,15 +64,15 @@ fn what_is_wrong_is_told_with_the_program_and_the_step() {
         (
             "cell",
             "[[step]]\ndo=\"remote\"\n[[step]]\ndo=\"wiat\"\nseconds=1",
-            &["`cell`, step 2", "`wait`"][..],
+            &["`cell`: 4:4: step 2", "\"wait\""][..],
         ),
-        ("cell", "[[step]]\ndo=\"wait\"\nseconds=-1", &["`cell`, step 1 (wait)", "seconds"]),
+        ("cell", "[[step]]\ndo=\"wait\"\nseconds=-1", &["`cell`: 3:9: step 1 (wait)", "seconds"]),
         (
             "cell",
             "[[step]]\ndo=\"call\"\nprogram=\"remot\"",
             &["`cell`: it calls `remot`", "`remote`", "first"],
         ),
-        ("cell", "{\"step\":", &["`cell`: no JSON"]),
+        ("cell", "{\"step\":", &["`cell`: 1:8: this is no JSON"]),
         ("cell", long.as_str(), &["`cell`", "longer than"]),
         ("", "", &["1 to 64 bytes"]),
         ("a\nb", "", &["control characters"]),

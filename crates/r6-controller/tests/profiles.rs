@@ -22,8 +22,8 @@ fn rows() -> Vec<Vec<String>> {
 /// The settings that a file may have, as the reader itself lists them.
 fn settings() -> BTreeSet<String> {
     let error = Profile::from_toml("no_such_setting = 1").unwrap_err().to_string();
-    let list = error.split("expected one of").nth(1).unwrap();
-    list.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+    let (_, list) = error.split_once("there are: ").unwrap();
+    list.split(", ").map(str::to_owned).collect()
 }
 
 #[test]

@@ -601,6 +601,6 @@ fn a_program_brings_its_counters_along() {
     };
     assert!(wrong("target=1").ends_with("`number` is missing: the number of a counter"));
     assert!(
-        wrong("number=1\ntagret=1").contains("counter 1: `tagret` means nothing here; nearest: `target`")
+        wrong("number=1\ntagret=1").ends_with("counter]] 1: there is no key `tagret`; nearest: `target`")
     );
 }

@@ -183,7 +183,11 @@ fn a_damaged_state_names_the_field_the_value_and_what_it_has_to_be() {
         ("/mode", json!("running"), &["`mode`", "running", "auto"]),
         ("/mold", json!("m".repeat(300)), &["`mold`", "300 bytes"]),
         ("/version", json!(0), &["`version`", "0", "1"]),
-        ("/programs", json!({"cell": "[[step]]\ndo=\"wiat\""}), &["`programs.cell`", "step 1", "`wait`"]),
+        (
+            "/programs",
+            json!({"cell": "[[step]]\ndo=\"wiat\""}),
+            &["`programs.cell`", "2:4: step 1", "\"wait\""],
+        ),
         ("/programs", json!({"": ""}), &["`programs.`", "1 to 64 bytes"]),
         ("/programs", json!([]), &["`programs`"]),
     ];

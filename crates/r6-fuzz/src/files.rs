@@ -79,11 +79,7 @@ fn passes(cell: &mut Cell, model: &Model, seconds: f64) {
 fn program(text: &str) {
     let program = match Program::read("tried", text) {
         Ok(program) => program,
-        Err(error) => {
-            assert_eq!(error.program, "tried");
-            assert!(!error.reason.is_empty() && error.step.is_none_or(|(number, _)| number > 0));
-            return;
-        }
+        Err(mistakes) => return are_of(text, &mistakes),
     };
     assert_eq!(Program::read("tried", program.text()).as_ref(), Ok(&program));
     let mut library = Library::default();
@@ -91,22 +87,21 @@ fn program(text: &str) {
     runs(ControllerSettings { library, mold: "tried".to_owned(), ..settings() });
 }
 
+/// What is told is at places of the text.
+fn are_of(text: &str, mistakes: &Mistakes) {
+    let lines = text.split('\n').count();
+    for mistake in mistakes.iter() {
+        assert!(!mistake.what.is_empty());
+        if let Some((line, column)) = mistake.at {
+            assert!((1..=lines).contains(&line) && column > 0, "{mistake} is at no place of the text");
+        }
+    }
+}
+
 fn program_file(text: &str, read: Result<MotionProgram, Mistakes>) {
     let file = match read {
         Ok(file) => file,
-        Err(error) => {
-            let lines = text.split('\n').count();
-            for mistake in error.iter() {
-                assert!(!mistake.what.is_empty());
-                if let Some((line, column)) = mistake.at {
-                    assert!(
-                        (1..=lines).contains(&line) && column > 0,
-                        "{mistake} is at no place of the text"
-                    );
-                }
-            }
-            return;
-        }
+        Err(mistakes) => return are_of(text, &mistakes),
     };
     let settings = settings();
     let model = Model::new(&settings);
@@ -154,7 +149,7 @@ fn scenario(text: &str) {
             assert_eq!(Scenario::read(text).as_ref(), Ok(&scenario));
             runs(ControllerSettings { scenario: Some(scenario.into()), ..settings() });
         }
-        Err(error) => assert!(!error.to_string().is_empty()),
+        Err(mistakes) => are_of(text, &mistakes),
     }
 }
 
@@ -164,6 +159,6 @@ fn profile(text: &str) {
             assert_eq!(Profile::from_toml(text).as_ref(), Ok(&profile));
             runs(ControllerSettings::new(profile, RobotModel::default()));
         }
-        Err(error) => assert!(!error.to_string().is_empty()),
+        Err(mistakes) => are_of(text, &mistakes),
     }
 }

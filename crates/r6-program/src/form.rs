@@ -1,9 +1,10 @@
-//! The form of a TOML document: tables and values with their places.
+//! The form of a document in TOML, or in JSON with the same keys: tables and values with their places.
 //!
 //! [`parse`] makes a [`Table`] and an empty list of what is [`Found`] wrong. [`Fields`] asks a table for its values. It notes every value that
 //! is of the wrong kind or beyond its range, and every key that it was not asked for.
 
 mod fields;
+mod json;
 
 use std::fmt;
 
@@ -57,6 +58,7 @@ enum Value {
     Number(Number),
     Flag(bool),
     Date,
+    Null,
     List(Vec<Node>),
     Table(Table),
     TooDeep,
@@ -120,6 +122,7 @@ impl fmt::Display for Node {
             Value::Number(number) => f.write_str(&quoted(&number.written)),
             Value::Flag(flag) => flag.fmt(f),
             Value::Date => f.write_str("a date"),
+            Value::Null => f.write_str("null"),
             Value::List(values) if values.is_empty() => f.write_str("an empty list"),
             Value::List(_) => f.write_str("a list"),
             Value::Table(_) => f.write_str("a table"),
@@ -162,12 +165,14 @@ impl<T: Into<String>> From<T> for Wrong {
     }
 }
 
-/// What is found wrong with a document so far.
+/// What is found wrong with a document so far, and what its reader should know.
 #[derive(Debug)]
 pub struct Found<'t> {
     text: &'t str,
     wrong: Vec<Wrong>,
     more: usize,
+    /// Spellings that are still read, and those of today: the byte, and what to write.
+    hints: Vec<(usize, String)>,
     /// The lines that are no TOML: what else is wrong there follows from that.
     broken: Vec<usize>,
 }
@@ -180,6 +185,19 @@ impl Found<'_> {
         } else {
             self.wrong.push(wrong);
         }
+    }
+
+    /// A hint at the older spellings of the document: the first one, and how many there are.
+    #[must_use]
+    pub fn hint(&self) -> Option<String> {
+        let (at, today) = self.hints.iter().min_by_key(|(at, _)| *at)?;
+        let (line, column) = lines::position(self.text, *at);
+        let others = match self.hints.len() - 1 {
+            0 => String::new(),
+            1 => ", and once more in this file".to_owned(),
+            others => format!(", and {others} times more in this file"),
+        };
+        Some(format!("{line}:{column}: an older spelling, which is still read: {today}{others}"))
     }
 
     /// What was read, if nothing is wrong.
@@ -209,9 +227,19 @@ impl Found<'_> {
     }
 }
 
-/// Reads a document. What is no TOML is noted, and the rest is read all the same.
+/// Reads a document; one that begins with `{` is JSON. What is no TOML is noted, and the rest is read all the same; of what is no JSON, nothing
+/// is read.
 #[must_use]
 pub fn parse(text: &str) -> (Table, Found<'_>) {
+    let mut found = Found { text, wrong: Vec::new(), more: 0, hints: Vec::new(), broken: Vec::new() };
+    if text.trim_start().starts_with('{') {
+        let table = json::parse(text).unwrap_or_else(|(at, what)| {
+            found.broken.push(lines::position(text, at).0);
+            found.note(Wrong { at: Some(at), ..what.into() });
+            Table::default()
+        });
+        return (table, found);
+    }
     let (document, errors) = if text.len() <= MAX_RECOVERED_BYTES {
         DeTable::parse_recoverable(text)
     } else {
@@ -220,7 +248,6 @@ pub fn parse(text: &str) -> (Table, Found<'_>) {
             Err(error) => (Spanned::new(0..0, DeTable::new()), vec![error]),
         }
     };
-    let mut found = Found { text, wrong: Vec::new(), more: 0, broken: Vec::new() };
     for error in errors {
         if found.is_full() {
             found.more += 1;

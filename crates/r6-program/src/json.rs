@@ -5,15 +5,17 @@ use r6_proto::message::{Action, AddRcc, ExtraKind, Message, Place, action};
 use r6_proto::{Body, Decoder};
 
 use crate::lines;
-use crate::mistakes::Mistake;
+use crate::mistakes::{MAX_MISTAKES, Mistake, Mistakes};
 use crate::run::{MotionList, MotionProgram};
 
-/// Reads one or more frames, one behind the other, with `//` comments.
-pub fn read(text: &str) -> Result<MotionProgram, Mistake> {
+/// Reads one or more frames, one behind the other, with `//` comments. What is no JSON ends the reading; what is wrong with a frame does not.
+pub fn read(text: &str) -> Result<MotionProgram, Mistakes> {
     let text = text.trim_start_matches('\u{feff}');
     let stripped = lines::without_comments(text);
     let mut program = MotionProgram { lists: Vec::new(), remarks: Vec::new() };
     let mut decoder = Decoder::new();
+    let mut wrong = Wrong::default();
+    let mut frames = 0;
     let mut from = 0;
     loop {
         let rest = stripped.get(from..).unwrap_or_default();
@@ -23,17 +25,45 @@ pub fn read(text: &str) -> Result<MotionProgram, Mistake> {
         if rest.is_empty() {
             break;
         }
-        let length = frame_length(&mut decoder, rest).map_err(|error| at_fault(text, from, &error))?;
+        frames += 1;
+        let length = match frame_length(&mut decoder, rest) {
+            Ok(length) => length,
+            Err(error) => {
+                wrong.note(at_fault(text, from, &error));
+                break;
+            }
+        };
         let frame = rest.get(..length).unwrap_or(rest);
-        let message = decoder.decode(frame.as_bytes()).map_err(|error| at_fault(text, from, &error))?;
-        let start = lines::position(text, from);
-        take(&mut program, &message, start)?;
+        match decoder.decode(frame.as_bytes()) {
+            Ok(message) => take(&mut program, &message, lines::position(text, from), &mut wrong),
+            Err(error) => wrong.note(at_fault(text, from, &error)),
+        }
         from += length;
     }
-    if program.lists.is_empty() {
-        return Err(Mistake { at: None, what: "there is no frame in it".to_owned(), advice: None });
+    if frames == 0 {
+        wrong.note(Mistake::of_the_file("there is no frame in it", None));
     }
-    Ok(program)
+    match Mistakes::new(wrong.listed, wrong.more) {
+        Some(mistakes) => Err(mistakes),
+        None => Ok(program),
+    }
+}
+
+/// What is wrong so far.
+#[derive(Default)]
+struct Wrong {
+    listed: Vec<Mistake>,
+    more: usize,
+}
+
+impl Wrong {
+    fn note(&mut self, mistake: Mistake) {
+        if self.listed.len() < MAX_MISTAKES {
+            self.listed.push(mistake);
+        } else {
+            self.more += 1;
+        }
+    }
 }
 
 /// How long the first frame is: all of the text, or up to where the decoder wants nothing more.
@@ -80,13 +110,13 @@ fn at_fault(text: &str, frame: usize, error: &JsonError) -> Mistake {
     Mistake { at: Some(lines::position(text, offset)), what, advice }
 }
 
-/// Adds what a frame says to the program.
-fn take(program: &mut MotionProgram, message: &Message<'_>, start: (usize, usize)) -> Result<(), Mistake> {
-    let wrong = |what: String, advice: Option<String>| Err(Mistake { at: Some(start), what, advice });
+/// Adds what a frame says to the program, or notes all that is wrong with it.
+fn take(program: &mut MotionProgram, message: &Message<'_>, start: (usize, usize), wrong: &mut Wrong) {
+    let mistake = |what: String, advice: Option<String>| Mistake { at: Some(start), what, advice };
     let list = match &message.body {
         Body::AddRcc(list) => list,
-        Body::Rejected(rejection) => return wrong(rejection.error.to_string(), None),
-        Body::Unknown(unknown) => return wrong(unknown.to_string(), None),
+        Body::Rejected(rejection) => return wrong.note(mistake(rejection.error.to_string(), None)),
+        Body::Unknown(unknown) => return wrong.note(mistake(unknown.to_string(), None)),
         Body::Query(_)
         | Body::QueryReply(_)
         | Body::Command(_)
@@ -95,40 +125,37 @@ fn take(program: &mut MotionProgram, message: &Message<'_>, start: (usize, usize
         | Body::Photo(_)
         | Body::PhotoAnswer(_)
         | Body::AddPoints(_) => {
-            return wrong(
-                "this frame has no instructions: `r6 run` takes AddRCC frames".to_owned(),
-                Some("read with `r6 query`, send commands with `r6 command`".to_owned()),
-            );
+            let what = "this frame has no instructions: `r6 run` takes AddRCC frames".to_owned();
+            let advice = "read with `r6 query`, send commands with `r6 command`".to_owned();
+            return wrong.note(mistake(what, Some(advice)));
         }
     };
     for (number, instruction) in list.instructions.iter().enumerate() {
         if let Action::Unknown(unknown) = &instruction.action {
-            return wrong(
-                format!(
-                    "instructions[{number}] has action {}, which is not known, so it is not sent",
-                    unknown.number()
-                ),
-                Some(format!("known actions: {}", action::numbers())),
+            let what = format!(
+                "instructions[{number}] has action {}, which is not known, so it is not sent",
+                unknown.number()
             );
+            wrong.note(mistake(what, Some(format!("known actions: {}", action::numbers()))));
         }
     }
-    let misspelt = message.extras().find(|extra| {
+    let misspelt = message.extras().filter(|extra| {
         let in_a_step = matches!(extra.place, Place::Instruction(_));
         in_a_step && extra.kind == ExtraKind::UnknownKey && extra.nearest().is_some()
     });
-    if let Some(extra) = misspelt {
-        return wrong(
-            format!("{extra}; nothing is sent"),
-            Some(
-                "a step without what this key should say is another step: correct it, or take it out"
-                    .to_owned(),
-            ),
-        );
+    for extra in misspelt {
+        let advice =
+            "a step without what this key should say is another step: correct it, or take it out".to_owned();
+        wrong.note(mistake(format!("{extra}; nothing is sent"), Some(advice)));
+    }
+    let replace = list.empty_list.unwrap_or(program.lists.is_empty());
+    if replace && !program.lists.is_empty() {
+        let advice = "give it \"emptyList\":\"0\", or run the frames from files of their own".to_owned();
+        let what = "a later frame replaces the list while the first one runs".to_owned();
+        wrong.note(mistake(what, Some(advice)));
     }
     remark(program, message, list, start);
-    let replace = list.empty_list.unwrap_or(program.lists.is_empty());
     program.lists.push(MotionList { replace, instructions: list.instructions.to_vec() });
-    Ok(())
 }
 
 fn remark(program: &mut MotionProgram, message: &Message<'_>, list: &AddRcc<'_>, (line, _): (usize, usize)) {
@@ -157,6 +184,36 @@ mod tests {
             "{{\"dsID\":\"HCRemoteCommand\",\"reqType\":\"AddRCC\"{head},\"instructions\":[{}]}}",
             steps.join(",")
         )
+    }
+
+    /// The one mistake of a text.
+    fn first(text: &str) -> Mistake {
+        let mistakes = read(text).unwrap_err();
+        assert_eq!((mistakes.iter().count(), mistakes.more()), (1, 0));
+        mistakes.first().clone()
+    }
+
+    #[test]
+    fn every_frame_that_is_wrong_is_told() {
+        let unknown = r#"{"oneshot":"1","action":"14","m0":"1"}"#;
+        let misspelt = STEP.replace("speed", "sped");
+        let text = [
+            frame("", &[unknown, &misspelt]),
+            r#"{"dsID":"x","reqType":"query","queryAddr":["version"]}"#.to_owned(),
+            frame(",\"emptyList\":\"1\"", &[STEP]),
+            "{\"dsID\" 5}".to_owned(),
+        ]
+        .join("\n");
+        let mistakes = read(&text).unwrap_err();
+        let found: Vec<_> = mistakes.iter().map(|mistake| (mistake.at.unwrap(), &mistake.what)).collect();
+        assert_eq!(
+            found.iter().map(|(at, _)| *at).collect::<Vec<_>>(),
+            [(1, 1), (1, 1), (2, 1), (3, 1), (4, 9)]
+        );
+        let parts = ["action 14", "sped", "no instructions", "a later frame replaces the list", "due"];
+        assert!(found.iter().zip(parts).all(|((_, what), part)| what.contains(part)), "{found:?}");
+        let many = read(&vec![frame("", &[unknown]); MAX_MISTAKES + 5].join(" ")).unwrap_err();
+        assert_eq!((many.iter().count(), many.more()), (MAX_MISTAKES, 5));
     }
 
     #[test]
@@ -200,11 +257,11 @@ mod tests {
     #[test]
     fn the_misprints_of_the_manual_are_pointed_at() {
         let printed = "{\n  \"reqType\":\"AddRCC\", //x\n  \"instructions\":\n  [\n    {\n      \"action\":\"4\",\n      \"ckStatus\",   //y\n    }\n}";
-        let error = read(printed).unwrap_err();
+        let error = first(printed);
         assert_eq!(error.at, Some((7, 17)));
         assert!(error.what.starts_with("key `ckStatus` has no value"), "{}", error.what);
         assert!(error.advice.unwrap().contains("0x3F"));
-        let error = read(&printed.replace("\"ckStatus\",", "\"ckStatus\":\"0x3F\"")).unwrap_err();
+        let error = first(&printed.replace("\"ckStatus\",", "\"ckStatus\":\"0x3F\""));
         assert_eq!((error.at, error.what.as_str()), (Some((9, 1)), "`,` or `]` is due, `}` stands there"));
         assert!(error.advice.unwrap().contains("begins at 4:3"));
     }
@@ -212,11 +269,11 @@ mod tests {
     #[test]
     fn only_instructions_are_run() {
         let query = r#"{"dsID":"x","reqType":"query","queryAddr":["version"]}"#;
-        assert!(read(query).unwrap_err().what.contains("no instructions"));
-        assert!(read("").unwrap_err().what.contains("no frame"));
-        let error = read(&frame("", &[r#"{"oneshot":"1","action":"14","m0":"1"}"#])).unwrap_err();
+        assert!(first(query).what.contains("no instructions"));
+        assert!(first("").what.contains("no frame"));
+        let error = first(&frame("", &[r#"{"oneshot":"1","action":"14","m0":"1"}"#]));
         assert!(error.what.contains("action 14"), "{}", error.what);
-        let error = read(&frame("", &[r#"{"oneshot":"1","action":"4","m0":"ten"}"#])).unwrap_err();
+        let error = first(&frame("", &[r#"{"oneshot":"1","action":"4","m0":"ten"}"#]));
         assert!(error.what.contains("instructions[0].m0"), "{}", error.what);
     }
 }

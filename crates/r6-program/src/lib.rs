@@ -13,6 +13,9 @@ mod json;
 mod lines;
 mod mistakes;
 mod run;
+mod step;
+pub mod taught;
 
 pub use mistakes::{MAX_MISTAKES, Mistake, Mistakes};
-pub use run::{MAX_FILE_BYTES, MotionList, MotionProgram, axis_mask, eight, first_axes};
+pub use run::{MAX_FILE_BYTES, MotionList, MotionProgram};
+pub use step::{axis_mask, eight, first_axes};

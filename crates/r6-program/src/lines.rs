@@ -9,6 +9,12 @@ pub fn position(text: &str, offset: usize) -> (usize, usize) {
     (line, column)
 }
 
+/// The byte offset of a line and a column, both counted from 1, columns in bytes: as `serde_json` tells a place.
+pub fn offset(text: &str, line: usize, column: usize) -> usize {
+    let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
+    (start + column.saturating_sub(1)).min(text.len())
+}
+
 /// The text with every `//` comment outside a string turned to blanks, so that all offsets stay.
 pub fn without_comments(text: &str) -> String {
     let mut out = String::with_capacity(text.len());

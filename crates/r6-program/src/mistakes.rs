@@ -76,6 +76,18 @@ impl Mistakes {
     }
 }
 
+impl Mistakes {
+    /// A line `FILE:LINE:COLUMN: what` for each that is listed, which editors read; below it, indented, what to do about it.
+    pub fn lines(&self, file: &str) -> impl Iterator<Item = String> {
+        let more = (self.more > 0).then(|| format!("and {} more mistakes in {file}", self.more));
+        let lines = self.iter().flat_map(move |mistake| {
+            let advice = mistake.advice.as_ref().map(|advice| format!("    {advice}"));
+            std::iter::once(mistake.line(file)).chain(advice)
+        });
+        lines.chain(more)
+    }
+}
+
 impl From<Mistake> for Mistakes {
     fn from(first: Mistake) -> Self {
         Self { first, others: Vec::new(), more: 0 }

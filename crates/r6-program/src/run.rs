@@ -1,13 +1,9 @@
 //! Motion programs: what can be sent to an arm as an instruction list.
 
-mod signals;
-mod step;
-
 use r6_proto::message::Instruction;
-use r6_proto::message::instruction::Coordinates;
-use r6_proto::{AXES, AxisIndex, AxisMask};
 
 use crate::form::{self, Fields, Found, Table};
+use crate::step::{self, ProgramKind};
 use crate::{Mistake, Mistakes, json};
 
 /// The largest program file that is read, bytes: far more than any list of instructions, and little enough for memory.
@@ -41,9 +37,21 @@ impl MotionProgram {
     /// Reads AddRCC frames, one behind the other, with `//` comments.
     ///
     /// # Errors
-    /// [`Mistakes`]: where the text is wrong, and what is due there.
+    /// [`Mistakes`]: all frames that are wrong, and what is due there.
     pub fn from_json(text: &str) -> Result<Self, Mistakes> {
-        json::read(text).map_err(Mistakes::from)
+        json::read(text)
+    }
+
+    /// Reads either form: a text that begins with a frame, or with a `//` comment before one, is JSON.
+    ///
+    /// # Errors
+    /// [`Mistakes`]: all places where the text is wrong, and what is due there.
+    pub fn read(text: &str) -> Result<Self, Mistakes> {
+        let beginning = text.trim_start_matches('\u{feff}').trim_start();
+        if beginning.starts_with('{') || beginning.starts_with("//") {
+            return Self::from_json(text);
+        }
+        Self::from_toml(text)
     }
 
     /// Reads a list of `[[instruction]]` tables.
@@ -61,37 +69,6 @@ impl MotionProgram {
     }
 }
 
-/// The mask of the first axes, from J1 (or X): of as many as `count` says.
-#[must_use]
-pub fn first_axes(count: usize) -> AxisMask {
-    AxisIndex::ALL.into_iter().take(count).fold(AxisMask::NONE, AxisMask::with)
-}
-
-/// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported (unit A),
-/// and the mask keeps the others where they are.
-#[must_use]
-pub fn eight(given: &[f64]) -> Coordinates {
-    let mut values = [0.0; AXES];
-    for (slot, value) in values.iter_mut().zip(given) {
-        *slot = *value;
-    }
-    Coordinates::from_slice(&values)
-}
-
-/// Reads an axis mask, hexadecimal (`0x3F`) or decimal (`63`).
-///
-/// # Errors
-/// The text is not a number from 1 to 255.
-pub fn axis_mask(text: &str) -> Result<AxisMask, String> {
-    let bits = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
-        Some(digits) => u8::from_str_radix(digits, 16).ok(),
-        None => text.parse().ok(),
-    };
-    bits.filter(|bits| *bits != 0).map(AxisMask::from_bits).ok_or_else(|| {
-        "a mask is a number from 0x01 to 0xFF: bit 0 is J1 (or X), bit 5 is J6 (or W)".to_owned()
-    })
-}
-
 fn read(text: &str) -> Result<MotionProgram, Mistakes> {
     let (document, mut found) = form::parse(text);
     let fields = Fields::of(&document, &FILE_KEYS, "");
@@ -101,9 +78,10 @@ fn read(text: &str) -> Result<MotionProgram, Mistakes> {
     let is_there = fields.has(INSTRUCTION);
     fields.finish_with(Ok(()), &mut found, elsewhere);
     let instructions = instructions(&steps, !repeat, &mut found);
+    let remarks = found.hint().into_iter().collect();
     let program = found.finish(Some(MotionProgram {
         lists: vec![MotionList { replace: !append, instructions }],
-        remarks: Vec::new(),
+        remarks,
     }))?;
     if !is_there || steps.is_empty() {
         let advice = "`r6 run --help` shows how a program is written";
@@ -116,7 +94,7 @@ fn instructions(steps: &[&Table], oneshot: bool, found: &mut Found<'_>) -> Vec<I
     let mut instructions = Vec::with_capacity(steps.len());
     for (number, step) in steps.iter().enumerate() {
         let fields = Fields::of(step, &step::KEYS, format!("instruction {}: ", number + 1));
-        let action = step::action(&fields);
+        let action = step::kind(&fields).and_then(|kind| step::action(kind, &fields, ProgramKind::Sent));
         instructions.extend(fields.finish(action, found).map(|action| Instruction { oneshot, action }));
     }
     instructions
@@ -212,6 +190,20 @@ mod tests {
     }
 
     #[test]
+    fn older_spellings_are_read_with_a_hint() {
+        let remarks = |text: &str| read(text).unwrap().remarks;
+        let old = "[[instruction]]\ndo = \"wait\"\nsource = \"m\"\nboard = 1\npoint = 3\n\
+                   [[instruction]]\ndo = \"board-output\"\nkind = \"m\"\nset = [1]\n";
+        let hint =
+            "5:9: an older spelling, which is still read: point = \"M1.013\", and once more in this file";
+        assert_eq!(remarks(old), [hint]);
+        let new = "[[instruction]]\ndo = \"wait\"\npoint = \"M1.013\"\n\
+                   [[instruction]]\ndo = \"board-output\"\nset = [\"M011\"]\n";
+        assert_eq!(remarks(new), [""; 0]);
+        assert_eq!(read(old).unwrap().lists, read(new).unwrap().lists);
+    }
+
+    #[test]
     fn errors_say_where() {
         assert_eq!(
             mistakes("[[instruction]]\ndo = \"wait\"\nsecond = 0.5"),
@@ -272,7 +264,7 @@ mod tests {
             (
                 "board-output",
                 "set = [300]",
-                "`set` is a list, but has to be whole numbers from 0 to 31 in brackets, such as [1, 2]",
+                "`set` is a list, but has to be names of points in brackets, such as [\"Y010\", \"Y011\"]",
             ),
             (
                 "workbench",

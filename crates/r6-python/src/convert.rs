@@ -12,6 +12,7 @@ use r6_client::{
     OperationMode, Pushed, Quality, QueryResult, SecondConnection, Snapshot, StandProof, Status, StopMeans,
     StopReport, Unmet, Unproved,
 };
+use r6_program::{Mistake, Mistakes};
 use r6_proto::Reading;
 use r6_proto::axis::AXES;
 
@@ -252,6 +253,20 @@ pub fn link_quality<'py>(py: Python<'py>, quality: &LinkQuality) -> PyResult<Bou
         .with("last_reply", quality.last_reply.map(|age| age.as_secs_f64()))?
         .with("silent_for", quality.silent_for.map(|age| age.as_secs_f64()))?
         .build()
+}
+
+/// What is wrong with a file, in the order of the places.
+pub fn mistakes<'py>(py: Python<'py>, mistakes: &Mistakes) -> PyResult<Bound<'py, PyTuple>> {
+    let one = |mistake: &Mistake| {
+        let (line, column) = mistake.at.unzip();
+        Record::new(py, "Mistake")?
+            .with("line", line)?
+            .with("column", column)?
+            .with("what", mistake.what.as_str())?
+            .with("advice", mistake.advice.as_deref())?
+            .build()
+    };
+    PyTuple::new(py, mistakes.iter().map(one).collect::<PyResult<Vec<_>>>()?)
 }
 
 /// Who a controller says it is.

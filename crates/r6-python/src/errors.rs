@@ -12,6 +12,7 @@ use r6_client::{
     Cause, Checked, Invalid, MotionError, NoReading, NotSent, NotSubscribed, OutcomeUnknown, Refused,
     RequestError, StepError, Violation, WaitError,
 };
+use r6_program::Mistakes;
 use r6_proto::address::UnknownAddress;
 use r6_proto::grid::Nearest;
 use r6_sim::SimError;
@@ -77,6 +78,13 @@ impl<'py> Exception<'py> {
 /// A result with its error as an exception.
 pub fn raise<T, E: Raise>(py: Python<'_>, result: Result<T, E>) -> PyResult<T> {
     result.map_err(|error| error.exception(py))
+}
+
+/// A file is wrong: an exception of this class with a line for each mistake, and all of them as `mistakes`.
+pub fn wrong_file(py: Python<'_>, class: &str, file: &str, mistakes: &Mistakes) -> PyErr {
+    let text = mistakes.lines(file).collect::<Vec<_>>().join("\n");
+    let error = Exception::new(py, class, &text).with("more", mistakes.more());
+    error.with_made("mistakes", convert::mistakes(py, mistakes)).build()
 }
 
 /// Nothing came in time.

@@ -23,6 +23,7 @@ mod photos;
 mod pickling;
 mod points;
 mod process;
+mod program;
 mod record;
 mod registers;
 mod robot;
@@ -72,6 +73,8 @@ mod _r6 {
     use crate::pickling::remade;
     #[pymodule_export]
     use crate::process::tasks;
+    #[pymodule_export]
+    use crate::program::Program;
     #[pymodule_export]
     use crate::registers::{from_thousandths, to_thousandths};
     #[pymodule_export]

@@ -18,7 +18,7 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::TryRecvError;
 
 use crate::convert::word;
-use crate::errors::{Exception, raise};
+use crate::errors::{Exception, raise, wrong_file};
 use crate::interpreter;
 use crate::points::named;
 use crate::process::Kept;
@@ -54,10 +54,10 @@ const STARTS: [(&str, StartState); 4] = [
 /// No file for a simulator is longer: a scenario has the longest text. A path may lead to a device that has no end.
 const MAX_FILE_BYTES: usize = r6_controller::scenario::MAX_TEXT_BYTES;
 
-/// A name or a text, or the text of the file at a path.
+/// A name or a text, or the file at a path and its text.
 enum Source {
     Name(String),
-    File(String),
+    File { path: String, text: String },
 }
 
 impl Source {
@@ -77,12 +77,14 @@ impl Source {
             );
             return Err(PyValueError::new_err(what));
         }
-        Ok(Self::File(text))
+        Ok(Self::File { path: path.display().to_string(), text })
     }
 
-    fn text(self) -> String {
+    /// Its text, and what it is called in complaints: the path, or `<text>`.
+    fn text(self) -> (String, String) {
         match self {
-            Self::Name(text) | Self::File(text) => text,
+            Self::Name(text) => ("<text>".to_owned(), text),
+            Self::File { path, text } => (path, text),
         }
     }
 }
@@ -93,7 +95,9 @@ fn wrong(py: Python<'_>, problem: impl std::fmt::Display) -> PyErr {
 
 fn profile(py: Python<'_>, source: Source) -> PyResult<Profile> {
     match source {
-        Source::File(text) => Profile::from_toml(&text).map_err(|error| wrong(py, error)),
+        Source::File { path, text } => {
+            Profile::from_toml(&text).map_err(|mistakes| wrong_file(py, "SimulatorError", &path, &mistakes))
+        }
         Source::Name(name) => Profile::named(&name).ok_or_else(|| {
             wrong(py, format!("there is no profile `{name}`; there are: {}", Profile::names().join(", ")))
         }),
@@ -102,7 +106,9 @@ fn profile(py: Python<'_>, source: Source) -> PyResult<Profile> {
 
 fn model(py: Python<'_>, source: Source) -> PyResult<RobotModel> {
     match source {
-        Source::File(text) => RobotModel::from_toml(&text).map_err(|error| wrong(py, error)),
+        Source::File { path, text } => {
+            RobotModel::from_toml(&text).map_err(|error| wrong(py, format!("{path}: {error}")))
+        }
         Source::Name(name) => RobotModel::named(&name).cloned().ok_or_else(|| {
             let names: Vec<_> = RobotModel::names().collect();
             wrong(py, format!("there is no model `{name}`; there are: {}", names.join(", ")))
@@ -150,13 +156,16 @@ impl Simulator {
             builder = builder.clock(self::clock(py, given)?);
         }
         if let Some(given) = program {
-            let text = Source::of(given)?.text();
-            let program = Program::read("program", &text).map_err(|error| wrong(py, error))?;
+            let (file, text) = Source::of(given)?.text();
+            let program = Program::read("program", &text)
+                .map_err(|mistakes| wrong_file(py, "SimulatorError", &file, &mistakes))?;
             builder = builder.program(program).map_err(|error| wrong(py, error))?;
         }
         if let Some(given) = scenario {
-            let text = Source::of(given)?.text();
-            builder = builder.scenario(Scenario::read(&text).map_err(|error| wrong(py, error))?);
+            let (file, text) = Source::of(given)?.text();
+            let scenario = Scenario::read(&text)
+                .map_err(|mistakes| wrong_file(py, "SimulatorError", &file, &mistakes))?;
+            builder = builder.scenario(scenario);
         }
         for camera in cameras {
             builder = builder.camera(camera.parse::<Camera>().map_err(|error| wrong(py, error))?);

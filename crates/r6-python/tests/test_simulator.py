@@ -107,3 +107,14 @@ def test_the_mark_gives_the_fixture_its_arguments(
 
 def test_each_test_has_a_fresh_controller(virtual_controller: r6.Simulator) -> None:
     assert virtual_controller.snapshot().profile == "hc1" and virtual_controller.snapshot().connections == 0
+
+
+def test_every_mistake_of_a_file_is_told_with_its_place(tmp_path: Path) -> None:
+    file = tmp_path / "cell.toml"
+    file.write_text('seed = -1\n[[at]]\ntime = -1\ndo = "fhoto"\n[[react]]\nwhen = "X010"\nthen = "Y010"\n')
+    with pytest.raises(r6.SimulatorError) as caught:
+        r6.Simulator(scenario=file)
+    places = [(mistake.line, mistake.column) for mistake in caught.value.mistakes]
+    assert places == [(1, 8), (3, 8), (4, 6), (6, 8), (7, 8)]
+    assert [line for line in str(caught.value).splitlines() if line.startswith(f"{file}:4:6: ")]
+    assert caught.value.mistakes[2].advice == 'nearest: "photo"' and caught.value.more == 0

@@ -249,7 +249,7 @@ async fn a_program_is_loaded_chosen_and_replaced() {
             "[[step]]\ndo=\"remote\"\n[[step]]\ndo=\"wiat\"",
             422,
             "bad_program",
-            "program `new`, step 2",
+            "program `new`: 4:4: step 2",
         ),
         ("new", "[[step]]\ndo=\"call\"\nprogram=\"cel\"", 422, "bad_program", "nearest: `cell`"),
         (&"n".repeat(65), COUNT, 422, "bad_program", "1 to 64 bytes"),

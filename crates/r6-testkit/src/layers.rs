@@ -37,7 +37,11 @@ pub const RULES: &[Rule] = &[
     Rule { package: "r6-traffic", layer: Layer::Pure, may_use: &["r6-proto"] },
     Rule { package: "r6-motion", layer: Layer::Pure, may_use: &[] },
     Rule { package: "r6-program", layer: Layer::Pure, may_use: &["r6-proto"] },
-    Rule { package: "r6-controller", layer: Layer::Pure, may_use: &["r6-motion", "r6-proto", "r6-traffic"] },
+    Rule {
+        package: "r6-controller",
+        layer: Layer::Pure,
+        may_use: &["r6-motion", "r6-program", "r6-proto", "r6-traffic"],
+    },
     // The contract: whoever reads a robot hands over its values by address.
     Rule { package: "r6-api", layer: Layer::Pure, may_use: &["r6-proto"] },
     // HTTP servers: whatever is served comes as a router.
@@ -59,7 +63,7 @@ pub const RULES: &[Rule] = &[
     Rule {
         package: "r6-python",
         layer: Layer::Shell,
-        may_use: &["r6-api", "r6-client", "r6-controller", "r6-proto", "r6-sim"],
+        may_use: &["r6-api", "r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim"],
     },
     // Nothing depends on it and nobody is given it; it looks at everything, and counts allocations as tests do.
     Rule {

@@ -109,17 +109,7 @@ impl Failure {
 
     /// A file is wrong: each mistake has a line `FILE:LINE:COLUMN: …`, which editors read, and below it what to do.
     pub fn in_file(file: &str, mistakes: &Mistakes) -> Self {
-        let mut lines = String::new();
-        for mistake in mistakes.iter() {
-            let separator = if lines.is_empty() { "" } else { "\n" };
-            lines += &format!("{separator}{}", printable(&mistake.line(file)));
-            if let Some(advice) = &mistake.advice {
-                lines += &format!("\n    {}", printable(advice));
-            }
-        }
-        if mistakes.more() > 0 {
-            lines += &format!("\nand {} more mistakes in {}", mistakes.more(), printable(file));
-        }
+        let lines: Vec<_> = mistakes.lines(file).map(|line| printable(&line).to_string()).collect();
         let listed: Vec<_> = mistakes
             .iter()
             .map(|mistake| {
@@ -131,7 +121,7 @@ impl Failure {
             .collect();
         let first = mistakes.first();
         let failure = Self::usage(first.line(file)).member("mistakes", listed);
-        Self { advice: first.advice.clone(), mistakes: Some(lines), ..failure }
+        Self { advice: first.advice.clone(), mistakes: Some(lines.join("\n")), ..failure }
     }
 
     /// Nobody knows what became of a request.

@@ -8,7 +8,7 @@ use super::{AlarmCause, DidNot, Event, ListRefusal, ModeReason, ShellEvent};
 use crate::fault::{Fault, IgnoredStop};
 use crate::mode::Key;
 use crate::panel::{Button, PanelAction, Refused};
-use crate::scenario::{Bounce, Happening, InputPoint, output_name};
+use crate::scenario::{Bounce, Happening, InputPoint};
 
 /// An event, shown in Chinese.
 pub(super) struct In<'e>(pub &'e Event);
@@ -227,7 +227,7 @@ fn refusal(why: ListRefusal) -> String {
 fn happening(f: &mut fmt::Formatter<'_>, what: &Happening) -> fmt::Result {
     match what {
         Happening::Panel(action) => panel(f, action),
-        Happening::Output(point, on) => write!(f, "输出 {} {}", output_name(*point), level(*on)),
+        Happening::Output(point, on) => write!(f, "输出 {} {}", point.name(), level(*on)),
         Happening::Bounce(Bounce { input, times, on, .. }) => {
             write!(f, "输入 {input} 抖动 {times} 次，最后{}", level(*on))
         }

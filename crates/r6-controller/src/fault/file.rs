@@ -3,8 +3,9 @@
 use std::fmt;
 use std::time::Duration;
 
+use r6_program::form::{Fields, Wrong};
+
 use super::{BadField, BadJson, BadList, Fault, IgnoredStop, LinkFault, PackIdFault, ReplyFault, TaskFault};
-use crate::fields::{self, Fields};
 
 /// Every fault that has a word: the word and its class (`docs/SCENARIOS.md`).
 pub const FAULTS: [(&str, &str); 30] = [
@@ -74,36 +75,38 @@ const IGNORED_KINDS: [(&str, IgnoredStop); 3] =
 /// The longest that a fault delays anything, seconds: far beyond every time-out of a client.
 const LONGEST_DELAY: f64 = 3600.0;
 
-pub(crate) fn read(word: &str, fields: &Fields<'_>) -> Result<Fault, String> {
+pub(crate) fn read(fields: &Fields<'_>) -> Result<Fault, Wrong> {
+    let words = FAULTS.map(|(word, _)| (word, word));
+    let word = fields.word("fault", &words).ok_or_else(|| Wrong::missing("fault", "the word of a fault"))?;
     let link = match word {
         "refuse" => Some(LinkFault::Refuse),
         "black-hole" => Some(LinkFault::BlackHole),
         "silence" => Some(LinkFault::Silence),
         "reset-mid-frame" => Some(LinkFault::ResetMidFrame {
-            after: fields.whole("after", "how many bytes, from 0", 0..=usize::MAX)?,
+            after: fields.whole_in("after", "how many bytes, from 0", 0..=usize::MAX),
         }),
         "close-before-reply" => Some(LinkFault::CloseBeforeReply),
         "half-open" => Some(LinkFault::HalfOpen),
         "pieces" => Some(LinkFault::Pieces {
-            bytes: fields.whole("bytes", "how many bytes, from 1", 1..=usize::MAX)?.unwrap_or(1),
+            bytes: fields.whole_in("bytes", "how many bytes, from 1", 1..=usize::MAX).unwrap_or(1),
         }),
         "coalesce" => Some(LinkFault::Coalesce {
-            frames: fields.whole("frames", "how many frames, 2 to 100", 2_usize..=100)?.unwrap_or(2),
-            within: delay(fields, "within")?.unwrap_or(Duration::from_millis(100)),
+            frames: fields.whole_in("frames", "how many frames, 2 to 100", 2_usize..=100).unwrap_or(2),
+            within: delay(fields, "within").unwrap_or(Duration::from_millis(100)),
         }),
         "latency" => Some(LinkFault::Latency {
-            to_controller: delay(fields, "to_controller")?.unwrap_or_default(),
-            to_client: delay(fields, "to_client")?.unwrap_or_default(),
-            spread: delay(fields, "spread")?.unwrap_or_default(),
+            to_controller: delay(fields, "to_controller").unwrap_or_default(),
+            to_client: delay(fields, "to_client").unwrap_or_default(),
+            spread: delay(fields, "spread").unwrap_or_default(),
         }),
         "slow" => Some(LinkFault::Slow {
             bytes_per_second: fields
-                .whole("bytes_per_second", "how many bytes, from 1", 1..=u32::MAX)?
+                .whole_in("bytes_per_second", "how many bytes, from 1", 1..=u32::MAX)
                 .unwrap_or(1),
         }),
         "noise" => Some(LinkFault::Noise),
         "stall" => {
-            Some(LinkFault::Stall { delay: delay(fields, "delay")?.unwrap_or(Duration::from_millis(190)) })
+            Some(LinkFault::Stall { delay: delay(fields, "delay").unwrap_or(Duration::from_millis(190)) })
         }
         _ => None,
     };
@@ -111,14 +114,14 @@ pub(crate) fn read(word: &str, fields: &Fields<'_>) -> Result<Fault, String> {
         return Ok(Fault::Link(link));
     }
     Ok(match word {
-        "bad-json" => Fault::Reply(ReplyFault::BadJson(fields.one_of("kind", &JSON_KINDS)?)),
-        "bad-field" => Fault::Reply(ReplyFault::BadField(fields.one_of("kind", &FIELD_KINDS)?)),
-        "bad-pack-id" => Fault::Reply(ReplyFault::PackId(fields.one_of("kind", &PACK_ID_KINDS)?)),
+        "bad-json" => Fault::Reply(ReplyFault::BadJson(fields.due_word("kind", &JSON_KINDS)?)),
+        "bad-field" => Fault::Reply(ReplyFault::BadField(fields.due_word("kind", &FIELD_KINDS)?)),
+        "bad-pack-id" => Fault::Reply(ReplyFault::PackId(fields.due_word("kind", &PACK_ID_KINDS)?)),
         "late-reply" => Fault::Reply(ReplyFault::PackId(PackIdFault::Late(
-            delay(fields, "delay")?.unwrap_or(Duration::from_secs(3)),
+            delay(fields, "delay").unwrap_or(Duration::from_secs(3)),
         ))),
         "crossed-reply" => Fault::Reply(ReplyFault::CrossedReply),
-        "bad-list" => Fault::Reply(ReplyFault::BadList(fields.one_of("kind", &LIST_KINDS)?)),
+        "bad-list" => Fault::Reply(ReplyFault::BadList(fields.due_word("kind", &LIST_KINDS)?)),
         "echo" => Fault::Reply(ReplyFault::Echo),
         "unsolicited" => Fault::Reply(ReplyFault::Unsolicited),
         "not-executed" => Fault::Task(TaskFault::NotExecuted),
@@ -128,14 +131,14 @@ pub(crate) fn read(word: &str, fields: &Fields<'_>) -> Result<Fault, String> {
         "rejected-mid-batch" => Fault::Task(TaskFault::RejectedMidBatch),
         "task-dead" => Fault::Task(TaskFault::TaskDead),
         "frozen-values" => Fault::Task(TaskFault::FrozenValues),
-        "stop-ignored" => Fault::Task(TaskFault::StopIgnored(fields.one_of("kind", &IGNORED_KINDS)?)),
+        "stop-ignored" => Fault::Task(TaskFault::StopIgnored(fields.due_word("kind", &IGNORED_KINDS)?)),
         "dwell" => Fault::Task(TaskFault::Dwell {
-            rest: delay(fields, "rest")?.unwrap_or(Duration::from_millis(300)),
+            rest: delay(fields, "rest").unwrap_or(Duration::from_millis(300)),
         }),
         "late-list" => Fault::Task(TaskFault::LateList {
-            delay: delay(fields, "delay")?.unwrap_or(Duration::from_secs(3)),
+            delay: delay(fields, "delay").unwrap_or(Duration::from_secs(3)),
         }),
-        other => return Err(fields::unknown("fault", other, &FAULTS.map(|(word, _)| word))),
+        other => return Err(format!("nothing is known of `{other}`").into()),
     })
 }
 
@@ -202,6 +205,6 @@ impl fmt::Display for Fault {
     }
 }
 
-fn delay(fields: &Fields<'_>, name: &'static str) -> Result<Option<Duration>, String> {
-    Ok(fields.number(name, "seconds, 0 to 3600", 0.0..=LONGEST_DELAY)?.map(Duration::from_secs_f64))
+fn delay(fields: &Fields<'_>, name: &'static str) -> Option<Duration> {
+    fields.number_in(name, "seconds, 0 to 3600", 0.0..=LONGEST_DELAY).map(Duration::from_secs_f64)
 }

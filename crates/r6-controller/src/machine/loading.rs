@@ -12,7 +12,8 @@ impl Machine {
     /// that is in use at rest begins at its first step, as after `switchMold`.
     pub(super) fn load_program(&mut self, name: &str, text: &str) -> Result<(), Refused> {
         let bad = |reason: String| Refused::BadProgram { reason };
-        let program = Program::read(name, text).map_err(|error| bad(error.to_string()))?;
+        let program =
+            Program::read(name, text).map_err(|mistakes| bad(format!("program `{name}`: {mistakes}")))?;
         let in_use = self.library.reaches(&self.mold, name);
         if in_use && self.mode.may_run() {
             return Err(Refused::ProgramRuns { name: name.to_owned() });
@@ -25,7 +26,7 @@ impl Machine {
         let mut library = self.library.clone();
         library.insert(program.clone()).map_err(|error| match error {
             LibraryError::Full => Refused::NoRoom { reason: format!("{error}: replace one of them") },
-            LibraryError::Program(error) => bad(error.to_string()),
+            LibraryError::Program { .. } => bad(error.to_string()),
         })?;
         if let Some(missing) = library.missing_call(&program) {
             return Err(bad(format!("program `{name}`: {missing}; load that one first")));

@@ -18,6 +18,7 @@ use super::Machine;
 use super::execution::{Activity, SHORTEST_PASS};
 use crate::event::{AlarmCause, Detail, ModeReason};
 use crate::instruction_list::{After, InstructionList};
+use crate::io::OutputPoint;
 use crate::profile::IdleSingleCycle;
 use crate::program::{Change, Condition, Program, Step};
 use crate::saved::MAX_COUNTERS;
@@ -297,7 +298,9 @@ impl Machine {
             Step::Photo(photo) => self.ask_for_photo(photo, photo.tries),
             Step::Set { point, on } => {
                 self.program.next();
-                self.io.set(*point, *on);
+                if let Some(point) = OutputPoint::named(*point) {
+                    self.io.set(point, *on);
+                }
                 self.io_changed();
             }
             Step::Alarm { number } => {

@@ -1,10 +1,7 @@
 //! What a profile chooses between.
 
-use serde::Deserialize;
-
 /// What AddRCC does while no program waits for remote commands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unarmed {
     /// It is answered with `err` and dropped.
     Refuse,
@@ -15,8 +12,7 @@ pub enum Unarmed {
 }
 
 /// What an AddRCC that replaces the list in mid-motion does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReplaceInMotion {
     /// Alarm 200; the arm stops.
     Alarm200,
@@ -26,8 +22,7 @@ pub enum ReplaceInMotion {
 }
 
 /// The mode after `actionStop`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopMode {
     /// 2: automatic, not running.
     Auto,
@@ -36,8 +31,7 @@ pub enum StopMode {
 }
 
 /// What the first press of the stop button does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopButton {
     /// The cycle is finished; a second press stops at once.
     FinishCycle,
@@ -46,8 +40,7 @@ pub enum StopButton {
 }
 
 /// What a curve (action 17) does that has no line (action 10) before it in its run of the remote list.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoneCurve {
     /// Nothing: AddRCC is answered ok, the step counts as done, and the arm stays where it is.
     Skip,
@@ -56,8 +49,7 @@ pub enum LoneCurve {
 }
 
 /// What AddRCC answers to a list in which a line (action 10) stands behind a path speed (action 51).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathSpeedAnswer {
     /// `ok`, as to any other list.
     Ok,
@@ -66,8 +58,7 @@ pub enum PathSpeedAnswer {
 }
 
 /// When the signal of action 52 stops a move.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignalStop {
     /// While the signal is there: a move that begins then stops at once.
     Level,
@@ -76,8 +67,7 @@ pub enum SignalStop {
 }
 
 /// What an instruction without `oneshot` is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MissingOneshot {
     /// As with `oneshot` 0: it stays, and the list runs again and again.
     Keep,
@@ -86,8 +76,7 @@ pub enum MissingOneshot {
 }
 
 /// What `actionSingleCycle` does while a program waits for remote commands and the list is empty.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IdleSingleCycle {
     /// Mode 9: the program waits for a list, runs it once, and ends with its pass.
     Wait,

@@ -4,7 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::Arc;
 
-use super::{Program, ProgramError};
+use r6_program::Mistakes;
+
+use super::Program;
 
 /// No controller has more programs. Pendants list some dozen.
 pub const MAX_PROGRAMS: usize = 200;
@@ -73,7 +75,8 @@ impl Library {
     /// # Errors
     /// [`LibraryError`] says what is wrong with the text, or that there is no room.
     pub fn load(&mut self, name: &str, text: &str) -> Result<(), LibraryError> {
-        let program = Program::read(name, text).map_err(LibraryError::Program)?;
+        let program = Program::read(name, text)
+            .map_err(|mistakes| LibraryError::Program { name: name.to_owned(), mistakes: mistakes.into() })?;
         self.insert(program)
     }
 
@@ -129,7 +132,12 @@ impl Library {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LibraryError {
     /// Its text is wrong.
-    Program(ProgramError),
+    Program {
+        /// The name it was to have.
+        name: String,
+        /// What is wrong, and where.
+        mistakes: Box<Mistakes>,
+    },
     /// There is no room.
     Full,
 }
@@ -137,7 +145,7 @@ pub enum LibraryError {
 impl fmt::Display for LibraryError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Program(error) => error.fmt(f),
+            Self::Program { name, mistakes } => write!(f, "program `{name}`: {mistakes}"),
             Self::Full => write!(f, "there are {MAX_PROGRAMS} programs already"),
         }
     }

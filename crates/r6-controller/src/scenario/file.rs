@@ -2,15 +2,12 @@
 
 use std::time::Duration;
 
+use r6_program::form::{self, Fields, Found, Node, Table, Wrong};
+use r6_program::{Mistake, Mistakes};
 use r6_proto::io_point::{IoPoint, PointKind};
-use toml::{Table, Value};
 
-use super::{
-    Bounce, Entry, Happening, InputPoint, MAX_ENTRIES, MAX_TEXT_BYTES, Reaction, Scenario, ScenarioError,
-    Window,
-};
+use super::{Bounce, Entry, Happening, InputPoint, MAX_ENTRIES, MAX_TEXT_BYTES, Reaction, Scenario, Window};
 use crate::fault;
-use crate::fields::{self, Fields};
 use crate::io::OutputPoint;
 use crate::mode::Key;
 use crate::panel::{Button, LAST_ALARM, PanelAction};
@@ -51,34 +48,28 @@ const MOST_BOUNCES: u32 = 1000;
 
 const SECONDS: &str = "seconds, 0 to 31536000";
 
-pub(super) fn read(text: &str) -> Result<Scenario, ScenarioError> {
-    let wrong = |reason: String| ScenarioError { entry: None, reason };
+pub(super) fn read(text: &str) -> Result<Scenario, Mistakes> {
     if text.len() > MAX_TEXT_BYTES {
-        return Err(wrong(format!("its text is longer than {MAX_TEXT_BYTES} bytes")));
+        let what = format!("its text is longer than {MAX_TEXT_BYTES} bytes");
+        return Err(Mistake::of_the_file(what, None).into());
     }
-    let table = fields::table(text).map_err(wrong)?;
-    let top = Fields::of(&table);
-    let seed = top.whole("seed", "a whole number from 0", 0_u64..=u64::MAX).map_err(wrong)?.unwrap_or(0);
-    let [at, react, faults] = ["at", "react", "fault"].map(|name| {
-        let wanted = format!("a list of [[{name}]] tables");
-        top.optional(name, &wanted, fields::tables).map_err(wrong).map(Option::unwrap_or_default)
-    });
-    let (at, react, faults) = (at?, react?, faults?);
-    top.nothing_else().map_err(wrong)?;
-    let timeline = entries("at", &at, "do", entry)?;
+    let (document, mut found) = form::parse(text);
+    let top = Fields::of(&document, &[], "");
+    let seed = top.whole("seed", i64::MAX).and_then(|seed| u64::try_from(seed).ok()).unwrap_or(0);
+    let [at, react, faults] = ["at", "react", "fault"].map(|name| top.tables(name));
+    top.finish(Ok(()), &mut found);
+    let timeline = entries("at", &at, "do", &mut found, entry);
     let often: f64 = timeline.iter().filter_map(|entry| Some(entry.every?.as_secs_f64().recip())).sum();
     // A little more, for the sake of arithmetic.
     if often > MOST_OFTEN + 1e-6 {
-        return Err(wrong(format!(
+        let what = format!(
             "the entries of [[at]] happen {often:.0} times a second in all; {MOST_OFTEN} are possible"
-        )));
+        );
+        found.note(what.into());
     }
-    Ok(Scenario {
-        seed,
-        timeline,
-        reactions: entries("react", &react, "when", reaction)?,
-        faults: entries("fault", &faults, "fault", window)?,
-    })
+    let reactions = entries("react", &react, "when", &mut found, reaction);
+    let faults = entries("fault", &faults, "fault", &mut found, window);
+    found.finish(Some(Scenario { seed, timeline, reactions, faults }))
 }
 
 /// The entries of one list; `named_by` is the field that tells them apart for a person.
@@ -86,50 +77,59 @@ fn entries<T>(
     list: &'static str,
     tables: &[&Table],
     named_by: &str,
-    read: impl Fn(&Fields<'_>) -> Result<T, String>,
-) -> Result<Vec<T>, ScenarioError> {
+    found: &mut Found<'_>,
+    read: impl Fn(&Fields<'_>) -> Result<T, Wrong>,
+) -> Vec<T> {
     if tables.len() > MAX_ENTRIES {
-        let reason = format!("there are {} entries in [[{list}]]; {MAX_ENTRIES} are possible", tables.len());
-        return Err(ScenarioError { entry: None, reason });
+        let what = format!("there are {} entries in [[{list}]]; {MAX_ENTRIES} are possible", tables.len());
+        found.note(what.into());
+        return Vec::new();
     }
     let mut all = Vec::with_capacity(tables.len());
     for (number, table) in tables.iter().enumerate() {
-        let fields = Fields::of(table);
-        let one = read(&fields).and_then(|one| fields.nothing_else().map(|()| one));
-        all.push(one.map_err(|reason| {
-            let name = table.get(named_by).and_then(Value::as_str).unwrap_or_default();
-            let name = if name.len() <= 40 { name.to_owned() } else { String::new() };
-            ScenarioError { entry: Some((list, number + 1, name)), reason }
-        })?);
+        let name = table.value(named_by).and_then(Node::text).filter(|name| name.len() <= 40);
+        let name = name.map(|name| format!(" ({name})")).unwrap_or_default();
+        let fields = Fields::of(table, &[], format!("[[{list}]] {}{name}: ", number + 1));
+        let one = read(&fields);
+        all.extend(fields.finish(one, found));
     }
-    Ok(all)
+    all
 }
 
-fn entry(fields: &Fields<'_>) -> Result<Entry, String> {
-    let word = fields.required("do", "what happens", Value::as_str)?;
-    let at = seconds(fields, "time")?.ok_or(format!("`time` is missing: {SECONDS}"))?;
-    let spread = seconds(fields, "spread")?.unwrap_or_default();
-    let every = fields.number("every", "seconds, 0.001 to 31536000", SHORTEST..=LONGEST)?;
-    let times = fields.whole("times", "how often, from 1", 1..=u32::MAX)?;
-    if every.is_none() && times.is_some_and(|times| times > 1) {
-        return Err("`every` is missing: how long until it happens again, seconds".to_owned());
+fn entry(fields: &Fields<'_>) -> Result<Entry, Wrong> {
+    let at =
+        fields.due("time", SECONDS, |value| value.number().filter(|time| (0.0..=LONGEST).contains(time)));
+    let spread = seconds(fields, "spread").unwrap_or_default();
+    let every = fields.number_in("every", "seconds, 0.001 to 31536000", SHORTEST..=LONGEST);
+    let times = fields.whole_in("times", "how often, from 1", 1..=u32::MAX);
+    if !fields.has("every") && times.is_some_and(|times| times > 1) {
+        fields.wrong("times", "`every` is missing: how long until it happens again, seconds");
     }
     let every = every.map(Duration::from_secs_f64);
     let times = if every.is_none() { Some(1) } else { times };
-    Ok(Entry { at, spread, every, times, what: happening(word, fields)? })
+    let what = happening(fields)?;
+    Ok(Entry { at: Duration::from_secs_f64(at?), spread, every, times, what })
 }
 
-fn happening(word: &str, fields: &Fields<'_>) -> Result<Happening, String> {
+fn happening(fields: &Fields<'_>) -> Result<Happening, Wrong> {
+    let words = HAPPENINGS.map(|word| (word, word));
+    let word = fields.word("do", &words).ok_or_else(|| Wrong::missing("do", "what happens"))?;
     Ok(match word {
-        "input" => Happening::Panel(input(fields, "point")?.set(on(fields)?)),
-        "bounce" => Happening::Bounce(Bounce {
-            input: input(fields, "point")?,
-            times: fields.whole("changes", "how often, 1 to 1000", 1..=MOST_BOUNCES)?.unwrap_or(5),
-            within: seconds(fields, "within")?.unwrap_or(Duration::from_millis(20)),
-            on: on(fields)?,
-        }),
-        "output" => Happening::Output(output(fields, "point")?, on(fields)?),
-        "button" => Happening::Panel(PanelAction::Press(fields.one_of(
+        "input" => {
+            let on = fields.due_flag("on");
+            Happening::Panel(input(fields, "point")?.set(on?))
+        }
+        "bounce" => {
+            let times = fields.whole_in("changes", "how often, 1 to 1000", 1..=MOST_BOUNCES).unwrap_or(5);
+            let within = seconds(fields, "within").unwrap_or(Duration::from_millis(20));
+            let on = fields.due_flag("on");
+            Happening::Bounce(Bounce { input: input(fields, "point")?, times, within, on: on? })
+        }
+        "output" => {
+            let on = fields.due_flag("on");
+            Happening::Output(output(fields, "point")?, on?)
+        }
+        "button" => Happening::Panel(PanelAction::Press(fields.due_word(
             "button",
             &[
                 ("start", Button::Start),
@@ -140,61 +140,59 @@ fn happening(word: &str, fields: &Fields<'_>) -> Result<Happening, String> {
             ],
         )?)),
         "key" => Happening::Panel(PanelAction::TurnKey(
-            fields.one_of("to", &[("manual", Key::Manual), ("stop", Key::Stop), ("auto", Key::Auto)])?,
+            fields.due_word("to", &[("manual", Key::Manual), ("stop", Key::Stop), ("auto", Key::Auto)])?,
         )),
         "emergency-stop" => Happening::Panel(PanelAction::EmergencyStop),
         "release-emergency-stop" => Happening::Panel(PanelAction::ReleaseEmergencyStop),
         "clear-alarm" => Happening::Panel(PanelAction::ClearAlarm),
-        "alarm" => {
-            let wanted = "an alarm, 1 to 10000";
-            let number = fields.whole("number", wanted, 1..=LAST_ALARM)?;
-            let number = number.ok_or_else(|| format!("`number` is missing: {wanted}"))?;
-            Happening::Panel(PanelAction::RaiseAlarm(number))
-        }
+        "alarm" => Happening::Panel(PanelAction::RaiseAlarm(fields.due_in(
+            "number",
+            "an alarm, 1 to 10000",
+            1..=LAST_ALARM,
+        )?)),
         "program" => program(fields)?,
         "counter" => {
-            let wanted = "a count, -9007199254740992 to 9007199254740992";
-            let number = |name| fields.whole(name, wanted, -MAX_COUNT..=MAX_COUNT);
-            Happening::Counter {
-                id: fields
-                    .whole("number", "the number of a counter", 0..=u32::MAX)?
-                    .ok_or("`number` is missing: the number of a counter")?,
-                current: number("current")?.ok_or("`current` is missing: the count it has from now on")?,
-                target: number("target")?,
-            }
+            let count = "a count, -9007199254740992 to 9007199254740992";
+            let counts = -MAX_COUNT..=MAX_COUNT;
+            let id = fields.due_in("number", "the number of a counter", 0..=u32::MAX);
+            let current = fields.due_in("current", count, counts.clone());
+            let target = fields.whole_in("target", count, counts);
+            Happening::Counter { id: id?, current: current?, target }
         }
         "photo" => Happening::Photo(
-            fields.whole("camera", "the number of a camera, 0 to 999", 0..=999)?.unwrap_or(0),
+            fields.whole_in("camera", "the number of a camera, 0 to 999", 0..=999).unwrap_or(0),
         ),
         "command" => command(fields)?,
         "request" => {
-            let frame = fields.required("frame", "one frame, a JSON object as text", Value::as_str)?;
+            let frame = fields.due("frame", "one frame, a JSON object as text", Node::text)?;
             Happening::Request(frame.as_bytes().to_vec())
         }
         "power-cut" => Happening::PowerCut {
-            off: seconds(fields, "for")?.unwrap_or(Duration::from_secs(10)),
-            program: fields.text("program", "the name of a program")?.map(str::to_owned),
+            off: seconds(fields, "for").unwrap_or(Duration::from_secs(10)),
+            program: fields.text("program", "the name of a program").map(str::to_owned),
         },
-        other => return Err(fields::unknown("do", other, &HAPPENINGS)),
+        other => return Err(format!("nothing is known of `{other}`").into()),
     })
 }
 
 /// A program is chosen, or, with a text, loaded.
-fn program(fields: &Fields<'_>) -> Result<Happening, String> {
-    let name = fields.required("name", "the name of a program", Value::as_str)?.to_owned();
-    Ok(Happening::Panel(match fields.text("text", "the text of a program")? {
+fn program(fields: &Fields<'_>) -> Result<Happening, Wrong> {
+    let text = fields.text("text", "the text of a program");
+    let name = fields.due("name", "the name of a program", Node::text)?.to_owned();
+    Ok(Happening::Panel(match text {
         None => PanelAction::SwitchProgram(name),
         Some(text) => {
-            crate::program::Program::read(&name, text).map_err(|error| error.to_string())?;
+            crate::program::Program::read(&name, text)
+                .map_err(|mistakes| fields.wrong("text", format!("program `{name}`: {mistakes}")))?;
             PanelAction::LoadProgram { name, text: text.to_owned() }
         }
     }))
 }
 
-fn command(fields: &Fields<'_>) -> Result<Happening, String> {
+fn command(fields: &Fields<'_>) -> Result<Happening, Wrong> {
     let wanted = "a list of texts: the command and its arguments";
-    let words = fields.required("words", wanted, |value| {
-        let words: Option<Vec<_>> = value.as_array()?.iter().map(Value::as_str).collect();
+    let words = fields.due("words", wanted, |value| {
+        let words: Option<Vec<_>> = value.list()?.iter().map(Node::text).collect();
         words.filter(|words| !words.is_empty())
     })?;
     let frame = serde_json::json!({
@@ -203,51 +201,39 @@ fn command(fields: &Fields<'_>) -> Result<Happening, String> {
     Ok(Happening::Request(frame.to_string().into_bytes()))
 }
 
-fn reaction(fields: &Fields<'_>) -> Result<Reaction, String> {
+fn reaction(fields: &Fields<'_>) -> Result<Reaction, Wrong> {
     let levels = [("on", true), ("off", false)];
+    let (is, set) = (fields.word("is", &levels), fields.word("set", &levels));
+    let (after, spread) = (seconds(fields, "after"), seconds(fields, "spread"));
+    let (when, then) = (output(fields, "when"), input(fields, "then"));
     Ok(Reaction {
-        when: output(fields, "when")?,
-        is: fields.word("is", &levels)?,
-        then: input(fields, "then")?,
-        set: fields.word("set", &levels)?,
-        after: seconds(fields, "after")?.unwrap_or_default(),
-        spread: seconds(fields, "spread")?.unwrap_or_default(),
+        when: when?,
+        is,
+        then: then?,
+        set,
+        after: after.unwrap_or_default(),
+        spread: spread.unwrap_or_default(),
     })
 }
 
-fn window(fields: &Fields<'_>) -> Result<Window, String> {
-    let word = fields.required("fault", "the word of a fault", Value::as_str)?;
-    Ok(Window {
-        fault: fault::file::read(word, fields)?,
-        from: seconds(fields, "from")?.unwrap_or_default(),
-        lasts: seconds(fields, "for")?,
-        chance: fields.number("chance", "a part, 0 to 1", 0.0..=1.0)?.unwrap_or(1.0),
-    })
+fn window(fields: &Fields<'_>) -> Result<Window, Wrong> {
+    let (from, lasts) = (seconds(fields, "from"), seconds(fields, "for"));
+    let chance = fields.number_in("chance", "a part, 0 to 1", 0.0..=1.0).unwrap_or(1.0);
+    Ok(Window { fault: fault::file::read(fields)?, from: from.unwrap_or_default(), lasts, chance })
 }
 
-fn seconds(fields: &Fields<'_>, name: &'static str) -> Result<Option<Duration>, String> {
-    Ok(fields.number(name, SECONDS, 0.0..=LONGEST)?.map(Duration::from_secs_f64))
+fn seconds(fields: &Fields<'_>, name: &'static str) -> Option<Duration> {
+    fields.number_in(name, SECONDS, 0.0..=LONGEST).map(Duration::from_secs_f64)
 }
 
-fn on(fields: &Fields<'_>) -> Result<bool, String> {
-    fields.flag("on")?.ok_or_else(|| "`on` is missing: true or false".to_owned())
-}
-
-fn input(fields: &Fields<'_>, name: &'static str) -> Result<InputPoint, String> {
-    let IoPoint { kind, board, point } = fields
-        .point(name, &[PointKind::X, PointKind::Eux])?
-        .ok_or_else(|| format!("`{name}` is missing: an input such as X010 or EUX010"))?;
+fn input(fields: &Fields<'_>, name: &'static str) -> Result<InputPoint, Wrong> {
+    let kinds = [PointKind::X, PointKind::Eux];
+    let IoPoint { kind, board, point } = fields.due_point(name, "an input X010 or EUX010", &kinds)?;
     Ok(if kind == PointKind::Eux { InputPoint::Eu(point) } else { InputPoint::X(board, point) })
 }
 
-fn output(fields: &Fields<'_>, name: &'static str) -> Result<OutputPoint, String> {
-    let IoPoint { kind, board, point } =
-        fields
-            .point(name, &[PointKind::Y, PointKind::M, PointKind::Euy])?
-            .ok_or_else(|| format!("`{name}` is missing: an output such as Y010, M010 or EUY010"))?;
-    Ok(match kind {
-        PointKind::M => OutputPoint::M(board, point),
-        PointKind::Euy => OutputPoint::Eu(point),
-        PointKind::X | PointKind::Y | PointKind::Eux => OutputPoint::Y(board, point),
-    })
+fn output(fields: &Fields<'_>, name: &'static str) -> Result<OutputPoint, Wrong> {
+    let kinds = [PointKind::Y, PointKind::M, PointKind::Euy];
+    let point = fields.due_point(name, "an output Y010, M010 or EUY010", &kinds)?;
+    OutputPoint::named(point).ok_or_else(|| fields.wrong(name, format!("{point} is an input")))
 }

@@ -5,7 +5,6 @@ use std::fmt;
 use r6_proto::io_point::{IoPoint, PointKind};
 
 use super::{Bounce, Happening, InputPoint};
-use crate::io::OutputPoint;
 use crate::mode::Key;
 use crate::panel::{Button, PanelAction};
 
@@ -31,7 +30,7 @@ impl fmt::Display for Happening {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Panel(action) => panel(f, action),
-            Self::Output(point, on) => write!(f, "output {} {}", output_name(*point), level(*on)),
+            Self::Output(point, on) => write!(f, "output {} {}", point.name(), level(*on)),
             Self::Bounce(Bounce { input, times, on, .. }) => {
                 write!(f, "input {input} changes {times} times and ends {}", level(*on))
             }
@@ -91,16 +90,6 @@ fn panel(f: &mut fmt::Formatter<'_>, action: &PanelAction) -> fmt::Result {
         PanelAction::SwitchProgram(name) => write!(f, "program `{name}` is chosen"),
         PanelAction::LoadProgram { name, .. } => write!(f, "program `{name}` is loaded"),
     }
-}
-
-/// The name of an output on the pendant.
-pub(crate) fn output_name(point: OutputPoint) -> IoPoint {
-    let (kind, board, point) = match point {
-        OutputPoint::Y(board, point) => (PointKind::Y, board, point),
-        OutputPoint::M(board, point) => (PointKind::M, board, point),
-        OutputPoint::Eu(point) => (PointKind::Euy, 0, point),
-    };
-    IoPoint { kind, board, point }
 }
 
 fn level(on: bool) -> &'static str {

@@ -35,7 +35,8 @@ fn every_happening_is_read_and_named() {
         let text = format!("[[at]]\ntime = 1\ndo = \"{word}\"\n{}", fields_of(word));
         assert_eq!(read(&text).timeline.len(), 1);
         let error = wrong(&format!("{text}\ntimme = 3"));
-        assert_eq!(error, format!("[[at]] 1 ({word}): `timme` means nothing here; nearest: `time`"));
+        let line = text.matches('\n').count() + 2;
+        assert_eq!(error, format!("{line}:1: [[at]] 1 ({word}): there is no key `timme`; nearest: `time`"));
     }
 }
 
@@ -73,93 +74,112 @@ fn what_is_wrong_is_named_with_its_place() {
     for (text, error) in [
         (
             "[[at]]\ntime = 1\ndo = \"inputt\"",
-            "[[at]] 1 (inputt): `do = \"inputt\"` is not known; nearest: `input`",
+            "3:6: [[at]] 1 (inputt): `do` is \"inputt\", which means nothing here; nearest: \"input\"",
         ),
         (
             "[[fault]]\nfault = \"bad-jason\"",
-            "[[fault]] 1 (bad-jason): `fault = \"bad-jason\"` is not known; nearest: `bad-json`",
+            "2:9: [[fault]] 1 (bad-jason): `fault` is \"bad-jason\", which means nothing here; nearest: \"bad-json\"",
         ),
         (
             "[[fault]]\nfault = \"bad-json\"",
-            "[[fault]] 1 (bad-json): `kind` is missing: truncated, oversized, deep, duplicate-keys, byte-order-mark, bad-utf8, nul, huge-number, not-a-number",
+            "1:1: [[fault]] 1 (bad-json): `kind` is missing: one of \"truncated\", \"oversized\"",
         ),
         (
             "[[fault]]\nfault = \"bad-json\"\nkind = \"truncate\"",
-            "[[fault]] 1 (bad-json): `kind = \"truncate\"` is not known; nearest: `truncated`",
+            "3:8: [[fault]] 1 (bad-json): `kind` is \"truncate\", but",
         ),
-        ("[[at]]\ntime = 1", "[[at]] 1: `do` is missing: what happens"),
-        ("[[at]]\ndo = \"photo\"", "[[at]] 1 (photo): `time` is missing: seconds, 0 to 31536000"),
+        ("[[at]]\ntime = 1", "1:1: [[at]] 1: `do` is missing: what happens"),
+        ("[[at]]\ndo = \"photo\"", "1:1: [[at]] 1 (photo): `time` is missing: seconds, 0 to 31536000"),
         (
             "[[at]]\ntime = \"1\"\ndo = \"photo\"",
-            "[[at]] 1 (photo): `time` has to be seconds, 0 to 31536000, not \"1\"",
+            "2:8: [[at]] 1 (photo): `time` is the text \"1\", but has to be seconds, 0 to 31536000",
         ),
         (
             "[[at]]\ntime = -1\ndo = \"photo\"",
-            "[[at]] 1 (photo): `time` has to be seconds, 0 to 31536000, not -1",
+            "2:8: [[at]] 1 (photo): `time` is -1, but has to be seconds, 0 to 31536000",
         ),
         (
             "[[at]]\ntime = nan\ndo = \"photo\"",
-            "[[at]] 1 (photo): `time` has to be seconds, 0 to 31536000, not nan",
+            "2:8: [[at]] 1 (photo): `time` is nan, but has to be seconds, 0 to 31536000",
         ),
         (
             "[[at]]\ntime = 1\ntimes = 3\ndo = \"photo\"",
-            "[[at]] 1 (photo): `every` is missing: how long until it happens again, seconds",
+            "3:9: [[at]] 1 (photo): `every` is missing: how long until it happens again, seconds",
         ),
         (
             "[[at]]\ntime = 1\nevery = 0\ndo = \"photo\"",
-            "[[at]] 1 (photo): `every` has to be seconds, 0.001 to 31536000, not 0",
+            "3:9: [[at]] 1 (photo): `every` is 0, but has to be seconds, 0.001 to 31536000",
         ),
         (
             "[[at]]\ntime = 1\ndo = \"photo\"\n[[at]]\ntime = 1\ndo = \"input\"\npoint = \"Y010\"\non = true",
-            "[[at]] 2 (input): `point` has to be a point as the pendant names it, X or EUX and octal 010 to 047, not \"Y010\"",
+            "7:9: [[at]] 2 (input): `point` is the text \"Y010\", but has to be an input X010 or EUX010, as the pendant",
         ),
         (
             "[[at]]\ntime = 1\ndo = \"input\"\npoint = \"X010\"",
-            "[[at]] 1 (input): `on` is missing: true or false",
+            "1:1: [[at]] 1 (input): `on` is missing: true or false",
         ),
         (
             "[[at]]\ntime = 1\ndo = \"alarm\"\nnumber = 0",
-            "[[at]] 1 (alarm): `number` has to be an alarm, 1 to 10000, not 0",
+            "4:10: [[at]] 1 (alarm): `number` is 0, but has to be an alarm, 1 to 10000",
         ),
         (
             "[[at]]\ntime = 1\ndo = \"command\"\nwords = [1]",
-            "[[at]] 1 (command): `words` has to be a list of texts: the command and its arguments, not [1]",
+            "4:9: [[at]] 1 (command): `words` is a list, but has to be a list of texts: the command and its arguments",
         ),
         (
             "[[at]]\ntime = 1\ndo = \"bounce\"\npoint = \"X010\"\non = true\nchanges = 1001",
-            "[[at]] 1 (bounce): `changes` has to be how often, 1 to 1000, not 1001",
+            "6:11: [[at]] 1 (bounce): `changes` is 1001, but has to be how often, 1 to 1000",
         ),
-        (
-            "[[react]]\nthen = \"X010\"",
-            "[[react]] 1: `when` is missing: an output such as Y010, M010 or EUY010",
-        ),
+        ("[[react]]\nthen = \"X010\"", "1:1: [[react]] 1: `when` is missing: an output Y010, M010 or EUY010"),
         (
             "[[react]]\nwhen = \"Y010\"\nthen = \"X010\"\nis = \"open\"",
-            "[[react]] 1 (Y010): `is = \"open\"` is not known; there are: on, off",
+            "4:6: [[react]] 1 (Y010): `is` is \"open\", but has to be one of \"on\", \"off\"",
         ),
         (
             "[[fault]]\nfault = \"noise\"\nchance = 2",
-            "[[fault]] 1 (noise): `chance` has to be a part, 0 to 1, not 2",
+            "3:10: [[fault]] 1 (noise): `chance` is 2, but has to be a part, 0 to 1",
         ),
-        ("[[faults]]\nfault = \"noise\"", "`faults` means nothing here; nearest: `fault`"),
-        ("at = 3", "`at` has to be a list of [[at]] tables, not 3"),
-        ("seed = -1", "`seed` has to be a whole number from 0, not -1"),
-        ("seed = 1\n\n[[at]\n", "no TOML: line 3: "),
-        ("seed = 1\nseed = 2\n", "no TOML: line 2: "),
-        ("seed = 1\n= 2\n", "no TOML: line 2: "),
-        ("{\"at\": [}", "no JSON: "),
+        ("[[faults]]\nfault = \"noise\"", "1:3: there is no key `faults`; nearest: `fault`"),
+        ("at = 3", "1:6: `at` is written as [[at]], in two pairs of brackets"),
+        ("seed = -1", "1:8: `seed` is -1, but has to be a whole number from 0 to"),
+        ("seed = 1\n\n[[at]\n", "3:"),
+        ("seed = 1\nseed = 2\n", "2:"),
+        ("seed = 1\n= 2\n", "2:"),
+        ("{\"at\": [}", "1:9: this is no JSON: "),
     ] {
         let found = wrong(text);
-        let fits = if error.ends_with(": ") { found.starts_with(error) } else { found == error };
-        assert!(fits, "{text}\n  is {found}\n  not {error}");
+        assert!(
+            found.starts_with(error) && found.lines().count() == 1,
+            "{text}\n  is {found}\n  not {error}"
+        );
     }
+}
+
+/// Five mistakes, and more that follow from none of them.
+#[test]
+fn all_mistakes_are_told_in_toml_and_in_json() {
+    let toml = "[[at]]\ntime = 1\ndo = \"alarm\"\nnumber = 0\n[[at]]\ntime = -1\ndo = \"fhoto\"\n\
+                [[react]]\nwhen = \"X010\"\nthen = \"Y010\"\n";
+    let json = r#"{"at": [{"time": 1, "do": "alarm", "number": 0},
+        {"time": -1, "do": "fhoto"}],
+        "react": [{"when": "X010", "then": "Y010"}]}"#;
+    let places = |text: &str| {
+        let mistakes = Scenario::read(text).unwrap_err();
+        mistakes.iter().map(|mistake| mistake.at.unwrap()).collect::<Vec<_>>()
+    };
+    assert_eq!(places(toml), [(4, 10), (6, 8), (7, 6), (9, 8), (10, 8)]);
+    assert_eq!(places(json), [(1, 46), (2, 18), (2, 28), (3, 28), (3, 44)]);
 }
 
 #[test]
 fn a_program_in_it_is_checked_at_once() {
     let error =
         wrong("[[at]]\ntime = 1\ndo = \"program\"\nname = \"own\"\ntext = \"[[step]]\\ndo = 'axis-mov'\"");
-    assert!(error.starts_with("[[at]] 1 (program): ") && error.contains("axis-move"), "{error}");
+    assert!(
+        error.starts_with("5:8: [[at]] 1 (program): program `own`: 2:6: step 1: ")
+            && error.contains("axis-move"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -187,7 +207,7 @@ proptest! {
             "point = ", "chance = ", "\"X010\"\n", "\"Y010\"\n", "\"noise\"\n", "\"bounce\"\n", "1\n", "-1\n", "1e400\n", "nan\n", "true\n", "[]\n", "{}\n", "9223372036854775807\n", "\"\n", "'''"]), 0..24)
     ) {
         if let Err(error) = Scenario::read(&words.concat()) {
-            prop_assert!(!error.to_string().is_empty() && error.to_string().len() < 600, "{}", error);
+            prop_assert!(error.iter().all(|mistake| !mistake.what.is_empty() && mistake.what.len() < 600), "{}", error);
         }
     }
 

@@ -3,6 +3,9 @@
 use std::cell::RefCell;
 use std::ops::RangeInclusive;
 
+use r6_proto::RegisterIndex;
+use r6_proto::io_point::{IoPoint, PointKind};
+
 use super::{Entry, Found, Node, Table, Value, Wrong};
 use crate::mistakes::MAX_MISTAKES;
 
@@ -19,13 +22,27 @@ pub struct Fields<'d> {
     label: String,
     asked: RefCell<Vec<&'static str>>,
     noted: RefCell<Vec<Wrong>>,
+    hints: RefCell<Vec<(usize, String)>>,
 }
 
 impl<'d> Fields<'d> {
     /// The fields of a table. `known` has every key of tables of this sort; `label` begins each mistake.
     #[must_use]
     pub fn of(table: &'d Table, known: &'d [&'static str], label: impl Into<String>) -> Self {
-        Self { table, known, label: label.into(), asked: RefCell::default(), noted: RefCell::default() }
+        Self {
+            table,
+            known,
+            label: label.into(),
+            asked: RefCell::default(),
+            noted: RefCell::default(),
+            hints: RefCell::default(),
+        }
+    }
+
+    /// Notes that a key, or what the table lacks, is an older spelling: `today` is what to write.
+    pub fn older(&self, name: &str, today: impl Into<String>) {
+        let at = self.table.value(name).map_or(self.table.at, |value| value.at);
+        self.hints.borrow_mut().push((at, today.into()));
     }
 
     fn note(&self, wrong: Wrong) {
@@ -83,6 +100,25 @@ impl<'d> Fields<'d> {
         })
     }
 
+    /// A value as `read` takes it, which has to be there; `wanted` says what it has to be.
+    ///
+    /// # Errors
+    /// It is not there, or not taken: the reading of the table ends.
+    pub fn due<T>(
+        &self,
+        name: &'static str,
+        wanted: &str,
+        read: impl FnOnce(&'d Node) -> Option<T>,
+    ) -> Result<T, Wrong> {
+        let is_there = self.has(name);
+        self.optional(name, wanted, read).ok_or_else(|| {
+            if !is_there {
+                self.note(Wrong::missing(name, wanted));
+            }
+            Wrong::from("")
+        })
+    }
+
     /// Any number.
     pub fn number(&self, name: &'static str) -> Option<f64> {
         self.optional(name, "a number", Node::number)
@@ -94,14 +130,86 @@ impl<'d> Fields<'d> {
     }
 
     /// A whole number from 0 up to `last`.
-    pub fn whole<T: TryFrom<i64> + PartialOrd + std::fmt::Display>(
+    pub fn whole<T: TryFrom<i64> + PartialOrd + Default + std::fmt::Display>(
         &self,
         name: &'static str,
         last: T,
     ) -> Option<T> {
-        self.optional(name, &format!("a whole number from 0 to {last}"), |value| {
-            value.whole().and_then(|whole| T::try_from(whole).ok()).filter(|whole| *whole <= last)
-        })
+        let wanted = format!("a whole number from 0 to {last}");
+        self.whole_in(name, &wanted, T::default()..=last)
+    }
+
+    /// A whole number within a range; `wanted` names it.
+    pub fn whole_in<T: TryFrom<i64> + PartialOrd>(
+        &self,
+        name: &'static str,
+        wanted: &str,
+        range: RangeInclusive<T>,
+    ) -> Option<T> {
+        self.optional(name, wanted, |value| whole_in(value, &range))
+    }
+
+    /// A whole number within a range, which has to be there; `wanted` names it.
+    ///
+    /// # Errors
+    /// It is not there, or beyond its range: the reading of the table ends.
+    pub fn due_in<T: TryFrom<i64> + PartialOrd>(
+        &self,
+        name: &'static str,
+        wanted: &str,
+        range: RangeInclusive<T>,
+    ) -> Result<T, Wrong> {
+        self.due(name, wanted, |value| whole_in(value, &range))
+    }
+
+    /// A text.
+    pub fn text(&self, name: &'static str, wanted: &str) -> Option<&'d str> {
+        self.optional(name, wanted, Node::text)
+    }
+
+    /// A point by its name on the pendant, of one of these kinds; `wanted` names them.
+    pub fn point(&self, name: &'static str, wanted: &str, kinds: &[PointKind]) -> Option<IoPoint> {
+        self.optional(name, &as_the_pendant_names_it(wanted), |value| point(value, kinds))
+    }
+
+    /// A point by its name on the pendant, which has to be there.
+    ///
+    /// # Errors
+    /// It is not there, or of another kind: the reading of the table ends.
+    pub fn due_point(&self, name: &'static str, wanted: &str, kinds: &[PointKind]) -> Result<IoPoint, Wrong> {
+        self.due(name, &as_the_pendant_names_it(wanted), |value| point(value, kinds))
+    }
+
+    /// A register.
+    pub fn register(&self, name: &'static str) -> Option<RegisterIndex> {
+        self.optional(name, A_REGISTER, register)
+    }
+
+    /// A register, which has to be there.
+    ///
+    /// # Errors
+    /// It is not there, or no register: the reading of the table ends.
+    pub fn due_register(&self, name: &'static str) -> Result<RegisterIndex, Wrong> {
+        self.due(name, A_REGISTER, register)
+    }
+
+    /// `true` or `false`, which has to be there.
+    ///
+    /// # Errors
+    /// It is not there, or something else: the reading of the table ends.
+    pub fn due_flag(&self, name: &'static str) -> Result<bool, Wrong> {
+        self.due(name, "true or false", Node::flag)
+    }
+
+    /// One of these words, which has to be there.
+    ///
+    /// # Errors
+    /// It is not there, or none of them: the reading of the table ends.
+    pub fn due_word<T: Copy>(&self, name: &'static str, words: &[(&'static str, T)]) -> Result<T, Wrong> {
+        if self.has(name) {
+            return self.word(name, words).ok_or_else(|| Wrong::from(""));
+        }
+        self.due(name, &one_of(words), |_| None)
     }
 
     /// `true` or `false`.
@@ -116,30 +224,25 @@ impl<'d> Fields<'d> {
         })
     }
 
-    /// Whole numbers from 0 up to `last`, in brackets.
-    pub fn wholes(&self, name: &'static str, last: u8) -> Option<Vec<u8>> {
-        let wanted = format!("whole numbers from 0 to {last} in brackets, such as [1, 2]");
-        let whole = |value: &Node| {
-            value.whole().and_then(|whole| u8::try_from(whole).ok()).filter(|whole| *whole <= last)
-        };
-        self.optional(name, &wanted, |value| value.list()?.iter().map(whole).collect())
-    }
-
     /// One of these words.
     pub fn word<T: Copy>(&self, name: &'static str, words: &[(&'static str, T)]) -> Option<T> {
-        let quoted: Vec<_> = words.iter().map(|(word, _)| format!("\"{word}\"")).collect();
-        let wanted = format!("one of {}", quoted.join(", "));
+        let wanted = one_of(words);
         let Some(word) = self.value(name).and_then(Node::text) else {
             return self.optional(name, &wanted, |_| None);
         };
         let meant = words.iter().find(|(known, _)| *known == word).map(|(_, meant)| *meant);
         if meant.is_none() {
             let word: String = word.chars().take(40).collect();
-            let wrong = self.at(name, format!("`{name}` is \"{word}\", but has to be {wanted}"));
             let near = r6_proto::nearest(&word, words.iter().map(|(word, _)| *word));
             self.note(match near {
-                Some(near) => wrong.advise(format!("nearest: \"{near}\"")),
-                None => wrong,
+                // A screen full of words hides the one that was meant.
+                Some(near) if words.len() > MOST_WORDS => self
+                    .at(name, format!("`{name}` is \"{word}\", which means nothing here"))
+                    .advise(format!("nearest: \"{near}\"")),
+                Some(near) => self
+                    .at(name, format!("`{name}` is \"{word}\", but has to be {wanted}"))
+                    .advise(format!("nearest: \"{near}\"")),
+                None => self.at(name, format!("`{name}` is \"{word}\", but has to be {wanted}")),
             });
         }
         meant
@@ -224,6 +327,7 @@ impl<'d> Fields<'d> {
             }
         };
         let good = noted.is_empty() && !unlisted;
+        found.hints.append(&mut self.hints.into_inner());
         for mut wrong in noted {
             // Behind a line that is no TOML, values are missing that are there.
             if found.is_full() {
@@ -240,4 +344,30 @@ impl<'d> Fields<'d> {
         }
         read.filter(|_| good)
     }
+}
+
+/// How many words are listed besides the nearest one.
+const MOST_WORDS: usize = 10;
+
+const A_REGISTER: &str = "a register, 800 to 900";
+
+fn register(value: &Node) -> Option<RegisterIndex> {
+    u16::try_from(value.whole()?).ok().and_then(RegisterIndex::new)
+}
+
+fn whole_in<T: TryFrom<i64> + PartialOrd>(value: &Node, range: &RangeInclusive<T>) -> Option<T> {
+    value.whole().and_then(|whole| T::try_from(whole).ok()).filter(|whole| range.contains(whole))
+}
+
+fn as_the_pendant_names_it(wanted: &str) -> String {
+    format!("{wanted}, as the pendant names it (octal, 010 to 047; on board 1 with 1. before that)")
+}
+
+fn point(value: &Node, kinds: &[PointKind]) -> Option<IoPoint> {
+    value.text()?.parse::<IoPoint>().ok().filter(|point| kinds.contains(&point.kind))
+}
+
+fn one_of<T>(words: &[(&'static str, T)]) -> String {
+    let quoted: Vec<_> = words.iter().map(|(word, _)| format!("\"{word}\"")).collect();
+    format!("one of {}", quoted.join(", "))
 }

@@ -20,6 +20,7 @@ from ._async_motion import AsyncFollowing, AsyncMotionHandle, AsyncStep
 from ._async_robot import AsyncRobot, async_discover
 from ._async_subscription import AsyncPushedEvents, AsyncSubscription
 from ._errors import (
+    FileError,
     InvalidRequest,
     MotionCutShort,
     MotionError,
@@ -54,6 +55,7 @@ from ._r6 import (
     Motion,
     Percent,
     Pose,
+    Program,
     Progress,
     RobotSettings,
     RunOptions,
@@ -84,6 +86,7 @@ from ._types import (
     LogLine,
     MachineState,
     Missed,
+    Mistake,
     OperationMode,
     Photo,
     PhotosEnded,
@@ -124,6 +127,7 @@ __all__ = [
     "Done",
     "Envelope",
     "Event",
+    "FileError",
     "FollowOptions",
     "Followed",
     "Following",
@@ -138,6 +142,7 @@ __all__ = [
     "Millimetres",
     "MillimetresPerSecond",
     "Missed",
+    "Mistake",
     "Motion",
     "MotionCutShort",
     "MotionError",
@@ -157,6 +162,7 @@ __all__ = [
     "PhotosEnded",
     "Point",
     "Pose",
+    "Program",
     "Progress",
     "PushedEvents",
     "Quality",

@@ -18,6 +18,7 @@
     ├── UnknownAddress        there is no such address (also a ValueError)
     ├── OutOfRange            a unit does not allow the number (also a ValueError)
     ├── NotSubscribed         there is no subscription (also a ValueError)
+    ├── FileError             a file that a person wrote is wrong (also a ValueError)
     ├── SimulatorError        a virtual controller could not be started
     └── PanelRefused          a person at the virtual machine could not do that
 """
@@ -28,7 +29,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from ._r6 import Progress
-    from ._types import Identity, StopReport, Unmet
+    from ._types import Identity, Mistake, StopReport, Unmet
 
 
 class R6Error(Exception):
@@ -212,8 +213,25 @@ class NotSubscribed(R6Error, ValueError):
     """No address, too many, or a period below 20 ms or above one hour."""
 
 
+class FileError(R6Error, ValueError):
+    """A file that a person wrote is wrong. The text has a line for each mistake: ``FILE:LINE:COLUMN: what``, and what to do about it."""
+
+    mistakes: tuple[Mistake, ...] = ()
+    """All of them that are listed, in the order of their places: twenty at most."""
+    more: int = 0
+    """How many there are besides."""
+
+
 class SimulatorError(R6Error):
-    """A virtual controller could not be started; nothing is left running."""
+    """A virtual controller could not be started; nothing is left running.
+
+    Where a profile, program or scenario is wrong, the text has a line for each mistake: ``FILE:LINE:COLUMN: what``.
+    """
+
+    mistakes: tuple[Mistake, ...] = ()
+    """The mistakes of that file that are listed: twenty at most."""
+    more: int = 0
+    """How many there are besides."""
 
 
 class PanelRefused(R6Error):

@@ -50,6 +50,7 @@ __all__ = [
     "Percent",
     "PhotosCore",
     "Pose",
+    "Program",
     "Progress",
     "PushedCore",
     "RobotCore",
@@ -530,6 +531,36 @@ class RobotSettings:
         stays_in_mode_7: bool = False,
     ) -> RobotSettings: ...
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
+
+@final
+class Program:
+    """A motion out of a file as ``r6 run`` takes it: TOML (``[[instruction]]`` tables), or AddRCC frames in JSON.
+
+    ::
+
+        program = r6.Program.load("square.toml")
+        robot.run(program.motion, r6.RunOptions(append=program.append)).finished()
+    """
+
+    @staticmethod
+    def load(path: str | PathLike[str]) -> Program:
+        """Reads a file of 16 MiB at most.
+
+        Errors: ``FileError`` with every mistake, its line and its column; ``OSError`` and ``ValueError`` where it cannot be read.
+        """
+    @staticmethod
+    def read(text: str) -> Program:
+        """Reads a text that is at hand. Errors: ``FileError``."""
+    @property
+    def motion(self) -> Motion:
+        """Its steps, as a motion of its own: what is added to it is not added to the program. It repeats if the file says so."""
+    @property
+    def append(self) -> bool:
+        """Whether the file says that it goes behind what is in the list: for ``RunOptions.append``."""
+    @property
+    def remarks(self) -> list[str]:
+        """What the author of the file should know: older spellings, keys that mean nothing."""
+    def __len__(self) -> int: ...
 
 @final
 class RunOptions:

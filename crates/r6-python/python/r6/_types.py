@@ -325,6 +325,20 @@ class Identity:
 
 
 @dataclass(frozen=True)
+class Mistake:
+    """One mistake of a file that a person wrote."""
+
+    line: int | None
+    """Counted from 1; ``None`` if the whole file is meant."""
+    column: int | None
+    """Counted from 1, in characters."""
+    what: str
+    """What is wrong there."""
+    advice: str | None
+    """What to do about it."""
+
+
+@dataclass(frozen=True)
 class Discovered:
     """What was found at one address."""
 

@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use r6_controller::{ControllerSettings, Profile, RobotModel};
+use r6_controller::ControllerSettings;
 use r6_proto::message::Instruction;
 
 use self::inputs::InputChange;
 use self::playback::Cell;
-use crate::cmd::run;
-use crate::cmd::{job, sim};
+use crate::cmd::sim::given;
+use crate::cmd::{job, run};
 use crate::exit::{Exit, Failure};
 use crate::output::drawing::{self, Picture};
 use crate::output::problem::{self, Code};
@@ -59,11 +59,11 @@ pub struct PlotArgs {
     #[arg(long, short, value_name = "FILE.svg", required_if_eq("file", "-"))]
     out: Option<PathBuf>,
     /// The arm: BRTIRUS0707A, 0805A, 1510A, 1820A or 2030A, GENERIC-SCARA, GENERIC-CARTESIAN, or a .toml file
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "BRTIRUS0707A", value_parser = sim::model)]
-    model: RobotModel,
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "BRTIRUS0707A")]
+    model: String,
     /// The firmware: hc1, r6-host, r6-pendant, legacy, or a .toml file that changes one of them
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "hc1", value_parser = sim::profile)]
-    profile: Profile,
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "hc1")]
+    profile: String,
     /// The controller's global speed
     #[arg(long, value_name = "PERCENT", default_value = "100", value_parser = units::speed_percent)]
     global_speed: f64,
@@ -100,27 +100,26 @@ pub fn run(args: PlotArgs) -> Result<Exit, Failure> {
         ))
         .advise("give --out a name that ends in .svg"));
     }
-    if args.from.len() > args.model.axis_count() {
+    let (profile, model) = (given::profile(&args.profile)?, given::model(&args.model)?);
+    if args.from.len() > model.axis_count() {
         return Err(Failure::usage(format!(
             "--from has {} numbers, but {} has {} axes",
             args.from.len(),
-            args.model.name,
-            args.model.axis_count()
+            model.name,
+            model.axis_count()
         )));
     }
     let program = program(&args.file)?;
     let instructions: Vec<Instruction> =
         program.lists.iter().flat_map(|list| &list.instructions).copied().collect();
-    let settings = ControllerSettings {
-        global_speed: args.global_speed,
-        ..ControllerSettings::new(args.profile.clone(), args.model.clone())
-    };
-    let cell = Cell { settings, from: args.from.clone(), inputs: args.input.clone() };
+    let settings =
+        ControllerSettings { global_speed: args.global_speed, ..ControllerSettings::new(profile, model) };
+    let cell = Cell { settings: settings.clone(), from: args.from.clone(), inputs: args.input.clone() };
     let mut progress = Progress::begin();
     let recording = playback::play(cell, program.lists, &mut |seconds| progress.show(seconds))?;
     progress.clear();
     let trouble = plot::trouble(&recording, &instructions);
-    let picture = draw(&args, &recording, trouble.as_deref());
+    let picture = draw(&args, &settings, &recording, trouble.as_deref());
     if to_stdout {
         output::bytes(picture.as_bytes());
     } else {
@@ -130,7 +129,7 @@ pub fn run(args: PlotArgs) -> Result<Exit, Failure> {
     let failure = trouble.map(|trouble| {
         Failure::refused(trouble).with_code(Code::NotFinished).advise(advice(&recording)).told()
     });
-    report(&args, &recording, &instructions, &out, failure.as_ref());
+    report(&args, &settings, &recording, &instructions, &out, failure.as_ref());
     failure.map_or(Ok(Exit::Done), Err)
 }
 
@@ -153,7 +152,12 @@ fn program(file: &Path) -> Result<MotionProgram, Failure> {
     Ok(program)
 }
 
-fn draw(args: &PlotArgs, recording: &Recording, trouble: Option<&str>) -> String {
+fn draw(
+    args: &PlotArgs,
+    settings: &ControllerSettings,
+    recording: &Recording,
+    trouble: Option<&str>,
+) -> String {
     let name = run::name(&args.file);
     // Where the file lies is nobody's business but the reader's own: the picture goes elsewhere.
     let name = args.file.file_name().map_or(name, |name| name.to_string_lossy().into_owned());
@@ -161,20 +165,21 @@ fn draw(args: &PlotArgs, recording: &Recording, trouble: Option<&str>) -> String
     let subtitle = format!(
         "{}; profile {}, global speed {} %",
         plot::summary(recording),
-        args.profile.name,
+        settings.profile.name,
         args.global_speed
     );
     drawing::svg(&Picture {
-        title: &format!("{name} on {}", args.model.name),
+        title: &format!("{name} on {}", settings.model.name),
         subtitle: &subtitle,
         trouble,
-        model: &args.model,
+        model: &settings.model,
         recording,
     })
 }
 
 fn report(
     args: &PlotArgs,
+    settings: &ControllerSettings,
     recording: &Recording,
     instructions: &[Instruction],
     out: &Path,
@@ -182,9 +187,9 @@ fn report(
 ) {
     let to_stdout = out == Path::new("-");
     if args.json {
-        let mut figures = plot::json(recording, &args.model, instructions);
+        let mut figures = plot::json(recording, &settings.model, instructions);
         if let Some(figures) = figures.as_object_mut() {
-            figures.insert("profile".to_owned(), args.profile.name.as_str().into());
+            figures.insert("profile".to_owned(), settings.profile.name.as_str().into());
             figures.insert("global_speed_percent".to_owned(), args.global_speed.into());
             figures.insert("picture".to_owned(), out.display().to_string().into());
             figures.extend(failure.map(|failure| ("problem".to_owned(), problem::object(failure))));
@@ -195,7 +200,7 @@ fn report(
     let text = format!(
         "{}\n\n{}\n\n{}",
         plot::turn_table(recording, instructions),
-        plot::axis_table(recording, &args.model),
+        plot::axis_table(recording, &settings.model),
         plot::summary(recording)
     );
     if to_stdout {

@@ -32,14 +32,14 @@ FILE.toml is written by people: one [[instruction]] table for each step, in orde
   do = \"curve-move\"       through = [X, Y, Z, U, V, W], to = [X, Y, Z, U, V, W]
                           each move needs its speed (percent), and can have blend (0-9),
                           delay (seconds before), mask (0x3F), tool, work_frame
-  do = \"wait\"             seconds; or: source (\"input\", \"m\", \"eu\"), board, point,
-                          until (\"on\", \"off\", \"rising\", \"falling\"), limit (seconds)
-  do = \"output\"           kind (\"y\", \"m\", \"euy\"), point, on, delay (seconds before);
-                          or pulse (seconds)
-                          point: counted from 0, or the name on the pendant (octal), which tells
-                          source, kind and board, too: point = \"Y010\", \"X1.010\"
-  do = \"board-output\"     kind (\"y\", \"m\"), board (0, 1), set = [points], clear = [points]
-  do = \"stop-on-signal\"   point, on; watch = false ends it
+  do = \"wait\"             seconds; or: point, until (\"on\", \"off\", \"rising\", \"falling\";
+                          on if left out), limit (seconds)
+  do = \"output\"           point, on, delay (seconds before); or pulse (seconds)
+  do = \"board-output\"     set = [\"Y010\", \"Y011\"], clear = [points], all of one board
+  do = \"stop-on-signal\"   point, on (true if left out); watch = false ends it
+                          a point has its name on the pendant (octal): \"X010\", \"M010\",
+                          \"EUX010\"; on board 1 \"X1.010\". Numbers of points (with source,
+                          kind and board) are an older spelling: it is read, with a hint
   do = \"path-speed\"       mm_per_s; without it the path speed is switched off
   do = \"workbench\"        number
 
@@ -154,34 +154,14 @@ pub fn read(file: &Path) -> Result<MotionProgram, Failure> {
     let name = name(file);
     let extension = file.extension().and_then(|extension| extension.to_str());
     let program = match extension {
-        _ if is_stdin(file) => {
-            let text = read_text(file)?;
-            if begins_as_json(&text) {
-                MotionProgram::from_json(&text)
-            } else {
-                MotionProgram::from_toml(&text)
-            }
-        }
+        _ if is_stdin(file) => MotionProgram::read(&read_text(file)?),
         Some("json") => MotionProgram::from_json(&read_text(file)?),
         Some("toml") => MotionProgram::from_toml(&read_text(file)?),
         Some(_) | None => {
             return Err(Failure::usage(format!("{name}: a program ends in .json or .toml")));
         }
     };
-    let program = program.map_err(|mistakes| Failure::in_file(&name, &mistakes))?;
-    if program.lists.iter().skip(1).any(|list| list.replace) {
-        return Err(Failure::usage(format!(
-            "{name}: a later frame replaces the list while the first one runs"
-        ))
-        .advise("give it \"emptyList\":\"0\", or run the frames from files of their own"));
-    }
-    Ok(program)
-}
-
-/// Whether a program whose name says nothing is JSON: it begins with a frame, or with a comment before one.
-fn begins_as_json(text: &str) -> bool {
-    let text = text.trim_start_matches('\u{feff}').trim_start();
-    text.starts_with('{') || text.starts_with("//")
+    program.map_err(|mistakes| Failure::in_file(&name, &mistakes))
 }
 
 fn read_text(file: &Path) -> Result<String, Failure> {

@@ -1,14 +1,13 @@
 //! `r6 sim`: virtual controllers, for programs to talk to.
 
-mod programs;
+pub mod given;
 mod stdin;
 
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use r6_controller::{Language, Level, LogEntry, Profile, RobotModel, Scenario, StartState};
+use r6_controller::{Language, Level, LogEntry, StartState};
 use r6_sim::{Camera, Clock, ControllerHandle, SimSettings, Simulation};
 use serde::Serialize;
 use tokio::sync::broadcast;
@@ -19,38 +18,35 @@ use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::output::queue::{LineQueue, WhenFull};
 use crate::signals::Ending;
-use crate::{text_file, units};
+use crate::units;
 
 /// Where `r6 sim` and `r6 up` listen unless told: the port of the real controllers, for this machine alone.
 pub const DEFAULT_LISTEN: &str = "127.0.0.1:9760";
-
-/// No profile and no robot model has a longer file: theirs have some kilobytes.
-const MAX_FILE_BYTES: usize = 256 * 1024;
 
 /// What a virtual controller is and how it stands.
 #[derive(Debug, Args)]
 pub struct CellArgs {
     /// The arm: BRTIRUS0707A, 0805A, 1510A, 1820A or 2030A, GENERIC-SCARA, GENERIC-CARTESIAN, or a .toml file
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "BRTIRUS0707A", value_parser = model)]
-    model: RobotModel,
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "BRTIRUS0707A")]
+    model: String,
     /// The firmware: hc1, r6-host, r6-pendant, legacy, or a .toml file that changes one of them
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "hc1", value_parser = profile)]
-    profile: Profile,
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "hc1")]
+    profile: String,
     /// How it stands when it is switched on
     #[arg(long, value_enum, default_value = "waiting")]
     start: Start,
     /// The program it runs: one that every controller has (remote, register-move, register-follow, pick-and-place,
     /// palletise, default), or a .toml or .json file; may be given several times: the first one runs, all are there
-    #[arg(long, value_name = "NAME|FILE", value_parser = programs::read)]
-    program: Vec<programs::Given>,
+    #[arg(long, value_name = "NAME|FILE")]
+    program: Vec<String>,
     /// A camera that listens: the controller dials it, and dials again whenever the connection is lost; 1=ADDR:PORT,
     /// several times, for cameras with a camID of their own
     #[arg(long, value_name = "[ID=]ADDR:PORT")]
     camera: Vec<Camera>,
     /// What happens to it by itself: people, other masters, power cuts, inputs that follow outputs, and faults of link, replies
     /// and controller; a .toml or .json file
-    #[arg(long, value_name = "FILE", value_parser = scenario)]
-    scenario: Option<Arc<Scenario>>,
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
     /// How fast time goes: real, 10x (0.01x to 1000x), or max: it jumps from event to event, and stands while
     /// nobody says anything
     #[arg(long, value_name = "real|Nx|max", default_value = "real")]
@@ -218,7 +214,7 @@ impl CellArgs {
     /// One controller of this kind.
     pub fn settings(self) -> Result<SimSettings, Failure> {
         let Self { model, profile, start, program, camera, scenario, clock, seed, state } = self;
-        let (library, mold) = programs::library(program).map_err(|error| Failure::usage(&error))?;
+        let (library, mold) = given::library(&program)?;
         let start = match start {
             Start::Waiting => StartState::Waiting,
             Start::Stopped => StartState::Stopped,
@@ -226,13 +222,13 @@ impl CellArgs {
             Start::Auto => StartState::Auto,
         };
         Ok(SimSettings {
-            profile,
-            model,
+            profile: given::profile(&profile)?,
+            model: given::model(&model)?,
             start,
             library,
             mold,
             cameras: camera,
-            scenario,
+            scenario: scenario.as_deref().map(given::scenario).transpose()?,
             clock,
             seed,
             state,
@@ -250,46 +246,6 @@ pub async fn start(settings: SimSettings) -> Result<Simulation, Failure> {
 /// The line that tells where the panel is.
 pub fn panel_line(address: SocketAddr) -> String {
     format!("panel on http://{address}")
-}
-
-/// The profile of this name, or of this file.
-pub fn profile(text: &str) -> Result<Profile, String> {
-    if let Some(profile) = Profile::named(text) {
-        return Ok(profile);
-    }
-    if Path::new(text).extension().is_some_and(|extension| extension == "toml") {
-        let file = text_file::read(Path::new(text), "a profile", MAX_FILE_BYTES)?;
-        return Profile::from_toml(&file).map_err(|error| error.to_string());
-    }
-    let names = Profile::names();
-    Err(match r6_proto::nearest(text, names) {
-        Some(near) => format!("there is no such profile; nearest: `{near}`"),
-        None => format!("there is no such profile; there are: {}, or a .toml file", names.join(", ")),
-    })
-}
-
-/// The scenario of this file.
-fn scenario(text: &str) -> Result<Arc<Scenario>, String> {
-    let file = text_file::read(Path::new(text), "a scenario", r6_controller::scenario::MAX_TEXT_BYTES)?;
-    Scenario::read(&file).map(Arc::new).map_err(|error| error.to_string())
-}
-
-/// The robot model of this name, or of this file.
-pub fn model(text: &str) -> Result<RobotModel, String> {
-    if let Some(model) = RobotModel::named(text) {
-        return Ok(model.clone());
-    }
-    if Path::new(text).extension().is_some_and(|extension| extension == "toml") {
-        let file = text_file::read(Path::new(text), "a robot model", MAX_FILE_BYTES)?;
-        return RobotModel::from_toml(&file).map_err(|error| error.to_string());
-    }
-    Err(match r6_proto::nearest(text, RobotModel::names()) {
-        Some(near) => format!("there is no such robot model; nearest: `{near}`"),
-        None => {
-            let names: Vec<_> = RobotModel::names().collect();
-            format!("there is no such robot model; there are: {}, or a .toml file", names.join(", "))
-        }
-    })
 }
 
 /// Says as JSON where the controllers and the panel listen.

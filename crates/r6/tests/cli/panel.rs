@@ -157,7 +157,11 @@ fn a_program_is_loaded_out_of_a_file() {
 
     let bad = TempFile::new("bad.toml", "[[step]]\ndo = \"remote\"\n[[step]]\ndo = \"wiat\"\n");
     for (args, code, parts) in [
-        (&["load", bad.path(), "--name", "bad"][..], 2, &[bad.path(), "program `bad`, step 2", "`wait`"][..]),
+        (
+            &["load", bad.path(), "--name", "bad"][..],
+            2,
+            &[bad.path(), "bad.toml:4:6: step 2", "\"wait\""][..],
+        ),
         (&["load", good.path(), "--name", "my cell"], 1, &[good.path(), "`my cell` runs", "stop it first"]),
         (&["load", good.path(), "--name", ""], 2, &["--name"]),
         (&["load", "no-such.toml"], 2, &["no-such.toml", "cannot be read"]),

@@ -87,9 +87,37 @@ fn programs_of_ones_own_are_played() {
         assert!(outcome.err.contains(complaint), "{}", outcome.err);
     };
     refused(&["--program", main.path()], "which is not there");
-    refused(&["--program", "palletize"], "there is no such program; nearest: `palletise`");
+    refused(&["--program", "palletize"], "there is no program `palletize`\n    nearest: `palletise`");
     let wrong = TempFile::new("wrong.toml", "[[step]]\ndo = \"wait\"\nsecond = 2\n");
-    refused(&["--program", wrong.path()], "wrong`, step 1 (wait)");
+    refused(&["--program", wrong.path()], "wrong.toml:3:1: step 1 (wait): there is no key `second`");
+}
+
+/// What people write has five mistakes, and each is told with its place.
+#[test]
+fn five_mistakes_of_a_program_and_of_a_profile_are_five_lines() {
+    let program = "[[step]]\ndo = \"axis-move\"\nto = [1]\nspeed = 0\n[[step]]\ndo = \"wait\"\npoint = \"X10\"\n\
+                   [[step]]\ndo = \"jmp\"\n[[step]]\ndo = \"jump\"\nto = \"no\"\n[[step]]\ndo = \"photo\"\ntrys = 2\n";
+    let profile = "base = \"hc2\"\nport = 1\nmax_connections = 0\nkey_ordr = \"manual\"\nunsupported_commands = [\"actoinStop\"]\n";
+    for (option, text, places) in [
+        ("--program", program, [":4:9", ":7:9", ":9:6", ":12:6", ":15:1"]),
+        ("--profile", profile, [":1:8", ":2:8", ":3:19", ":4:1", ":5:24"]),
+    ] {
+        let file = TempFile::new("five.toml", text);
+        let outcome = r6(&["sim", "--listen", "127.0.0.1:0", option, file.path()]);
+        assert_eq!(outcome.code, 2, "{outcome:?}");
+        let lines = outcome.err.lines();
+        let found: Vec<_> =
+            lines.filter_map(|line| line.strip_prefix(file.path())?.split(": ").next()).collect();
+        assert_eq!(found, places, "{}", outcome.err);
+    }
+    // An older spelling is read, and told.
+    let old = TempFile::new(
+        "old.toml",
+        "[[step]]\ndo = \"output\"\nkind = \"y\"\npoint = 1\non = true\n[[step]]\ndo = \"remote\"\n",
+    );
+    let mut sim = Running::start(&["sim", "--listen", "127.0.0.1:0", "--program", old.path()]);
+    let address = sim.line().strip_prefix("listening on ").unwrap().to_owned();
+    assert_eq!(r6(&["-r", &address, "query", "output-0", "--json"]).json()["values"]["output-0"], 2);
 }
 
 #[test]
@@ -264,14 +292,21 @@ fn a_scenario_happens() {
     drop(sim);
 
     for (text, complaint) in [
-        ("[[fault]]\nfault = \"ech\"", "[[fault]] 1 (ech): `fault = \"ech\"` is not known; nearest: `echo`"),
-        ("seed = 1\n[[at]]\ntime = 1", "[[at]] 1: `do` is missing"),
-        ("seed =", "no TOML: line 1"),
+        (
+            "[[fault]]\nfault = \"ech\"",
+            &[":2:9: [[fault]] 1 (ech): `fault` is \"ech\", which means nothing here", "\"echo\""][..],
+        ),
+        ("seed = 1\n[[at]]\ntime = 1", &[":2:1: [[at]] 1: `do` is missing"]),
+        ("seed =", &[":1:"]),
+        (
+            "seed = -1\n[[at]]\ntime = -1\ndo = \"fhoto\"\n[[react]]\nwhen = \"X010\"\nthen = \"Y010\"\n",
+            &[".toml:1:8: ", ".toml:3:8: ", ".toml:4:6: ", ".toml:6:8: ", ".toml:7:8: "],
+        ),
     ] {
         let file = TempFile::new("scenario.toml", text);
         let out = r6(&["sim", "--listen", "127.0.0.1:0", "--scenario", file.path()]);
         assert_eq!(out.code, 2, "{out:?}");
-        assert!(out.err.contains(complaint), "{}", out.err);
+        assert!(complaint.iter().all(|part| out.err.contains(part)), "{}", out.err);
     }
     let out = r6(&["sim", "--scenario", "no-such-file.toml"]);
     assert!(out.code == 2 && out.err.contains("the file cannot be read"), "{out:?}");

@@ -2,20 +2,15 @@
 
 use std::path::PathBuf;
 
-use r6_controller::program::MAX_TEXT_BYTES;
-
 use super::Wish;
+use crate::cmd::sim::given;
 use crate::exit::Failure;
-use crate::text_file;
 
-/// The program of a file; whether it is one, the controller says.
+/// The program of a file. It is read here first: mistakes are told with their lines.
 pub(super) fn load(file: PathBuf, name: Option<String>) -> Result<Wish, Failure> {
-    let text = text_file::read(&file, "a program", MAX_TEXT_BYTES)
-        .map_err(|problem| Failure::usage(problem).while_doing(file.display()))?;
-    let stem = || file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
-    let name = name.or_else(stem).unwrap_or_default();
-    if name.is_empty() {
+    if name.as_deref() == Some("") {
         return Err(Failure::usage("--name: a program's name has 1 to 64 bytes"));
     }
-    Ok(Wish::Load { file, name, text })
+    let program = given::program(&file, name.as_deref())?;
+    Ok(Wish::Load { file, name: program.name().to_owned(), text: program.text().to_owned() })
 }

@@ -1,26 +1,47 @@
-//! One step of a motion program: what may stand in it, and the action it means.
+//! One step of a program: what may stand in it, and the action it means. Programs that are sent and taught programs have these steps in common.
 
-use r6_proto::AxisMask;
+mod signals;
+
 use r6_proto::grid::Grid;
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{
     BlendLevel, Coordinates, CurveMove, Manner, Move, PathSpeed, StopOnSignal, Workbench,
 };
+use r6_proto::{AXES, AxisIndex, AxisMask};
 
-use super::{eight, first_axes, signals};
 use crate::form::{Fields, Node, Wrong};
 
+pub use signals::{A_WATCHED_POINT, WATCHED, further_output, watched};
+
+/// Where the steps of a program are carried out, which says how exact its numbers may be and which points there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProgramKind {
+    /// A PC sends them: numbers are as the wire can carry them.
+    Sent,
+    /// They stand in a program of the controller itself.
+    Taught,
+}
+
 /// What a step does.
-#[derive(Clone, Copy)]
-enum Kind {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Axis move, action 4.
     AxisMove,
+    /// Linear move, action 10.
     LinearMove,
+    /// Curve move, action 17.
     CurveMove,
+    /// Wait, action 100.
     Wait,
+    /// Output, action 200.
     Output,
+    /// Outputs of a board, action 204.
     BoardOutput,
+    /// Stop on a signal, action 52.
     StopOnSignal,
+    /// Path speed, action 51.
     PathSpeed,
+    /// Workbench, action 800.
     Workbench,
 }
 
@@ -44,41 +65,42 @@ pub const KEYS: [&str; 23] = [
     "limit", "kind", "on", "pulse", "set", "clear", "watch", "mm_per_s", "number",
 ];
 
+/// What a step does, by its `do`.
+///
+/// # Errors
+/// It is missing, or names nothing that can be sent.
+pub fn kind(fields: &Fields<'_>) -> Result<Kind, Wrong> {
+    let missing = || Wrong::missing("do", "what it does").advise("such as do = \"axis-move\"");
+    fields.word("do", &KINDS).ok_or_else(missing)
+}
+
 /// The action that a step means.
 ///
 /// # Errors
 /// What ended the reading. The fields have noted what else is wrong.
-pub fn action(fields: &Fields<'_>) -> Result<Action, Wrong> {
-    let missing = || Wrong::missing("do", "what it does").advise("such as do = \"axis-move\"");
-    let kind = fields.word("do", &KINDS).ok_or_else(missing)?;
+pub fn action(kind: Kind, fields: &Fields<'_>, program: ProgramKind) -> Result<Action, Wrong> {
     match kind {
         Kind::AxisMove => {
             let to = coordinates(fields, "to", &[1, 2, 3, 4, 5, 6, 7, 8]);
-            let manner = manner(fields, to.as_ref());
-            Ok(Action::AxisMove(Move { target: to?.values, manner: manner? }))
+            let manner = masked_manner(fields, to.as_ref(), program);
+            Ok(Action::AxisMove(Move { target: eight(&to?), manner: manner? }))
         }
         Kind::LinearMove => {
             let to = coordinates(fields, "to", &[3, 6]);
-            let manner = manner(fields, to.as_ref());
-            Ok(Action::LinearMove(Move { target: to?.values, manner: manner? }))
+            let manner = masked_manner(fields, to.as_ref(), program);
+            Ok(Action::LinearMove(Move { target: eight(&to?), manner: manner? }))
         }
         Kind::CurveMove => {
             let middle = coordinates(fields, "through", &[3, 6]);
-            let counts = middle.as_ref().map_or(vec![3, 6], |middle| vec![middle.count]);
+            let counts = middle.as_ref().map_or(vec![3, 6], |middle| vec![middle.len()]);
             let end = coordinates(fields, "to", &counts);
-            let manner = manner(fields, end.as_ref());
-            Ok(Action::CurveMove(CurveMove { middle: middle?.values, end: end?.values, manner: manner? }))
+            let manner = masked_manner(fields, end.as_ref(), program);
+            Ok(Action::CurveMove(CurveMove { middle: eight(&middle?), end: eight(&end?), manner: manner? }))
         }
-        Kind::Wait => signals::wait(fields),
-        Kind::Output => signals::output(fields),
-        Kind::BoardOutput => signals::board_output(fields),
-        Kind::StopOnSignal => {
-            let input = signals::watched_input(fields);
-            let on = fields.flag("on");
-            let in_use = fields.flag("watch").unwrap_or(true);
-            let on = if in_use { fields.required("on", on) } else { Ok(on.unwrap_or(false)) };
-            Ok(Action::StopOnSignal(StopOnSignal { in_use, input: input?, on: on? }))
-        }
+        Kind::Wait => signals::wait(fields, program),
+        Kind::Output => signals::output(fields, program),
+        Kind::BoardOutput => signals::board_output(fields, program),
+        Kind::StopOnSignal => stop_on_signal(fields, program),
         Kind::PathSpeed => {
             let speed = fields.optional("mm_per_s", PathSpeed::WANTED, |value| {
                 value.number().filter(|speed| PathSpeed::is_possible(*speed))
@@ -86,32 +108,51 @@ pub fn action(fields: &Fields<'_>) -> Result<Action, Wrong> {
             Ok(Action::PathSpeed(PathSpeed { in_use: speed.is_some(), speed }))
         }
         Kind::Workbench => Ok(Action::Workbench(Workbench {
-            id: fields.required("number", fields.whole("number", u32::MAX))?,
+            id: fields.required("number", frame(fields, "number", program))?,
         })),
     }
 }
 
-/// Coordinates, and how many of them are given.
-struct Given {
-    values: Coordinates,
-    count: usize,
+fn stop_on_signal(fields: &Fields<'_>, program: ProgramKind) -> Result<Action, Wrong> {
+    let watch = fields.flag("watch");
+    let on = fields.flag("on");
+    let off = StopOnSignal { in_use: false, input: 0, on: false };
+    if !fields.has("point") && watch == Some(false) {
+        return Ok(Action::StopOnSignal(off));
+    }
+    if !fields.has("point") && watch.is_none() && program == ProgramKind::Taught {
+        fields.older("do", "no signal stops a move from here on with `watch = false`");
+        return Ok(Action::StopOnSignal(off));
+    }
+    let input = signals::watched_input(fields)?;
+    Ok(Action::StopOnSignal(StopOnSignal { in_use: watch.unwrap_or(true), input, on: on.unwrap_or(true) }))
 }
 
-/// How a move goes; `given` is what its mask may pick from, if that could be read.
-fn manner(fields: &Fields<'_>, given: Result<&Given, &Wrong>) -> Result<Manner, Wrong> {
+/// The number of a tool or workbench. A controller of another make may have any number of them, a virtual one has 32.
+pub fn frame(fields: &Fields<'_>, key: &'static str, program: ProgramKind) -> Option<u32> {
+    match program {
+        ProgramKind::Sent => fields.whole(key, u32::MAX),
+        ProgramKind::Taught => fields.whole(key, crate::taught::MAX_FRAMES - 1),
+    }
+}
+
+/// How a move goes, with the mask of its axes; `given` is what the mask may pick from, if that could be read.
+fn masked_manner(
+    fields: &Fields<'_>,
+    given: Result<&Vec<f64>, &Wrong>,
+    program: ProgramKind,
+) -> Result<Manner, Wrong> {
     let mask =
         fields.optional("mask", "a mask such as 0x3F or \"0x3F\"", |value: &Node| match value.text() {
-            Some(text) => Some(super::axis_mask(text)),
+            Some(text) => Some(axis_mask(text)),
             None => value
                 .whole()
                 .and_then(|bits| u8::try_from(bits).ok())
+                .filter(|bits| *bits != 0)
                 .map(|bits| Ok(AxisMask::from_bits(bits))),
         });
-    let speed = fields.number("speed");
-    let blend = fields.whole("blend", 9_u8).unwrap_or(0);
-    let delay = seconds(fields, "delay", Grid::TENTHS_OF_A_SECOND);
-    let (tool, coord) = (fields.whole("tool", u32::MAX), fields.whole("work_frame", u32::MAX));
-    let count = given.map_or(r6_proto::AXES, |given| given.count);
+    let manner = manner(fields, program);
+    let count = given.map_or(AXES, Vec::len);
     let mask = match mask {
         None => Ok(first_axes(count)),
         Some(Err(wrong)) => Err(fields.wrong("mask", format!("`mask`: {wrong}"))),
@@ -123,14 +164,26 @@ fn manner(fields: &Fields<'_>, given: Result<&Given, &Wrong>) -> Result<Manner, 
             }
         },
     };
+    Ok(Manner { mask: Some(mask?), ..manner? })
+}
+
+/// How a move goes.
+///
+/// # Errors
+/// Its speed is missing, or a value that was given cannot be.
+pub fn manner(fields: &Fields<'_>, program: ProgramKind) -> Result<Manner, Wrong> {
+    let speed = fields.number("speed");
+    let blend = fields.whole("blend", 9_u8).unwrap_or(0);
+    let delay = seconds(fields, "delay", Grid::TENTHS_OF_A_SECOND, program);
+    let (tool, coord) = (frame(fields, "tool", program), frame(fields, "work_frame", program));
     let speed = fields.required("speed", speed)?;
     if !(0.1..=100.0).contains(&speed) {
         let what = format!("`speed` is {speed}: it has to be percent from 0.1 to 100");
         return Err(fields.wrong("speed", what));
     }
-    on_grid(fields, "speed", speed, Grid::PERCENT)?;
+    on_grid(fields, "speed", speed, Grid::PERCENT, program)?;
     Ok(Manner {
-        mask: Some(mask?),
+        mask: None,
         speed: Some(speed),
         delay: Some(delay?.unwrap_or(0.0)),
         smooth: BlendLevel::new(blend),
@@ -144,7 +197,11 @@ fn counted(count: usize) -> String {
     if count == 1 { "1 number".to_owned() } else { format!("{count} numbers") }
 }
 
-fn coordinates(fields: &Fields<'_>, key: &'static str, counts: &[usize]) -> Result<Given, Wrong> {
+/// So many numbers as one of `counts` says.
+///
+/// # Errors
+/// They are missing, or too many or too few, or no coordinates.
+pub fn coordinates(fields: &Fields<'_>, key: &'static str, counts: &[usize]) -> Result<Vec<f64>, Wrong> {
     let values = fields.required(key, fields.numbers(key))?;
     if !counts.contains(&values.len()) {
         let counts: Vec<_> = counts.iter().map(ToString::to_string).collect();
@@ -154,19 +211,68 @@ fn coordinates(fields: &Fields<'_>, key: &'static str, counts: &[usize]) -> Resu
     if let Some(wrong) = values.iter().find(|value| !(-1e6..=1e6).contains(*value)) {
         return Err(fields.wrong(key, format!("`{key}` has {wrong}, which is no coordinate")));
     }
-    Ok(Given { values: eight(&values), count: values.len() })
+    Ok(values)
+}
+
+/// The mask of the first axes, from J1 (or X): of as many as `count` says.
+#[must_use]
+pub fn first_axes(count: usize) -> AxisMask {
+    AxisIndex::ALL.into_iter().take(count).fold(AxisMask::NONE, AxisMask::with)
+}
+
+/// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported (unit A),
+/// and the mask keeps the others where they are.
+#[must_use]
+pub fn eight(given: &[f64]) -> Coordinates {
+    let mut values = [0.0; AXES];
+    for (slot, value) in values.iter_mut().zip(given) {
+        *slot = *value;
+    }
+    Coordinates::from_slice(&values)
+}
+
+/// Reads an axis mask, hexadecimal (`0x3F`) or decimal (`63`).
+///
+/// # Errors
+/// The text is not a number from 1 to 255.
+pub fn axis_mask(text: &str) -> Result<AxisMask, String> {
+    let bits = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+        Some(digits) => u8::from_str_radix(digits, 16).ok(),
+        None => text.parse().ok(),
+    };
+    bits.filter(|bits| *bits != 0).map(AxisMask::from_bits).ok_or_else(|| {
+        "a mask is a number from 0x01 to 0xFF: bit 0 is J1 (or X), bit 5 is J6 (or W)".to_owned()
+    })
 }
 
 /// Seconds from 0 to a day, if they are given, as the wire can carry them.
-pub fn seconds(fields: &Fields<'_>, key: &'static str, grid: Grid) -> Result<Option<f64>, Wrong> {
+///
+/// # Errors
+/// The value is beyond that.
+pub fn seconds(
+    fields: &Fields<'_>,
+    key: &'static str,
+    grid: Grid,
+    program: ProgramKind,
+) -> Result<Option<f64>, Wrong> {
     let Some(value) = fields.number(key) else { return Ok(None) };
     if !(0.0..=86_400.0).contains(&value) {
         return Err(fields.wrong(key, format!("`{key}` has to be seconds from 0 to 86400")));
     }
-    on_grid(fields, key, value, grid).map(Some)
+    on_grid(fields, key, value, grid, program).map(Some)
 }
 
-fn on_grid(fields: &Fields<'_>, key: &'static str, value: f64, grid: Grid) -> Result<f64, Wrong> {
+/// The value, where the wire can carry it or does not have to.
+fn on_grid(
+    fields: &Fields<'_>,
+    key: &'static str,
+    value: f64,
+    grid: Grid,
+    program: ProgramKind,
+) -> Result<f64, Wrong> {
+    if program == ProgramKind::Taught {
+        return Ok(value);
+    }
     match grid.step(value) {
         Ok(_) => Ok(value),
         Err(Some(nearest)) => {
@@ -185,7 +291,7 @@ mod tests {
 
     /// The action of a step, or the first mistake of it.
     fn action(toml: &str) -> Result<Action, String> {
-        let program = crate::run::read(&format!("[[instruction]]\n{toml}"));
+        let program = crate::MotionProgram::from_toml(&format!("[[instruction]]\n{toml}"));
         program.map(|program| program.lists[0].instructions[0].action).map_err(|mistakes| {
             mistakes.first().what.strip_prefix("instruction 1: ").expect("the step").to_owned()
         })
@@ -207,14 +313,31 @@ mod tests {
             "mask 0x3F names J4, for which there is no number"
         );
         assert_eq!(action(&format!("{text}\"0x05\"")).map(|action| action.number()), Ok(4));
+        // A move of no axis is none.
+        assert_eq!(
+            action(&format!("{text}0")).unwrap_err(),
+            "`mask` is 0, but has to be a mask such as 0x3F or \"0x3F\""
+        );
     }
 
     #[test]
     fn the_board_example_of_the_manual() {
-        let text = "do=\"board-output\"\nset=[0,2,8,13,16,24]\nclear=[3,9,12,17,25]";
-        let Action::BoardOutput(output) = action(text).unwrap() else { panic!() };
-        assert_eq!((output.low.bits(), output.high.bits()), (151_388_258, 393_222));
-        assert_eq!(action("do=\"board-output\"\nset=[1]\nclear=[1]").unwrap_err(), "point 1 is named twice");
+        let named = "set=[\"Y010\",\"Y012\",\"Y020\",\"Y025\",\"Y030\",\"Y040\"]\nclear=[\"Y013\",\"Y021\",\"Y024\",\"Y031\",\"Y041\"]";
+        for points in ["set=[0,2,8,13,16,24]\nclear=[3,9,12,17,25]", named] {
+            let text = format!("do=\"board-output\"\n{points}");
+            let Action::BoardOutput(output) = action(&text).unwrap() else { panic!() };
+            assert_eq!((output.low.bits(), output.high.bits()), (151_388_258, 393_222));
+        }
+        for (points, wrong) in [
+            ("set=[1]\nclear=[1]", "Y011 is named twice"),
+            ("set=[\"Y010\", \"M010\"]", "M010 is on another board than Y010"),
+            ("kind=\"m\"\nset=[\"M010\"]", "`kind` goes with points that are numbers; the names tell it"),
+            ("set=[\"Y2.010\"]", "Y2.010 is not set this way: Y and M points of board 0 and 1 are"),
+            ("set=[\"X010\"]", "X010 is not set this way: Y and M points of board 0 and 1 are"),
+            ("", "`set` or `clear` has to name points"),
+        ] {
+            assert_eq!(action(&format!("do=\"board-output\"\n{points}")).unwrap_err(), wrong);
+        }
     }
 
     #[test]
@@ -307,7 +430,7 @@ mod tests {
 
     #[test]
     fn every_key_is_one_that_some_kind_asks_for() {
-        let source = concat!(include_str!("step.rs"), include_str!("signals.rs"));
+        let source = concat!(include_str!("step.rs"), include_str!("step/signals.rs"));
         for key in KEYS {
             assert!(source.matches(&format!("\"{key}\"")).count() > 1, "nothing reads `{key}`");
         }

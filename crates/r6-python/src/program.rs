@@ -1,0 +1,90 @@
+//! `Program`: what a file of `r6 run` says.
+
+use std::io::Read;
+use std::path::PathBuf;
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use r6_program::{MAX_FILE_BYTES, MotionList, MotionProgram};
+
+use crate::errors::wrong_file;
+use crate::motion::Motion;
+use crate::pickling::not_pickled;
+
+/// What a text without a file is called in complaints.
+const NO_FILE: &str = "<text>";
+
+/// A motion out of a file of `r6 run`: TOML, or AddRCC frames in JSON.
+#[pyclass(frozen, module = "r6._r6")]
+pub struct Program {
+    motion: r6_client::Motion,
+    append: bool,
+    remarks: Vec<String>,
+}
+
+impl Program {
+    fn of(py: Python<'_>, file: &str, text: &str) -> PyResult<Self> {
+        let program =
+            MotionProgram::read(text).map_err(|mistakes| wrong_file(py, "FileError", file, &mistakes))?;
+        let append = program.lists.first().is_some_and(|list| !list.replace);
+        Ok(Self { append, motion: in_frames(program.lists), remarks: program.remarks })
+    }
+}
+
+/// The steps, those of each list in frames of their own.
+fn in_frames(lists: Vec<MotionList>) -> r6_client::Motion {
+    lists.into_iter().fold(r6_client::Motion::new(), |motion, list| {
+        motion.begin_frame().extend(&r6_client::Motion::of_list(list.instructions))
+    })
+}
+
+#[pymethods]
+impl Program {
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let mut text = String::new();
+        // One byte more than is possible tells that it is too long. A path may lead to a device that has no end.
+        let most = u64::try_from(MAX_FILE_BYTES).unwrap_or(u64::MAX).saturating_add(1);
+        std::fs::File::open(&path)?.take(most).read_to_string(&mut text)?;
+        let name = path.display().to_string();
+        if text.len() > MAX_FILE_BYTES {
+            let what = format!("{name} is too long: a program has {MAX_FILE_BYTES} bytes at most");
+            return Err(PyValueError::new_err(what));
+        }
+        Self::of(py, &name, &text)
+    }
+
+    #[staticmethod]
+    fn read(py: Python<'_>, text: &str) -> PyResult<Self> {
+        Self::of(py, NO_FILE, text)
+    }
+
+    /// A copy: what is added to it is not added to the program.
+    #[getter]
+    fn motion(&self) -> Motion {
+        Motion(self.motion.clone())
+    }
+
+    #[getter]
+    fn append(&self) -> bool {
+        self.append
+    }
+
+    #[getter]
+    fn remarks(&self) -> Vec<String> {
+        self.remarks.clone()
+    }
+
+    fn __len__(&self) -> usize {
+        self.motion.len()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(not_pickled("Program"))
+    }
+
+    fn __repr__(&self) -> String {
+        let count = self.motion.len();
+        format!("<Program of {count} step{}>", if count == 1 { "" } else { "s" })
+    }
+}
