@@ -241,4 +241,19 @@ mod tests {
         let steps = round.instructions().unwrap();
         assert_eq!(envelope.check(steps, round.units(), from, Reckoning::default()), Err(violation));
     }
+
+    #[test]
+    fn violations_are_the_same_when_all_of_them_is() {
+        let one = Violation { step: 1, what: Checked::Speed, value: Some(f64::NAN), limit: (0.0, 20.0) };
+        assert_eq!(one, one.clone());
+        for other in [
+            Violation { step: 2, ..one.clone() },
+            Violation { what: Checked::Distance, ..one.clone() },
+            Violation { value: Some(50.0), ..one.clone() },
+            Violation { limit: (0.0, 30.0), ..one.clone() },
+            Violation { limit: (1.0, 20.0), ..one.clone() },
+        ] {
+            assert_ne!(one, other);
+        }
+    }
 }

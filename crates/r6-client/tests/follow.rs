@@ -260,7 +260,7 @@ async fn options_that_cannot_be_followed_are_refused_before_anything_is_asked() 
         let error = follow(&robot, options, async |_| {}).await.unwrap_err();
         let Cause::Step(told) = error.cause else { panic!("{wrong}: {error}") };
         assert_eq!((told.step, told.field), (0, wrong), "{options:?}");
-        assert!(error.nothing_left());
+        assert!(error.nothing_left() && error.progress.ended);
     }
     let error = follow(&robot, usual, async |_| {}).await.unwrap_err();
     assert!(matches!(error.cause, Cause::Unreadable(_)), "{error}");

@@ -59,3 +59,20 @@ impl StepError {
         Self { step, field: error.field, wanted: error.wanted, nearest: error.nearest }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_of_the_wire_are_told_in_words() {
+        let said = |field| StepError { step: 2, field, wanted: "1", nearest: None }.to_string();
+        let axes = ["J1 (X of", "J2 (Y of", "J3 (Z of", "J4 (U of", "J5 (V of", "J6 (W of", "J7 ", "J8 "];
+        for (field, words) in ["m0", "m1", "m2", "m3", "m4", "m5", "m6", "m7"].into_iter().zip(axes) {
+            assert!(said(field).starts_with(&format!("step 2: {words}")), "{}", said(field));
+        }
+        assert_eq!(said("ckStatus"), "step 2: the axes that move has to be 1");
+        assert_eq!(said("smooth"), "step 2: the blend has to be 1");
+        assert_eq!(said("speed"), "step 2: `speed` has to be 1");
+    }
+}

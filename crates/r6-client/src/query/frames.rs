@@ -59,3 +59,17 @@ impl QueryFrames {
 fn needs(address: Address) -> usize {
     address.name_len() + "\"\",".len() + BYTES_PER_VALUE
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a request has of an address, and room for its value in the reply.
+    #[test]
+    fn an_address_needs_its_name_in_quotes_and_its_value() {
+        for address in [Address::Version, Address::Counter(17), Address::Counter(u32::MAX)] {
+            let of_request = format!("\"{address}\",");
+            assert_eq!(needs(address), of_request.len() + BYTES_PER_VALUE, "{address}");
+        }
+    }
+}

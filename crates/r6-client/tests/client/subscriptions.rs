@@ -290,6 +290,27 @@ async fn what_would_be_too_much_is_refused_with_advice() {
     robot.subscribe(&[MODE], SLOW).unwrap();
 }
 
+/// A reply to one request says nothing of another one that waits.
+#[tokio::test(start_paused = true)]
+async fn a_link_is_silent_while_one_of_two_requests_waits() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let (waits, answered) = (robot.query(&[MODE]), robot.query(&[Address::Counter(0)]));
+    tokio::pin!(waits, answered);
+    let peer = async {
+        peer.frame().await;
+        let request = peer.frame().await;
+        peer.send(values(&request, json!([["0", "1", "2"]]))).await;
+    };
+    tokio::select! {
+        biased;
+        _ = &mut waits => panic!("it has no reply"),
+        (_, ()) = async { tokio::join!(&mut answered, peer) } => {}
+    }
+    let later = Duration::from_millis(300);
+    tokio::time::timeout(later, &mut waits).await.unwrap_err();
+    assert_eq!(robot.link_quality().silent_for, Some(later));
+}
+
 #[tokio::test]
 async fn the_link_is_measured() {
     let (controller, robot, mut peer) = Controller::with_robot(settings()).await;

@@ -25,6 +25,7 @@ on_every_hand! {
     a1_firmware_that_stays_in_mode_7_is_told_to_stand_after_a_long_rest_with_an_empty_list,
     a2_a_stop_whose_answers_get_lost_is_judged_by_the_state,
     a3_a_stop_behind_a_deaf_link_goes_over_another_connection,
+    a3_what_a_second_connection_sees_counts_where_the_first_one_is_deaf,
     a3_a_second_connection_to_another_robot_stops_nobody,
     a3_a_second_connection_that_ends_is_not_made_anew,
     a4_a_list_that_is_taken_late_is_cleared_again,
@@ -188,6 +189,19 @@ async fn a3_a_stop_behind_a_deaf_link_goes_over_another_connection() {
     assert_eq!(report.second, Some(SecondConnection::Used));
     assert!(report.to_string().contains("second connection"), "{report}");
     assert_true(&controller, &stopped).await;
+}
+
+/// The arm stops at nothing, and only the second connection can see that.
+async fn a3_what_a_second_connection_sees_counts_where_the_first_one_is_deaf() {
+    let (controller, robot) =
+        under_way(Character { stops: deaf_to_every_means(NO_EFFECT), ..Character::default() }).await;
+    // The first one is made anew, and is deaf again.
+    let deaf = [1, 3, 4, 5, 6].map(|number| Deaf { connection: Some(number), ..Deaf::default() });
+    controller.arm(|arm, _| arm.character_mut().deaf.extend(deaf));
+    let report = robot.stop().await.unwrap();
+    assert!(!report.confirmed, "{report}");
+    assert_eq!(report.second, Some(SecondConnection::Used), "{report}");
+    assert_eq!(report.mode, Some(OperationMode::Running), "{report}");
 }
 
 async fn a3_a_second_connection_to_another_robot_stops_nobody() {
