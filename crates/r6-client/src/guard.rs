@@ -245,13 +245,13 @@ mod tests {
     #[test]
     fn violations_are_the_same_when_all_of_them_is() {
         let one = Violation { step: 1, what: Checked::Speed, value: Some(f64::NAN), limit: (0.0, 20.0) };
-        assert_eq!(one, one.clone());
+        assert_eq!(one, one);
         for other in [
-            Violation { step: 2, ..one.clone() },
-            Violation { what: Checked::Distance, ..one.clone() },
-            Violation { value: Some(50.0), ..one.clone() },
-            Violation { limit: (0.0, 30.0), ..one.clone() },
-            Violation { limit: (1.0, 20.0), ..one.clone() },
+            Violation { step: 2, ..one },
+            Violation { what: Checked::Distance, ..one },
+            Violation { value: Some(50.0), ..one },
+            Violation { limit: (0.0, 30.0), ..one },
+            Violation { limit: (1.0, 20.0), ..one },
         ] {
             assert_ne!(one, other);
         }

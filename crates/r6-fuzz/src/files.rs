@@ -131,10 +131,7 @@ fn program_file(text: &str, read: Result<MotionProgram, Mistakes>) {
 fn model(text: &str) {
     let model = match RobotModel::from_toml(text) {
         Ok(model) => model,
-        Err(error) => {
-            assert!(!error.to_string().is_empty());
-            return;
-        }
+        Err(mistakes) => return are_of(text, &mistakes),
     };
     assert!((1..=6).contains(&model.axis_count()));
     for drive in model.drives() {

@@ -4,15 +4,14 @@
 //! same [`RobotModel::from_toml`].
 
 mod file;
-mod reader;
 mod source;
 
 use std::sync::{Arc, LazyLock};
 
+use r6_program::Mistakes;
 use rs_opw_kinematics::kinematics_impl::OPWKinematics;
 use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
 
-pub use self::reader::ModelError;
 pub use self::source::{Certainty, Source};
 use super::axes::{ARM_AXES, AXES, Axes, AxisNumber, FARTHEST, MoveMask};
 use super::error::LimitSide;
@@ -221,8 +220,8 @@ impl RobotModel {
     /// The model that a TOML file describes; the format is that of `docs/MODELS.md`.
     ///
     /// # Errors
-    /// [`ModelError`] names the line, the field and the value it wanted.
-    pub fn from_toml(text: &str) -> Result<Self, ModelError> {
+    /// [`Mistakes`]: all places where the text is wrong, and what each field has to be.
+    pub fn from_toml(text: &str) -> Result<Self, Mistakes> {
         file::parse(text)
     }
 

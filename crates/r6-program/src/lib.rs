@@ -17,5 +17,6 @@ mod step;
 pub mod taught;
 
 pub use mistakes::{MAX_MISTAKES, Mistake, Mistakes};
+pub use r6_proto::nearest;
 pub use run::{MAX_FILE_BYTES, MotionList, MotionProgram};
 pub use step::{axis_mask, eight, first_axes};

@@ -106,9 +106,8 @@ fn profile(py: Python<'_>, source: Source) -> PyResult<Profile> {
 
 fn model(py: Python<'_>, source: Source) -> PyResult<RobotModel> {
     match source {
-        Source::File { path, text } => {
-            RobotModel::from_toml(&text).map_err(|error| wrong(py, format!("{path}: {error}")))
-        }
+        Source::File { path, text } => RobotModel::from_toml(&text)
+            .map_err(|mistakes| wrong_file(py, "SimulatorError", &path, &mistakes)),
         Source::Name(name) => RobotModel::named(&name).cloned().ok_or_else(|| {
             let names: Vec<_> = RobotModel::names().collect();
             wrong(py, format!("there is no model `{name}`; there are: {}", names.join(", ")))

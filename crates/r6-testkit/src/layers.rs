@@ -35,7 +35,8 @@ pub struct Rule {
 pub const RULES: &[Rule] = &[
     Rule { package: "r6-proto", layer: Layer::Pure, may_use: &[] },
     Rule { package: "r6-traffic", layer: Layer::Pure, may_use: &["r6-proto"] },
-    Rule { package: "r6-motion", layer: Layer::Pure, may_use: &[] },
+    // Files of models are read as all files that people write; nothing else of the protocol is known here.
+    Rule { package: "r6-motion", layer: Layer::Pure, may_use: &["r6-program"] },
     Rule { package: "r6-program", layer: Layer::Pure, may_use: &["r6-proto"] },
     Rule {
         package: "r6-controller",

@@ -2,13 +2,18 @@
 
 use std::sync::Arc;
 
-use super::reader::{self, ModelError, Table, Value, suggestion};
+use r6_program::form::{self, Fields, Found, Node, Table, Wrong};
+use r6_program::{Mistake, Mistakes};
+
 use super::source::matches;
 use super::{
     AxisModel, AxisMotion, Certainty, Geometry, Limits, Masses, RobotModel, ScaraGeometry, SixAxisGeometry,
     Source,
 };
 use crate::axes::ARM_AXES;
+
+/// No model file is longer, bytes: the longest of the product's own has 4 000.
+const LONGEST: usize = 65_536;
 
 /// No length is greater, mm: a hundred metres.
 const LONGEST_MM: f64 = 1e5;
@@ -45,15 +50,16 @@ enum Length {
 /// What an axis of each kind of machine does, and how many it has to have.
 #[derive(Clone, Copy)]
 struct Kind {
-    build: fn(&mut File<'_>) -> Result<Geometry, ModelError>,
+    build: fn(&mut File<'_, '_>) -> Result<Geometry, Wrong>,
     motions: &'static [AxisMotion],
     fewest: usize,
     axes_wanted: &'static str,
 }
 
 /// A file half read.
-struct File<'t> {
-    root: Table<'t>,
+struct File<'f, 't> {
+    root: &'f Fields<'f>,
+    found: &'f mut Found<'t>,
     /// The names of the numbers in it.
     numbers: Vec<String>,
 }
@@ -79,203 +85,212 @@ const CARTESIAN: Kind = Kind {
     axes_wanted: "three or four [[axis]] tables: X, Y, Z and perhaps a turn about Z",
 };
 
-pub(super) fn parse(text: &str) -> Result<RobotModel, ModelError> {
-    reader::parse(text, |root| File { root, numbers: Vec::new() }.read())
+const KINDS: [(&str, Kind); 3] = [("six-axis", SIX_AXIS), ("scara", SCARA), ("cartesian", CARTESIAN)];
+
+const KEYS: [&str; 9] = [
+    "name",
+    "kind",
+    "max_line_speed",
+    "max_angular_speed",
+    "acceleration_time",
+    "geometry",
+    "masses",
+    "axis",
+    "source",
+];
+
+pub(super) fn parse(text: &str) -> Result<RobotModel, Mistakes> {
+    if text.len() > LONGEST {
+        let what = format!("the file is longer than {LONGEST} bytes");
+        return Err(Mistake::of_the_file(what, None).into());
+    }
+    let (document, mut found) = form::parse(text);
+    let root = Fields::of(&document, &KEYS, "");
+    let model = File { root: &root, found: &mut found, numbers: Vec::new() }.read();
+    let model = root.finish(model, &mut found);
+    found.finish(model)
 }
 
-impl File<'_> {
-    fn read(mut self) -> Result<RobotModel, ModelError> {
-        self.root.only(&[
-            "name",
-            "kind",
-            "max_line_speed",
-            "max_angular_speed",
-            "acceleration_time",
-            "geometry",
-            "masses",
-            "axis",
-            "source",
-        ])?;
-        let name = "a name in quotes";
-        let name = self.root.required("name", name)?.text(name)?;
-        let words = [("six-axis", SIX_AXIS), ("scara", SCARA), ("cartesian", CARTESIAN)];
-        let kind = self.root.required("kind", "one of six-axis, scara, cartesian")?.word(&words)?;
-        let max_line_speed = self.own("max_line_speed", "mm/s 0.001 or more", above_zero)?;
-        let max_angular_speed =
-            self.own("max_angular_speed", "degrees per second 0.001 or more", above_zero)?;
+impl File<'_, '_> {
+    fn read(mut self) -> Result<RobotModel, Wrong> {
+        let name = self.root.due("name", "a name in quotes", text);
+        let max_line_speed = self.own("max_line_speed", "mm/s 0.001 or more", above_zero);
+        let max_angular_speed = self.own("max_angular_speed", "degrees per second 0.001 or more", above_zero);
         let wanted = "seconds from 0.001 to 60";
-        let acceleration_time = self.own("acceleration_time", wanted, |n| ACCELERATION_TIMES.contains(&n))?;
-        let geometry = (kind.build)(&mut self)?;
-        let masses = self.masses()?;
-        let (axes, axis_count) = self.axes(&kind)?;
-        let sources = self.sources()?;
+        let acceleration_time = self.own("acceleration_time", wanted, |n| ACCELERATION_TIMES.contains(&n));
+        let kind = self.root.due_word("kind", &KINDS)?;
+        let geometry = (kind.build)(&mut self);
+        let masses = self.masses();
+        let axes = self.axes(&kind);
+        // A number that is wrong, or misspelt, has a source all the same.
+        let all_known = geometry.is_ok() && masses.is_ok() && axes.is_ok();
+        let sources = self.sources(all_known);
+        let (axes, axis_count) = axes?;
         Ok(RobotModel {
-            name: name.into(),
+            name: name?.into(),
             axes,
             axis_count,
-            geometry,
-            masses,
-            max_line_speed,
-            max_angular_speed,
-            acceleration_time,
-            sources,
+            geometry: geometry?,
+            masses: masses?,
+            max_line_speed: max_line_speed?,
+            max_angular_speed: max_angular_speed?,
+            acceleration_time: acceleration_time?,
+            sources: sources?,
         })
     }
 
     /// A number of the file itself.
-    fn own(&mut self, field: &str, wanted: &str, fits: fn(f64) -> bool) -> Result<f64, ModelError> {
-        let value = self.root.required(field, wanted)?;
-        self.numbers.push(value.name().to_owned());
-        value.number(wanted, fits)
+    fn own(&mut self, field: &'static str, wanted: &str, fits: fn(f64) -> bool) -> Result<f64, Wrong> {
+        self.numbers.push(field.to_owned());
+        number(self.root, field, wanted, fits)
+    }
+
+    /// The fields of an inner table, with the label that its mistakes have.
+    fn inner<T>(
+        &mut self,
+        table: &Table,
+        label: &str,
+        read: impl FnOnce(&mut Self, &Fields<'_>) -> Result<T, Wrong>,
+    ) -> Result<T, Wrong> {
+        let fields = Fields::of(table, &[], format!("{label}: "));
+        let inner = read(self, &fields);
+        // What is wrong is noted.
+        fields.finish(inner, self.found).ok_or_else(|| Wrong::from(""))
     }
 
     /// The lengths of `[geometry]`, in the order of `fields`.
-    fn lengths<const N: usize>(&mut self, fields: [(&str, Length); N]) -> Result<[f64; N], ModelError> {
-        let wanted = "a [geometry] table with the lengths";
-        let table = self.root.required("geometry", wanted)?.table(wanted)?;
-        table.only(&fields.map(|(field, _)| field))?;
-        let mut lengths = [0.0; N];
-        for (slot, (field, length)) in lengths.iter_mut().zip(fields) {
-            let (wanted, least) = match length {
-                Length::Link => ("a length of 0.001 mm or more", SHORTEST_LINK),
-                Length::Any | Length::OrZero => ("a length, mm", -LONGEST_MM),
-            };
-            let value = match length {
-                Length::Link | Length::Any => Some(table.required(field, wanted)?),
-                Length::OrZero => table.optional(field),
-            };
-            let Some(value) = value else { continue };
-            self.numbers.push(value.name().to_owned());
-            *slot = value.number(wanted, |n| (least..=LONGEST_MM).contains(&n))?;
-        }
-        Ok(lengths)
+    fn lengths<const N: usize>(&mut self, lengths: [(&'static str, Length); N]) -> Result<[f64; N], Wrong> {
+        let table = self.root.due("geometry", "a [geometry] table with the lengths", Node::table)?;
+        self.inner(table, "[geometry]", |file, fields| {
+            let read = lengths.map(|(field, length)| {
+                let (wanted, least) = match length {
+                    Length::Link => ("a length of 0.001 mm or more", SHORTEST_LINK),
+                    Length::Any | Length::OrZero => ("a length, mm", -LONGEST_MM),
+                };
+                if matches!(length, Length::OrZero) && !fields.has(field) {
+                    fields.value(field);
+                    return Ok(0.0);
+                }
+                file.numbers.push(format!("geometry.{field}"));
+                number(fields, field, wanted, |n| (least..=LONGEST_MM).contains(&n))
+            });
+            all(read)
+        })
     }
 
     /// The masses of `[masses]`, if there are any.
-    fn masses(&mut self) -> Result<Option<Masses>, ModelError> {
-        let Some(value) = self.root.optional("masses") else { return Ok(None) };
+    fn masses(&mut self) -> Result<Option<Masses>, Wrong> {
         let wanted = "a [masses] table with upper_arm, forearm and tool";
-        let table = value.table(wanted)?;
-        let fields = ["upper_arm", "forearm", "tool"];
-        table.only(&fields)?;
-        let mut masses = [0.0; 3];
-        for (slot, field) in masses.iter_mut().zip(fields) {
-            let wanted = "a mass, kg";
-            let value = table.required(field, wanted)?;
-            self.numbers.push(value.name().to_owned());
-            *slot = value.number(wanted, |n| (0.0..=HEAVIEST).contains(&n))?;
-        }
-        let [upper_arm, forearm, tool] = masses;
-        Ok(Some(Masses { upper_arm, forearm, tool }))
+        let Some(table) = self.root.optional("masses", wanted, Node::table) else { return Ok(None) };
+        self.inner(table, "[masses]", |file, fields| {
+            let [upper_arm, forearm, tool] = all(["upper_arm", "forearm", "tool"].map(|field| {
+                file.numbers.push(format!("masses.{field}"));
+                number(fields, field, "a mass, kg", |n| (0.0..=HEAVIEST).contains(&n))
+            }))?;
+            Ok(Some(Masses { upper_arm, forearm, tool }))
+        })
     }
 
-    fn axes(&mut self, kind: &Kind) -> Result<([AxisModel; ARM_AXES], usize), ModelError> {
-        let list = self.root.required("axis", kind.axes_wanted)?;
-        let tables = list.list(kind.axes_wanted)?;
-        let count = tables.len();
-        if !(kind.fewest..=kind.motions.len()).contains(&count) {
-            let mut error = list.refuse(kind.axes_wanted);
-            error.wanted = format!("wanted {}, found {count}", kind.axes_wanted);
-            return Err(error);
+    fn axes(&mut self, kind: &Kind) -> Result<([AxisModel; ARM_AXES], usize), Wrong> {
+        let tables = self.root.tables("axis");
+        if !self.root.has("axis") {
+            return self.root.due("axis", kind.axes_wanted, |_| None);
+        }
+        if !(kind.fewest..=kind.motions.len()).contains(&tables.len()) {
+            let what = format!("there have to be {}, not {}", kind.axes_wanted, tables.len());
+            return Err(self.root.wrong("axis", what));
         }
         let mut axes = [AxisModel::ABSENT; ARM_AXES];
-        for (n, ((slot, value), motion)) in axes.iter_mut().zip(tables).zip(kind.motions).enumerate() {
-            *slot = self.axis(&value.called(format!("J{}", n + 1)), *motion)?;
+        let mut good = true;
+        for (n, ((slot, table), motion)) in axes.iter_mut().zip(&tables).zip(kind.motions).enumerate() {
+            let name = format!("J{}", n + 1);
+            let axis = self.inner(table, &name, |file, fields| file.axis(fields, &name, *motion));
+            good &= axis.map(|axis| *slot = axis).is_ok();
         }
-        Ok((axes, count))
+        if good { Ok((axes, tables.len())) } else { Err(Wrong::from("")) }
     }
 
-    fn axis(&mut self, value: &Value<'_>, motion: AxisMotion) -> Result<AxisModel, ModelError> {
-        let torque_wanted = match motion {
-            AxisMotion::Turns => "Nm at the axis, 0.001 or more",
-            AxisMotion::Slides => "N, 0.001 or more",
+    fn axis(&mut self, fields: &Fields<'_>, name: &str, motion: AxisMotion) -> Result<AxisModel, Wrong> {
+        let (gear, gear_wanted) = match motion {
+            AxisMotion::Turns => ("gear_ratio", "motor turns per turn of the axis, 0.001 or more"),
+            AxisMotion::Slides => ("lead", "mm per motor turn, 0.001 or more"),
         };
-        let (gear, gear_wanted, speed_wanted) = match motion {
+        let (limits_wanted, speed_wanted, torque_wanted) = match motion {
             AxisMotion::Turns => (
-                "gear_ratio",
-                "motor turns per turn of the axis, 0.001 or more",
+                "[min, max] in degrees, with 0 inside",
                 "degrees per second 0.001 or more",
+                "Nm at the axis, 0.001 or more",
             ),
-            AxisMotion::Slides => ("lead", "mm per motor turn, 0.001 or more", "mm/s 0.001 or more"),
-        };
-        let table = value.table("an [[axis]] table")?;
-        table.only(&["soft", "vendor", "max_speed", gear, "rated_torque", "sign", "offset"])?;
-        let limits_wanted = match motion {
-            AxisMotion::Turns => "[min, max] in degrees, with 0 inside",
-            AxisMotion::Slides => "[min, max] in mm, with 0 inside",
-        };
-        let soft = limits(&table.required("soft", limits_wanted)?, limits_wanted)?;
-        let vendor = match table.optional("vendor") {
-            Some(value) => {
-                let vendor = limits(&value, limits_wanted)?;
-                if vendor.min > soft.min || vendor.max < soft.max {
-                    return Err(value.refuse("limits that hold the soft ones"));
-                }
-                vendor
+            AxisMotion::Slides => {
+                ("[min, max] in mm, with 0 inside", "mm/s 0.001 or more", "N, 0.001 or more")
             }
-            None => soft,
         };
-        let max_speed = table.required("max_speed", speed_wanted)?.number(speed_wanted, above_zero)?;
-        let gear_figure = table.required(gear, gear_wanted)?.number(gear_wanted, above_zero)?;
-        let rated_torque = match table.optional("rated_torque") {
-            Some(value) => Some(value.number(torque_wanted, above_zero)?),
-            None => None,
-        };
-        let sign = match table.optional("sign") {
-            Some(value) => value.number("1 or -1", |n| n.abs() == 1.0)?,
-            None => 1.0,
-        };
-        let offset = match table.optional("offset") {
-            Some(value) => value.number("degrees or mm", |n| n.abs() <= FARTHEST_LIMIT)?,
-            None => 0.0,
-        };
-        for field in ["soft", "vendor", "max_speed", gear, "rated_torque", "sign", "offset"] {
-            self.numbers.extend(table.optional(field).map(|value| value.name().to_owned()));
+        let soft = fields.due("soft", limits_wanted, limits);
+        let vendor = fields.optional("vendor", limits_wanted, limits);
+        let max_speed = number(fields, "max_speed", speed_wanted, above_zero);
+        let gear_figure = number(fields, gear, gear_wanted, above_zero);
+        let rated_torque = fields.optional("rated_torque", torque_wanted, |value| {
+            value.number().filter(|torque| above_zero(*torque))
+        });
+        let sign = fields.optional("sign", "1 or -1", |value| value.number().filter(|n| n.abs() == 1.0));
+        let offset = fields.optional("offset", "degrees or mm", |value| {
+            value.number().filter(|n| n.abs() <= FARTHEST_LIMIT)
+        });
+        let given = ["soft", "vendor", "max_speed", gear, "rated_torque", "sign", "offset"];
+        self.numbers
+            .extend(given.iter().filter(|field| fields.has(field)).map(|field| format!("{name}.{field}")));
+        let soft = soft?;
+        let vendor = vendor.unwrap_or(soft);
+        if vendor.min > soft.min || vendor.max < soft.max {
+            return Err(fields.wrong("vendor", "`vendor` has to hold the limits of `soft`"));
         }
+        let gear_figure = gear_figure?;
         Ok(AxisModel {
             motion,
             soft,
             vendor,
-            max_speed,
+            max_speed: max_speed?,
             gear_ratio: match motion {
                 AxisMotion::Turns => gear_figure,
                 AxisMotion::Slides => gear_figure.recip(),
             },
             rated_torque,
-            sign: if sign < 0.0 { -1 } else { 1 },
-            offset,
+            sign: if sign.unwrap_or(1.0) < 0.0 { -1 } else { 1 },
+            offset: offset.unwrap_or(0.0),
         })
     }
 
-    fn sources(&self) -> Result<Arc<[Source]>, ModelError> {
-        let Some(value) = self.root.optional("source") else { return Ok(Arc::default()) };
-        let wanted = "[[source]] tables";
-        value.list(wanted)?.iter().map(|value| self.source(&value.table(wanted)?)).collect()
+    fn sources(&mut self, all_known: bool) -> Result<Arc<[Source]>, Wrong> {
+        let tables = self.root.tables("source");
+        let source = |(n, table): (usize, &&Table)| {
+            self.inner(table, &format!("[[source]] {}", n + 1), |file, fields| file.source(fields, all_known))
+        };
+        let read: Vec<_> = tables.iter().enumerate().map(source).collect();
+        read.into_iter().collect()
     }
 
-    fn source(&self, table: &Table<'_>) -> Result<Source, ModelError> {
-        table.only(&["of", "certainty", "text"])?;
+    /// `all_known`: whether the names of all numbers are.
+    fn source(&self, fields: &Fields<'_>, all_known: bool) -> Result<Source, Wrong> {
         let wanted = "a list of numbers' names, such as [\"geometry.d1\", \"J*.soft\"]";
-        let mut of = Vec::new();
-        for name in table.required("of", wanted)?.list(wanted)? {
-            let text = name.text(wanted)?;
-            if !self.numbers.iter().any(|number| matches(text, number)) {
-                let known: Vec<_> = self.numbers.iter().map(String::as_str).collect();
-                return Err(
-                    name.refuse(&format!("the name of a number of this file ({})", suggestion(text, &known)))
-                );
+        let of = fields.due("of", wanted, |value| {
+            value.list()?.iter().map(|name| name.text().map(str::to_owned)).collect::<Option<Vec<_>>>()
+        });
+        for name in of.iter().flatten() {
+            if all_known && !self.numbers.iter().any(|number| matches(name, number)) {
+                let near = r6_program::nearest(name, self.numbers.iter().map(String::as_str));
+                let near = near.map(|near| format!("; nearest: `{near}`")).unwrap_or_default();
+                let name: String = name.chars().take(40).collect();
+                fields.wrong("of", format!("`{name}` is the name of no number of this file{near}"));
             }
-            of.push(text.to_owned());
         }
         let words = Certainty::ALL.map(|certainty| (certainty.word(), certainty));
-        let certainty = table.required("certainty", "how certain it is")?.word(&words)?;
-        let wanted = "who says so";
-        let text = table.required("text", wanted)?.text(wanted)?.to_owned();
-        Ok(Source { of, certainty, text })
+        let certainty = fields.due_word("certainty", &words);
+        let text = fields.due("text", "who says so", text)?.to_owned();
+        Ok(Source { of: of?, certainty: certainty?, text })
     }
 }
 
-fn six_axis(file: &mut File<'_>) -> Result<Geometry, ModelError> {
+fn six_axis(file: &mut File<'_, '_>) -> Result<Geometry, Wrong> {
     let [d1, a1, a2, a3, d4, d6, tool_offset, b] = file.lengths([
         ("d1", Length::Any),
         ("a1", Length::Any),
@@ -289,26 +304,50 @@ fn six_axis(file: &mut File<'_>) -> Result<Geometry, ModelError> {
     Ok(Geometry::SixAxis(SixAxisGeometry { d1, a1, b, a2, a3, d4, d6, tool_offset }))
 }
 
-fn scara(file: &mut File<'_>) -> Result<Geometry, ModelError> {
+fn scara(file: &mut File<'_, '_>) -> Result<Geometry, Wrong> {
     let fields = [("height", Length::Any), ("upper_arm", Length::Link), ("forearm", Length::Link)];
     let [height, upper_arm, forearm] = file.lengths(fields)?;
     Ok(Geometry::Scara(ScaraGeometry { height, upper_arm, forearm }))
 }
 
-fn cartesian(file: &mut File<'_>) -> Result<Geometry, ModelError> {
-    match file.root.optional("geometry") {
-        None => Ok(Geometry::Cartesian),
-        Some(value) => Err(value.refuse("no [geometry]: a Cartesian machine has no lengths")),
+fn cartesian(file: &mut File<'_, '_>) -> Result<Geometry, Wrong> {
+    if file.root.value("geometry").is_some() {
+        let what = "there has to be no [geometry]: a Cartesian machine has no lengths";
+        return Err(file.root.wrong("geometry", what));
     }
+    Ok(Geometry::Cartesian)
 }
 
-fn limits(value: &Value<'_>, wanted: &str) -> Result<Limits, ModelError> {
-    let list = value.list(wanted)?;
-    let [min, max] = list.as_slice() else { return Err(value.refuse(wanted)) };
-    let far = |n: f64| n.abs() <= FARTHEST_LIMIT;
-    let limits = Limits { min: min.number(wanted, far)?, max: max.number(wanted, far)? };
+/// A number that has to be there, and fits.
+fn number(
+    fields: &Fields<'_>,
+    field: &'static str,
+    wanted: &str,
+    fits: impl Fn(f64) -> bool,
+) -> Result<f64, Wrong> {
+    fields.due(field, wanted, |value| value.number().filter(|number| fits(*number)))
+}
+
+/// All of them, if each is there.
+fn all<const N: usize>(read: [Result<f64, Wrong>; N]) -> Result<[f64; N], Wrong> {
+    let mut numbers = [0.0; N];
+    for (slot, number) in numbers.iter_mut().zip(read) {
+        *slot = number?;
+    }
+    Ok(numbers)
+}
+
+/// A text that is not empty.
+fn text(value: &Node) -> Option<&str> {
+    value.text().filter(|text| !text.trim().is_empty())
+}
+
+fn limits(value: &Node) -> Option<Limits> {
+    let [min, max] = value.list()? else { return None };
+    let limits = Limits { min: min.number()?, max: max.number()? };
+    let near = limits.min >= -FARTHEST_LIMIT && limits.max <= FARTHEST_LIMIT;
     // The arm stands at 0 when it is switched on.
-    if limits.min < limits.max && limits.contains(0.0) { Ok(limits) } else { Err(value.refuse(wanted)) }
+    (near && limits.min < limits.max && limits.contains(0.0)).then_some(limits)
 }
 
 fn above_zero(n: f64) -> bool {

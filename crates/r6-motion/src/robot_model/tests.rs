@@ -135,7 +135,8 @@ fn complains(name: &str, from: &str, to: &str, complaint: &str) {
     let text = file(name);
     assert!(text.contains(from), "{from}");
     let error = RobotModel::from_toml(&text.replacen(from, to, 1)).unwrap_err();
-    assert_eq!(error.to_string(), complaint);
+    let found = error.to_string();
+    assert_eq!(found.lines().collect::<Vec<_>>(), complaint.lines().collect::<Vec<_>>());
 }
 
 #[test]
@@ -145,84 +146,83 @@ fn a_wrong_file_says_where_and_what() {
         six,
         "a2 = 350.0",
         "a2 = -1",
-        "line 12, `geometry.a2`: wanted a length of 0.001 mm or more, found -1",
+        "12:6: [geometry]: `a2` is -1, but has to be a length of 0.001 mm or more",
     );
     complains(
         six,
         "a2 = 350.0 ",
         "a2 = \"long\" ",
-        "line 12, `geometry.a2`: wanted a length of 0.001 mm or more, found \"long\"",
+        "12:6: [geometry]: `a2` is the text \"long\", but has to be a length of 0.001 mm or more",
     );
     complains(
         six,
         "tool_offset = ",
         "tool_ofset = ",
-        "line 16, `geometry.tool_ofset`: there is no such field; nearest: `tool_offset`",
+        "16:1: [geometry]: there is no key `tool_ofset`; nearest: `tool_offset`",
     );
-    complains(six, "a1 = 50.0", "#", "line 9, `geometry.a1`: is missing; wanted a length, mm");
+    complains(six, "a1 = 50.0", "#", "9:1: [geometry]: `a1` is missing: a length, mm");
     complains(
         six,
         "kind = \"six-axis\"",
         "kind = \"six axes\"",
-        "line 4, `kind`: wanted one of six-axis, scara, cartesian (nearest: six-axis), found \"six axes\"",
+        "4:8: `kind` is \"six axes\", but has to be one of \"six-axis\", \"scara\", \"cartesian\"; nearest: \"six-axis\"",
     );
     complains(
         six,
         "max_speed = 270.0",
         "max_sped = 270.0",
-        "line 33, `J2.max_sped`: there is no such field; nearest: `max_speed`",
+        "33:1: J2: there is no key `max_sped`; nearest: `max_speed`",
     );
     complains(
         six,
         "max_speed = 270.0",
         "max_speed = inf",
-        "line 33, `J2.max_speed`: wanted degrees per second 0.001 or more, found inf",
+        "33:13: J2: `max_speed` is inf, but has to be degrees per second 0.001 or more",
     );
     complains(
         six,
         "soft = [-105.0, 75.0]",
         "soft = [75.0, -105.0]",
-        "line 31, `J2.soft`: wanted [min, max] in degrees, with 0 inside, found [75.0, -105.0]",
+        "31:8: J2: `soft` is a list, but has to be [min, max] in degrees, with 0 inside",
     );
     complains(
         six,
         "vendor = [-125.0, 85.0]",
         "vendor = [-100.0, 85.0]",
-        "line 32, `J2.vendor`: wanted limits that hold the soft ones, found [-100.0, 85.0]",
+        "32:10: J2: `vendor` has to hold the limits of `soft`",
     );
     complains(
         six,
         "forearm = 8.0",
         "forearm = -8.0",
-        "line 20, `masses.forearm`: wanted a mass, kg, found -8.0",
+        "20:11: [masses]: `forearm` is -8.0, but has to be a mass, kg",
     );
-    complains(six, "forearm = 8.0", "#", "line 18, `masses.forearm`: is missing; wanted a mass, kg");
+    complains(six, "forearm = 8.0", "#", "18:1: [masses]: `forearm` is missing: a mass, kg");
     complains(
         six,
         "rated_torque = 230.0",
         "rated_torque = 0",
-        "line 35, `J2.rated_torque`: wanted Nm at the axis, 0.001 or more, found 0",
+        "35:16: J2: `rated_torque` is 0, but has to be Nm at the axis, 0.001 or more",
     );
-    complains(six, "sign = -1", "sign = 0", "line 36, `J2.sign`: wanted 1 or -1, found 0");
+    complains(six, "sign = -1", "sign = 0", "36:8: J2: `sign` is 0, but has to be 1 or -1");
     complains(
         "GENERIC-SCARA",
         "lead = 20.0",
         "gear_ratio = 20.0",
-        "line 34, `J3.gear_ratio`: there is no such field; there are: soft, vendor, max_speed, lead, rated_torque, sign, offset",
+        "31:1: J3: `lead` is missing: mm per motor turn, 0.001 or more\n34:1: J3: there is no key `gear_ratio`; there are: soft, vendor, max_speed, lead, rated_torque, sign, offset",
     );
     complains(
         "GENERIC-SCARA",
         "certainty = \"chosen\"",
         "certainty = \"choosen\"",
-        "line 45, `source.1.certainty`: wanted one of measured, published, derived, borrowed, assumed, chosen \
-         (nearest: chosen), found \"choosen\"",
+        "45:13: [[source]] 1: `certainty` is \"choosen\", but has to be one of \"measured\", \"published\", \"derived\", \
+         \"borrowed\", \"assumed\", \"chosen\"; nearest: \"chosen\"",
     );
     complains(
         "GENERIC-SCARA",
         "of = [\"geometry.height\"",
         "of = [\"geometry.heigth\"",
-        "line 44, `source.1.of.1`: wanted the name of a number of this file (nearest: `geometry.height`), found \
-         \"geometry.heigth\"",
+        "44:6: [[source]] 1: `geometry.heigth` is the name of no number of this file; nearest: `geometry.height`",
     );
 }
 
@@ -232,18 +232,37 @@ fn a_wrong_number_of_axes_is_told() {
     let (start, rest) = text.split_once("[[axis]] # J4").unwrap();
     let (_, sources) = rest.split_once("[[source]]").unwrap();
     let error = RobotModel::from_toml(&format!("{start}[[source]]{sources}")).unwrap_err();
-    assert_eq!(error.field, "axis");
-    assert_eq!(error.wanted, "wanted four [[axis]] tables, J1 to J4, found 3");
+    let what = &error.first().what;
+    assert!(what.contains("there have to be four [[axis]] tables, J1 to J4, not 3"), "{error}");
 }
 
 #[test]
 fn what_is_no_toml_names_its_line() {
     let error = RobotModel::from_toml("name = \"a\"\nkind = \n").unwrap_err();
-    assert_eq!((error.line, error.field.as_str()), (2, ""));
+    assert_eq!(error.first().at.map(|(line, _)| line), Some(2));
     let error = RobotModel::from_toml(&"#".repeat(100_000)).unwrap_err();
-    assert_eq!(error.to_string(), "line 1: the file is longer than 65536 bytes");
+    assert_eq!(error.to_string(), "the file is longer than 65536 bytes");
     let error = RobotModel::from_toml("").unwrap_err();
-    assert_eq!(error.to_string(), "line 1, `name`: is missing; wanted a name in quotes");
+    assert!(error.to_string().starts_with("1:1: `name` is missing: a name in quotes\n"), "{error}");
+}
+
+#[test]
+fn all_mistakes_of_a_file_are_told() {
+    let wrong = file("GENERIC-SCARA")
+        .replacen("name = ", "nam = ", 1)
+        .replacen("height = ", "height = -1e9 # ", 1)
+        .replacen("lead = 20.0", "lead = 0", 1)
+        .replacen("certainty = \"chosen\"", "certainty = \"choosen\"", 1)
+        .replacen("max_line_speed = ", "max_line_speed = true # ", 1);
+    let mistakes = RobotModel::from_toml(&wrong).unwrap_err();
+    let told = mistakes.to_string();
+    assert_eq!((mistakes.iter().count(), mistakes.more()), (5, 0), "{told}");
+    for part in
+        ["`nam`", "`height`", "J3: `lead` is 0", "[[source]] 1: `certainty`", "`max_line_speed` is true"]
+    {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    assert!(mistakes.iter().all(|mistake| mistake.at.is_some()));
 }
 
 proptest::proptest! {
@@ -256,8 +275,11 @@ proptest::proptest! {
         let from = from.min(text.len());
         let rest = (from + length).min(text.len());
         let changed: String = text[..from].iter().copied().chain(put.chars()).chain(text[rest..].iter().copied()).collect();
-        if let Err(error) = RobotModel::from_toml(&changed) {
-            proptest::prop_assert!(error.line <= 1 + changed.lines().count() && !error.wanted.is_empty());
+        if let Err(mistakes) = RobotModel::from_toml(&changed) {
+            for mistake in mistakes.iter() {
+                let line = mistake.at.map_or(1, |(line, _)| line);
+                proptest::prop_assert!(line <= 1 + changed.lines().count() && !mistake.what.is_empty());
+            }
         }
     }
 }

@@ -52,7 +52,7 @@ pub fn profile(name: &str) -> Result<Profile, Failure> {
 /// The robot model of this name, or of this file.
 ///
 /// # Errors
-/// There is none, or the file is wrong.
+/// There is none, or the file is wrong: all places, and what is due there.
 pub fn model(name: &str) -> Result<RobotModel, Failure> {
     if let Some(model) = RobotModel::named(name) {
         return Ok(model.clone());
@@ -62,7 +62,7 @@ pub fn model(name: &str) -> Result<RobotModel, Failure> {
         return Err(no_such("robot model", name, &names, "a .toml file"));
     }
     let file = text(Path::new(name), "a robot model", MAX_FILE_BYTES)?;
-    RobotModel::from_toml(&file).map_err(|error| Failure::usage(error).while_doing(name))
+    RobotModel::from_toml(&file).map_err(|mistakes| Failure::in_file(name, &mistakes))
 }
 
 /// The scenario of this file.
