@@ -166,7 +166,7 @@ fn a_wrong_model_file_names_line_field_and_wanted_value() {
     let file = TempFile::new("wrong-model.toml", "name = \"my arm\"\nkind = \"skara\"\n");
     let outcome = r6(&["sim", "--model", file.path()]);
     assert_eq!(outcome.code, 2);
-    let wanted = "line 2, `kind`: wanted one of six-axis, scara, cartesian (nearest: scara), found \"skara\"";
+    let wanted = "wrong-model.toml:2:8: `kind` is \"skara\", but has to be one of \"six-axis\", \"scara\", \"cartesian\"\n    nearest: \"scara\"";
     assert!(outcome.err.contains(wanted), "{}", outcome.err);
     let outcome = r6(&["sim", "--model", "no-such-file.toml"]);
     assert_eq!(outcome.code, 2);
