@@ -158,8 +158,8 @@ impl Robot {
         let settings = self.settings();
         let points = [CameraPoints { cam_id: set.cam_id, points: &set.points }];
         let mut frame = Vec::new();
-        let envelope = settings.envelope(LONGEST_PACK_ID);
-        Request::AddPoints(&points).encode(&envelope, &mut frame).map_err(Invalid::Value)?;
+        let addressing = settings.addressing(LONGEST_PACK_ID);
+        Request::AddPoints(&points).encode(&addressing, &mut frame).map_err(Invalid::Value)?;
         let (bytes, limit) = (frame.len(), settings.max_frame_bytes);
         if bytes > limit { Err(Invalid::TooLong { bytes, limit }) } else { Ok(()) }
     }

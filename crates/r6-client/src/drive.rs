@@ -28,20 +28,20 @@ use crate::seats::Seat;
 use crate::settings::RobotSettings;
 
 /// What the operations of a handle and its hand share.
-pub(crate) struct Desk {
+pub(crate) struct SharedConnection {
     connection: Mutex<Connection>,
     pub errands: Given,
     pub hub: Arc<Hub>,
 }
 
-impl fmt::Debug for Desk {
+impl fmt::Debug for SharedConnection {
     /// Nothing of what is in it: that is all that is known of a robot, and who prints a handle wants none of it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Desk").finish_non_exhaustive()
+        f.debug_struct("SharedConnection").finish_non_exhaustive()
     }
 }
 
-impl Desk {
+impl SharedConnection {
     /// For a connection that is there. `expected`: who has to be at its other end, where that is known; `now`: the time at which it
     /// begins; `seed`: draws the waits before it is made anew, where the settings do not.
     pub fn open(
@@ -68,7 +68,7 @@ impl Desk {
 /// A connection that is there, and what drives it.
 #[derive(Clone, Debug)]
 pub(crate) struct Driven {
-    pub desk: Arc<Desk>,
+    pub shared: Arc<SharedConnection>,
     pub hand: Arc<dyn Hand>,
 }
 

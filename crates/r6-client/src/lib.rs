@@ -54,13 +54,13 @@ mod registers;
 mod reply;
 mod robot;
 mod seats;
+mod sent_settings;
 mod settings;
 mod status;
 mod stop;
 mod stream;
 mod subscription;
 mod time;
-mod told;
 pub mod units;
 
 pub use camera::{PhotosEnded, Shot};

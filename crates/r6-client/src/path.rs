@@ -9,7 +9,7 @@ pub(crate) mod whole;
 
 use std::ops::Range;
 
-use r6_proto::dialect::Envelope;
+use r6_proto::dialect::Addressing;
 use r6_proto::error::EncodeError;
 use r6_proto::message::Instruction;
 use r6_proto::request::Request;
@@ -19,19 +19,19 @@ use crate::settings::{LONGEST_PACK_ID, RobotSettings};
 
 /// The bytes of an instruction within a list.
 pub(crate) fn encoded_bytes(instruction: &Instruction) -> Result<usize, EncodeError> {
-    let with = frame(&Envelope::default(), false, std::slice::from_ref(instruction))?;
-    let without = frame(&Envelope::default(), false, &[])?;
+    let with = frame(&Addressing::default(), false, std::slice::from_ref(instruction))?;
+    let without = frame(&Addressing::default(), false, &[])?;
     Ok(with.len() - without.len())
 }
 
 /// The bytes of an AddRCC.
 pub(crate) fn frame(
-    envelope: &Envelope<'_>,
+    addressing: &Addressing<'_>,
     replace: bool,
     instructions: &[Instruction],
 ) -> Result<Vec<u8>, EncodeError> {
     let mut frame = Vec::new();
-    Request::AddRcc { empty_list: replace, instructions }.encode(envelope, &mut frame)?;
+    Request::AddRcc { empty_list: replace, instructions }.encode(addressing, &mut frame)?;
     Ok(frame)
 }
 
@@ -46,7 +46,7 @@ pub(crate) fn cut(
     settings: &RobotSettings,
     most: usize,
 ) -> Result<Vec<Range<usize>>, StepError> {
-    let around = frame(&settings.envelope(LONGEST_PACK_ID), true, &[])
+    let around = frame(&settings.addressing(LONGEST_PACK_ID), true, &[])
         .map_err(|error| StepError::of(0, &error))?
         .len();
     let mut frames: Vec<Range<usize>> = Vec::new();
@@ -124,14 +124,14 @@ mod tests {
             for range in &frames {
                 prop_assert!((1..=most).contains(&range.len()));
                 let bytes =
-                    frame(&settings.envelope(LONGEST_PACK_ID), true, &steps[range.clone()]).unwrap().len();
+                    frame(&settings.addressing(LONGEST_PACK_ID), true, &steps[range.clone()]).unwrap().len();
                 prop_assert!(bytes <= max_frame_bytes, "{} bytes", bytes);
                 prop_assert!(!starts.iter().any(|at| (range.start + 1..range.end).contains(at)));
             }
             // No frame has room for the first step of the next one.
             for pair in frames.windows(2) {
                 let together = &steps[pair[0].start..=pair[1].start];
-                let bytes = frame(&settings.envelope(LONGEST_PACK_ID), true, together).unwrap().len();
+                let bytes = frame(&settings.addressing(LONGEST_PACK_ID), true, together).unwrap().len();
                 let starts = starts.contains(&pair[1].start);
                 prop_assert!(together.len() > most || bytes > max_frame_bytes || starts);
             }

@@ -20,7 +20,7 @@ use crate::job::Answer;
 const MOST_KEPT: usize = 16;
 
 /// What a request comes to.
-type Told = Result<Answer, RequestError>;
+type AnswerOrError = Result<Answer, RequestError>;
 
 /// Places that are free.
 #[derive(Debug, Default)]
@@ -44,7 +44,7 @@ struct Place {
 enum State {
     /// With who is to be woken.
     Open(Option<Waker>),
-    Answered(Told),
+    Answered(AnswerOrError),
     Abandoned,
 }
 
@@ -92,7 +92,7 @@ impl ReplyTo {
     }
 
     /// Puts the answer down. A caller that is gone does not need it.
-    pub fn put(mut self, answer: Told) {
+    pub fn put(mut self, answer: AnswerOrError) {
         self.end(State::Answered(answer));
     }
 
@@ -118,7 +118,7 @@ impl Drop for ReplyTo {
 
 impl Future for Reply {
     /// `None`: no answer will ever come.
-    type Output = Option<Told>;
+    type Output = Option<AnswerOrError>;
 
     fn poll(self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Self::Output> {
         let Some(place) = &self.0 else { return Poll::Ready(None) };
@@ -170,7 +170,7 @@ mod tests {
         }
     }
 
-    fn poll(reply: &mut Reply, bell: &Arc<Bell>) -> Poll<Option<Told>> {
+    fn poll(reply: &mut Reply, bell: &Arc<Bell>) -> Poll<Option<AnswerOrError>> {
         pin!(reply).poll(&mut Context::from_waker(&Waker::from(Arc::clone(bell))))
     }
 

@@ -13,7 +13,7 @@ use tokio::sync::{
     Mutex as AsyncMutex, OwnedMutexGuard, OwnedSemaphorePermit, Semaphore, broadcast, oneshot, watch,
 };
 
-use crate::drive::{Desk, Driven, Hand, drive};
+use crate::drive::{Driven, Hand, SharedConnection, drive};
 use crate::guard::{Envelope, Reckoning};
 use crate::hub::Hub;
 use crate::identity::Identity;
@@ -22,12 +22,12 @@ use crate::link_quality::LinkQuality;
 use crate::motions::Motions;
 use crate::pushed::Pushed;
 use crate::query::frames::QueryFrames;
+use crate::sent_settings::SharedSentSettings;
 use crate::settings::{Heartbeat, RobotSettings};
 use crate::stop::report::SecondConnection;
 use crate::stop::stopping::Stopping;
 use crate::stream::error::MotionError;
 use crate::time::Elapsed;
-use crate::told::Tell;
 
 /// A handle on one controller. Clones share one connection; dropping the last one closes it.
 ///
@@ -38,19 +38,19 @@ use crate::told::Tell;
 /// or calls the robot from within would wait for itself for ever.
 #[derive(Clone)]
 pub struct Robot {
-    lanes: Arc<Lanes>,
+    common: Arc<Common>,
     /// What every list is checked against before it is sent.
     guard: Option<Arc<Envelope>>,
     /// How often a tool or a workbench had been told when the guard was made: its limits are of the one in use then.
     guarded_at: u64,
 }
 
-struct Lanes {
+struct Common {
     address: String,
     settings: RobotSettings,
     query_frames: QueryFrames,
     hub: Arc<Hub>,
-    desk: Arc<Desk>,
+    shared: Arc<SharedConnection>,
     /// What drives the connection.
     hand: Arc<dyn Hand>,
     takes_whoever_comes: bool,
@@ -67,14 +67,14 @@ struct Lanes {
     /// Locked from the look at the arm, through the check of a list against that place, until the list is
     /// answered. Another list in between would move the arm, and the check would be for the wrong place.
     lists: Arc<AsyncMutex<()>>,
-    tell: Tell,
+    tell: SharedSentSettings,
     /// Held by the task that serves photos: two tasks would both answer each request.
     photos: Arc<Semaphore>,
 }
 
 impl fmt::Debug for Robot {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Robot").field("address", &self.lanes.address).finish_non_exhaustive()
+        f.debug_struct("Robot").field("address", &self.common.address).finish_non_exhaustive()
     }
 }
 
@@ -83,7 +83,7 @@ impl Robot {
     /// command leaves on it before the controller has said that it is the robot that is meant.
     pub(crate) async fn second_connection(&self) -> Result<Self, SecondConnection> {
         let unidentified = self.hub().known().expected.is_none();
-        if unidentified && self.lanes.takes_whoever_comes {
+        if unidentified && self.common.takes_whoever_comes {
             return Err(SecondConnection::Unidentified);
         }
         let settings = RobotSettings { heartbeat: Heartbeat::Off, ..self.settings().clone() };
@@ -92,7 +92,7 @@ impl Robot {
             let of_nobody = known.read_of_nobody || (known.handed_out && known.expected.is_none());
             (known.expected.clone(), of_nobody)
         };
-        let made = self.lanes.hand.second(settings.clone(), expected).await;
+        let made = self.common.hand.second(settings.clone(), expected).await;
         let second = Self::on(made.map_err(SecondConnection::NotMade)?, settings);
         second.hub().known().read_of_nobody = of_nobody;
         Ok(second)
@@ -100,17 +100,17 @@ impl Robot {
 
     /// A handle on a connection that is there.
     pub(crate) fn on(driven: Driven, settings: RobotSettings) -> Self {
-        let Driven { desk, hand } = driven;
+        let Driven { shared, hand } = driven;
         let (address, takes_whoever_comes) = {
-            let connection = desk.connection();
+            let connection = shared.connection();
             (connection.name().to_owned(), connection.takes_whoever_comes())
         };
-        let lanes = Lanes {
+        let common = Common {
             address,
             query_frames: QueryFrames::of(&settings),
             settings,
-            hub: Arc::clone(&desk.hub),
-            desk,
+            hub: Arc::clone(&shared.hub),
+            shared,
             hand,
             takes_whoever_comes,
             stops: watch::Sender::new(0),
@@ -120,14 +120,14 @@ impl Robot {
             closing: watch::Sender::new(false),
             photos: Arc::new(Semaphore::new(1)),
             lists: Arc::default(),
-            tell: Tell::default(),
+            tell: SharedSentSettings::default(),
         };
-        Self { lanes: Arc::new(lanes), guard: None, guarded_at: 0 }
+        Self { common: Arc::new(common), guard: None, guarded_at: 0 }
     }
 
     /// Drives the connection while this operation waits.
     pub(crate) async fn drive<F: Future>(&self, operation: F) -> F::Output {
-        drive(&*self.lanes.hand, operation).await
+        drive(&*self.common.hand, operation).await
     }
 
     /// What comes of this, for so long at most.
@@ -140,8 +140,8 @@ impl Robot {
     where
         F: Future<Output: Send> + Send + 'static,
     {
-        let told = self.lanes.desk.errands.give(errand);
-        self.lanes.hand.nudge();
+        let told = self.common.shared.errands.give(errand);
+        self.common.hand.nudge();
         told
     }
 
@@ -154,45 +154,45 @@ impl Robot {
 
     /// The same; it begins with the next [`Self::nudge`], which wakes others and so must not be called under a lock.
     pub(crate) fn unbegun_errand(&self, errand: impl Future<Output = ()> + Send + 'static) -> AbortHandle {
-        self.lanes.desk.errands.give_abortable(errand)
+        self.common.shared.errands.give_abortable(errand)
     }
 
     /// Something was begun for which nobody waits.
     pub(crate) fn nudge(&self) {
-        self.lanes.hand.nudge();
+        self.common.hand.nudge();
     }
 
     /// What time it is.
     pub(crate) fn now(&self) -> Instant {
-        self.lanes.hand.tell_time();
+        self.common.hand.tell_time();
         self.hub().time.now()
     }
 
     /// The handle is being closed: a motion that is streamed ends.
     pub(crate) fn announce_closing(&self) {
-        self.lanes.closing.send_replace(true);
+        self.common.closing.send_replace(true);
     }
 
     /// Ends the connection for all clones.
     pub(crate) fn end_connection(&self) {
-        self.lanes.end_connection();
+        self.common.end_connection();
     }
 
     /// Ends when the handle is being closed.
     pub(crate) async fn is_closing(&self) {
-        let mut closing = self.lanes.closing.subscribe();
+        let mut closing = self.common.closing.subscribe();
         // This handle keeps the sender alive.
         closing.wait_for(|closing| *closing).await.ok();
     }
 
     pub(crate) fn motions(&self) -> &Motions {
-        &self.lanes.motions
+        &self.common.motions
     }
 
     /// Host and port of the controller.
     #[must_use]
     pub fn address(&self) -> &str {
-        &self.lanes.address
+        &self.common.address
     }
 
     /// What happens on the connection without being asked for, from now on.
@@ -200,7 +200,7 @@ impl Robot {
     /// A receiver that lags more than 64 behind misses the oldest and is told how many. It ends when the handle is closed, whatever clones of it live.
     #[must_use]
     pub fn pushed(&self) -> broadcast::Receiver<Pushed> {
-        let pushed = self.lanes.hub.subscribe_to_pushed();
+        let pushed = self.common.hub.subscribe_to_pushed();
         // From now on what comes is wanted, whether or not a call waits.
         self.nudge();
         pushed
@@ -209,7 +209,7 @@ impl Robot {
     /// What the replies so far tell about the firmware's dialect.
     #[must_use]
     pub fn learned(&self) -> LearnedDialect {
-        self.lanes.hub.known().learned
+        self.common.hub.known().learned
     }
 
     /// How good the connection is: latencies of the last minute, losses, and whether the controller lives. Sends nothing.
@@ -286,9 +286,9 @@ impl Robot {
         };
         let guarded_at = match self.guard {
             Some(_) => self.guarded_at,
-            None => self.lanes.tell.so_far().frames,
+            None => self.common.tell.so_far().frames,
         };
-        Self { lanes: Arc::clone(&self.lanes), guard: Some(Arc::new(envelope)), guarded_at }
+        Self { common: Arc::clone(&self.common), guard: Some(Arc::new(envelope)), guarded_at }
     }
 
     /// The envelope that this handle checks against.
@@ -300,38 +300,38 @@ impl Robot {
     /// Somebody wants the arm to stop: nothing more of a path is to be sent.
     pub(crate) fn announce_stop(&self) {
         self.hub().stop_asked();
-        self.lanes.stops.send_modify(|stops| *stops = stops.wrapping_add(1));
+        self.common.stops.send_modify(|stops| *stops = stops.wrapping_add(1));
     }
 
     /// Tells when somebody wants the arm to stop, from now on.
     pub(crate) fn stops(&self) -> watch::Receiver<u64> {
-        self.lanes.stops.subscribe()
+        self.common.stops.subscribe()
     }
 
     /// The stops over this connection.
     pub(crate) fn stopping(&self) -> &watch::Sender<Stopping> {
-        &self.lanes.stopping
+        &self.common.stopping
     }
 
     /// The right to stream a path over this connection, if nobody has it.
     pub(crate) fn streaming(&self) -> Option<OwnedSemaphorePermit> {
-        Arc::clone(&self.lanes.streaming).try_acquire_owned().ok()
+        Arc::clone(&self.common.streaming).try_acquire_owned().ok()
     }
 
     /// The right to look where the arm is, check a list against that and send it. It is kept until the list is answered.
     pub(crate) async fn lists(&self) -> OwnedMutexGuard<()> {
-        Arc::clone(&self.lanes.lists).lock_owned().await
+        Arc::clone(&self.common.lists).lock_owned().await
     }
 
     /// What a list of this handle has to reckon with, besides where the arm is.
     pub(crate) fn reckoning(&self) -> Reckoning {
-        let told = self.lanes.tell.so_far();
+        let told = self.common.tell.so_far();
         Reckoning { frame_is_unknown: told.frames != self.guarded_at, may_be_cut: told.watching }
     }
 
     /// The right to serve the photos of this connection, if nobody has it.
     pub(crate) fn photos(&self) -> Option<OwnedSemaphorePermit> {
-        Arc::clone(&self.lanes.photos).try_acquire_owned().ok()
+        Arc::clone(&self.common.photos).try_acquire_owned().ok()
     }
 
     /// Ends once the handle is closed, for this clone or another.
@@ -344,39 +344,39 @@ impl Robot {
     /// Waits until no path is streamed any more, and none is being stopped.
     pub(crate) async fn nothing_streams(&self) {
         // It is never closed.
-        drop(self.lanes.streaming.acquire().await);
+        drop(self.common.streaming.acquire().await);
     }
 
     /// The number of the present connection, or, while there is none, of the next one.
     pub(crate) fn connection(&self) -> u64 {
-        self.lanes.hub.known().connection
+        self.common.hub.known().connection
     }
 
     pub(crate) fn hub(&self) -> &Hub {
-        &self.lanes.hub
+        &self.common.hub
     }
 
     pub(crate) fn hand(&self) -> &Arc<dyn Hand> {
-        &self.lanes.hand
+        &self.common.hand
     }
 
     pub(crate) fn query_frames(&self) -> QueryFrames {
-        self.lanes.query_frames
+        self.common.query_frames
     }
 
     pub(crate) fn settings(&self) -> &RobotSettings {
-        &self.lanes.settings
+        &self.common.settings
     }
 }
 
-impl Lanes {
+impl Common {
     fn end_connection(&self) {
-        self.desk.connection().close();
+        self.shared.connection().close();
         self.hand.nudge();
     }
 }
 
-impl Drop for Lanes {
+impl Drop for Common {
     fn drop(&mut self) {
         self.end_connection();
     }

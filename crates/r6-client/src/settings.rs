@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use r6_proto::dialect::{DsIdForm, Envelope};
+use r6_proto::dialect::{Addressing, DsIdForm};
 use r6_proto::message::TypeKey;
 use r6_proto::request::LONGEST_ADD_RCC;
 
@@ -53,8 +53,8 @@ impl Default for RobotSettings {
 
 impl RobotSettings {
     /// What stands around a request to this robot.
-    pub(crate) fn envelope<'a>(&self, pack_id: &'a str) -> Envelope<'a> {
-        Envelope { ds_id: self.ds_id, type_key: self.type_key, pack_id: Some(pack_id) }
+    pub(crate) fn addressing<'a>(&self, pack_id: &'a str) -> Addressing<'a> {
+        Addressing { ds_id: self.ds_id, type_key: self.type_key, pack_id: Some(pack_id) }
     }
 }
 

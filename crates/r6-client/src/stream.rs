@@ -250,7 +250,7 @@ impl Motion {
             let first = list.start + 1;
             let pack_id = (number + 1).to_string();
             let listed = steps.get(list).unwrap_or_default();
-            frame(&settings.envelope(&pack_id), number == 0 && !options.append, listed)
+            frame(&settings.addressing(&pack_id), number == 0 && !options.append, listed)
                 .map_err(|error| StepError::of(first, &error))
         };
         self.lists(settings, options)?.into_iter().enumerate().map(encoded).collect()

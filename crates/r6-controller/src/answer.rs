@@ -75,7 +75,7 @@ impl<'m> Answers<'m> {
             Address::Addr(register) => data.integer(machine.registers.get(&register).copied().unwrap_or(0)),
             Address::RemoteCmdLen => data.integer(i64::try_from(machine.list.len()).unwrap_or(i64::MAX)),
             Address::ToolCoord => {
-                // A collaborative desk cannot be chosen by anything that a manual knows: none.
+                // A collaborative dispatcher cannot be chosen by anything that a manual knows: none.
                 let (tool, bench) = (machine.tool.to_string(), machine.bench.to_string());
                 data.texts([tool.as_str(), bench.as_str(), "0"]);
             }

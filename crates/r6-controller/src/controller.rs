@@ -6,8 +6,9 @@
 //! connect → handle_input(now, id, bytes) → poll_transmit(now, id) … → poll_timeout → handle_timeout(now)
 //! ```
 
+mod advance;
 mod cameras;
-mod desk;
+mod dispatch;
 pub(crate) mod pace;
 mod scenario;
 
@@ -21,7 +22,7 @@ use r6_proto::time::Instant;
 use r6_proto::{Address, Reading};
 
 use cameras::{Cameras, Route};
-use desk::Desk;
+use dispatch::Dispatcher;
 use scenario::Breakage;
 
 use crate::event::{AlarmCause, Detail, Event, ShellEvent};
@@ -281,9 +282,9 @@ impl Controller {
             return self.serve_broken(now, id);
         }
         let (inbox, outbox) = connection.session.split();
-        let mut desk = Desk::new(now, id, &mut self.machine, &mut self.log, &mut self.cameras);
-        let served = desk.serve_next(inbox, outbox);
-        if desk.reset || outbox.is_overfull() {
+        let mut dispatcher = Dispatcher::new(now, id, &mut self.machine, &mut self.log, &mut self.cameras);
+        let served = dispatcher.serve_next(inbox, outbox);
+        if dispatcher.reset || outbox.is_overfull() {
             connection.service = Service::Over;
         }
         self.collect_machine_events();

@@ -119,7 +119,7 @@ pub enum Event {
         /// Whether it was carried out.
         done: bool,
     },
-    /// A request that the desk refused because of one of its fields.
+    /// A request that the dispatcher refused because of one of its fields.
     Refused {
         /// The request.
         #[serde(serialize_with = "as_text")]

@@ -74,12 +74,12 @@ pub(crate) struct Log {
     entries: VecDeque<LogEntry>,
     dropped: u64,
     /// What was told of the connections that were warned of, until they end.
-    connections: BTreeMap<ConnectionId, Told>,
+    connections: BTreeMap<ConnectionId, ConnectionWarnings>,
 }
 
 /// What was told of one connection.
 #[derive(Debug, Default)]
-struct Told {
+struct ConnectionWarnings {
     /// When the present [`WARNING_WINDOW`] began.
     since: Instant,
     /// How many warnings were told in it.
@@ -90,7 +90,7 @@ struct Told {
     ds_id: bool,
 }
 
-impl Told {
+impl ConnectionWarnings {
     /// When it is told how many warnings were left out.
     fn due(&self) -> Option<Instant> {
         (self.left_out > 0).then(|| self.since + WARNING_WINDOW)
@@ -131,15 +131,23 @@ impl Log {
 
     /// When [`Self::handle_timeout`] has something to tell.
     pub fn poll_timeout(&self) -> Option<Instant> {
-        self.connections.values().filter_map(Told::due).min()
+        self.connections.values().filter_map(ConnectionWarnings::due).min()
     }
 
     /// Tells how many warnings were left out, of connections that send no more.
     pub fn handle_timeout(&mut self, now: Instant) {
-        let is_due = |told: &Told| told.due().is_some_and(|due| due <= now);
+        let is_due = |told: &ConnectionWarnings| told.due().is_some_and(|due| due <= now);
         let due = self.connections.iter_mut().filter(|(_, told)| is_due(told));
         let left_out: Vec<_> = due
-            .map(|(id, told)| (*id, std::mem::replace(told, Told { ds_id: told.ds_id, ..Told::default() })))
+            .map(|(id, told)| {
+                (
+                    *id,
+                    std::mem::replace(
+                        told,
+                        ConnectionWarnings { ds_id: told.ds_id, ..ConnectionWarnings::default() },
+                    ),
+                )
+            })
             .collect();
         for (id, told) in left_out {
             self.tell_left_out(now, id, told.left_out);

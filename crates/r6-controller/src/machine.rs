@@ -9,13 +9,14 @@ mod deadlines;
 mod execution;
 mod halt;
 mod hand;
-mod kept;
 mod loading;
 mod lone_curve;
 mod look_ahead;
 mod order;
 mod panel;
+mod persistent;
 mod program;
+mod remote_list;
 mod signal_stop;
 mod watchdog;
 
@@ -27,13 +28,13 @@ use r6_proto::address::RegisterIndex;
 use r6_proto::message::Point;
 use r6_proto::time::Instant;
 
-pub use buttons::NotTaken;
 pub use execution::{Activity, Run};
 pub use halt::AfterHalt;
 pub use program::{MAX_CALLS, ProgramRun};
+pub use remote_list::NotTaken;
 pub use watchdog::Watchdog;
 
-pub(crate) use kept::{Kept, Placed};
+pub(crate) use persistent::{Persistent, Placed};
 
 use crate::event::{AlarmCause, Event};
 use crate::instruction_list::InstructionList;
@@ -79,19 +80,19 @@ pub struct Machine {
     pub(crate) io: Io,
     pub(crate) registers: BTreeMap<RegisterIndex, i64>,
     /// What a power cut leaves of them: what was last written with `savable`.
-    pub(crate) saved_registers: Kept<BTreeMap<RegisterIndex, i64>>,
-    pub(crate) counters: Kept<BTreeMap<u32, CounterState>>,
-    pub(crate) tools: Kept<BTreeMap<u32, Placed>>,
-    pub(crate) benches: Kept<BTreeMap<u32, Placed>>,
+    pub(crate) saved_registers: Persistent<BTreeMap<RegisterIndex, i64>>,
+    pub(crate) counters: Persistent<BTreeMap<u32, CounterState>>,
+    pub(crate) tools: Persistent<BTreeMap<u32, Placed>>,
+    pub(crate) benches: Persistent<BTreeMap<u32, Placed>>,
     pub(crate) tool: u32,
     pub(crate) bench: u32,
-    pub(crate) stacks: Kept<BTreeMap<u32, Stack>>,
+    pub(crate) stacks: Persistent<BTreeMap<u32, Stack>>,
     /// Fraction, 1 for 100 %.
     pub(crate) global_speed: f64,
     pub(crate) ramps: Ramps,
     pub(crate) library: Library,
     /// The texts of the programs that a person loaded at the machine.
-    pub(crate) loaded: Kept<BTreeMap<String, String>>,
+    pub(crate) loaded: Persistent<BTreeMap<String, String>>,
     pub(crate) mold: String,
     pub(crate) machine_name: String,
     pub(crate) account: String,
@@ -184,18 +185,18 @@ impl Machine {
             axes: Axes::ZERO,
             io: Io::default(),
             registers: BTreeMap::new(),
-            saved_registers: Kept::default(),
-            counters: Kept::new(counters),
-            tools: Kept::default(),
-            benches: Kept::default(),
+            saved_registers: Persistent::default(),
+            counters: Persistent::new(counters),
+            tools: Persistent::default(),
+            benches: Persistent::default(),
             tool: 0,
             bench: 0,
-            stacks: Kept::default(),
+            stacks: Persistent::default(),
             global_speed: (settings.global_speed / 100.0).clamp(0.0, 1.0),
             ramps: ramps.unwrap_or_default(),
             mold: settings.mold,
             library: settings.library,
-            loaded: Kept::default(),
+            loaded: Persistent::default(),
             machine_name: settings.machine_name,
             account: settings.account,
             io_boards: settings.io_boards,

@@ -9,8 +9,8 @@ mod client;
 mod holds;
 #[path = "faults/machine_cases.rs"]
 mod machine_cases;
-#[path = "faults/told.rs"]
-mod told;
+#[path = "faults/session_events.rs"]
+mod session_events;
 #[path = "faults/watch.rs"]
 mod watch;
 #[path = "faults/world.rs"]

@@ -12,7 +12,7 @@ use crate::input::Input;
 
 /// What a buffer told.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Told {
+enum FoundFrame {
     Frame { offset: u64, bytes: Vec<u8> },
     Fault(FrameError),
 }
@@ -37,7 +37,7 @@ pub fn run(bytes: &[u8]) {
     assert_eq!(told(stream, limits, &mut uneven), whole, "in pieces it is another stream");
 
     for told in &whole {
-        if let Told::Frame { offset, bytes } = told {
+        if let FoundFrame::Frame { offset, bytes } = told {
             let at = usize::try_from(*offset).unwrap();
             assert_eq!(stream.get(at..at + bytes.len()), Some(&bytes[..]), "a frame is what was received");
             assert!(bytes.len() <= limits.max_frame_bytes && bytes[0] == b'{' && bytes.ends_with(b"}"));
@@ -57,15 +57,15 @@ pub fn run(bytes: &[u8]) {
 }
 
 /// What the plain scanner tells too: where frames and faults begin, and which fault it is.
-fn plain(told: &Told) -> scanner::Found {
+fn plain(told: &FoundFrame) -> scanner::Found {
     match told {
-        Told::Frame { offset, bytes } => scanner::Found::Frame { at: *offset, length: bytes.len() },
-        Told::Fault(error) => scanner::Found::Fault { at: error.stream_offset, fault: error.fault },
+        FoundFrame::Frame { offset, bytes } => scanner::Found::Frame { at: *offset, length: bytes.len() },
+        FoundFrame::Fault(error) => scanner::Found::Fault { at: error.stream_offset, fault: error.fault },
     }
 }
 
 /// Pushes the stream in pieces and gathers what the buffer tells; holds the buffer to its bounds meanwhile.
-fn told(stream: &[u8], limits: Limits, piece: &mut dyn FnMut(usize) -> usize) -> Vec<Told> {
+fn told(stream: &[u8], limits: Limits, piece: &mut dyn FnMut(usize) -> usize) -> Vec<FoundFrame> {
     let mut buffer = FrameBuffer::new(limits);
     let mut told = Vec::new();
     let mut rest = stream;
@@ -82,12 +82,12 @@ fn told(stream: &[u8], limits: Limits, piece: &mut dyn FnMut(usize) -> usize) ->
     let pending = buffer.pending();
     let abandoned = buffer.abandon_partial();
     assert!(abandoned.is_none() || pending > 0);
-    told.extend(abandoned.map(Told::Fault));
+    told.extend(abandoned.map(FoundFrame::Fault));
     assert_eq!(buffer.abandon_partial(), None, "what was given up is given up once");
     told
 }
 
-fn feed(buffer: &mut FrameBuffer, mut bytes: &[u8], limits: Limits, told: &mut Vec<Told>) {
+fn feed(buffer: &mut FrameBuffer, mut bytes: &[u8], limits: Limits, told: &mut Vec<FoundFrame>) {
     loop {
         let taken = if bytes.len().is_multiple_of(2) {
             buffer.push(bytes)
@@ -100,10 +100,10 @@ fn feed(buffer: &mut FrameBuffer, mut bytes: &[u8], limits: Limits, told: &mut V
         };
         while let Some(next) = buffer.next() {
             told.push(match next {
-                Ok(frame) => Told::Frame { offset: frame.stream_offset, bytes: frame.bytes.to_vec() },
+                Ok(frame) => FoundFrame::Frame { offset: frame.stream_offset, bytes: frame.bytes.to_vec() },
                 Err(error) => {
                     assert!(error.first_bytes().len() <= 16 && !error.to_string().is_empty());
-                    Told::Fault(error)
+                    FoundFrame::Fault(error)
                 }
             });
         }

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use self::matcher::{Assigned, Matcher, hash_of_query};
 use self::repeated::LastQuery;
-use crate::dialect::{DsIdForm, Envelope};
+use crate::dialect::{Addressing, DsIdForm};
 use crate::encode::write_integer;
 use crate::error::{EncodeError, JsonError};
 use crate::frame::{FrameBuffer, FrameError, Limits};
@@ -339,12 +339,12 @@ impl ClientSession {
     fn encode(&mut self, request: &Request<'_>) -> Result<u64, SendError> {
         let before = self.output.len();
         let digits = std::str::from_utf8(&self.digits).unwrap_or_default();
-        let envelope = Envelope {
+        let addressing = Addressing {
             ds_id: self.settings.ds_id,
             type_key: self.settings.type_key,
             pack_id: request.expects_reply().then_some(digits),
         };
-        request.encode(&envelope, &mut self.output).map_err(SendError::Encode)?;
+        request.encode(&addressing, &mut self.output).map_err(SendError::Encode)?;
         let Request::Query(addresses) = request else { return Ok(0) };
         let frame = self.output.get(before..).unwrap_or_default();
         let number = hash_of_query(frame, addresses);

@@ -159,7 +159,7 @@ impl DsIdForm {
 
 /// How a request is addressed.
 #[derive(Clone, Copy, Debug)]
-pub struct Envelope<'a> {
+pub struct Addressing<'a> {
     /// The form of `dsID`.
     pub ds_id: DsIdForm,
     /// The key of the type; `Absent` sends none, and such a request gets no reply.
@@ -168,7 +168,7 @@ pub struct Envelope<'a> {
     pub pack_id: Option<&'a str>,
 }
 
-impl Default for Envelope<'_> {
+impl Default for Addressing<'_> {
     fn default() -> Self {
         Self { ds_id: DsIdForm::Long, type_key: TypeKey::ReqType, pack_id: None }
     }

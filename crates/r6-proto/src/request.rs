@@ -1,7 +1,7 @@
 //! Requests, encoded strictly: one compact form, every number within its range.
 
 use crate::address::Address;
-use crate::dialect::Envelope;
+use crate::dialect::Addressing;
 use crate::encode::{ObjectWriter, key};
 use crate::error::EncodeError;
 use crate::message::{Command, Instruction, PhotoAnswer, Point, RequestType};
@@ -70,20 +70,20 @@ impl Request<'_> {
     ///
     /// # Errors
     /// [`EncodeError`] names the field that the wire cannot carry; `out` is then as before.
-    pub fn encode(&self, envelope: &Envelope<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
+    pub fn encode(&self, addressing: &Addressing<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let before = out.len();
-        let encoded = self.encode_members(envelope, out);
+        let encoded = self.encode_members(addressing, out);
         if encoded.is_err() {
             out.truncate(before);
         }
         encoded
     }
 
-    fn encode_members(&self, envelope: &Envelope<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
+    fn encode_members(&self, addressing: &Addressing<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let request = self.request_type();
-        head::append(out, envelope, request);
+        head::append(out, addressing, request);
         let mut frame = ObjectWriter::go_on(out);
-        if let Some(pack_id) = envelope.pack_id {
+        if let Some(pack_id) = addressing.pack_id {
             frame.text(key!("packID"), pack_id);
         }
         match self {

@@ -2,7 +2,7 @@
 
 use r6_proto::axis::AxisMask;
 use r6_proto::client::{ClientSession, ClientSettings, Event};
-use r6_proto::dialect::{Dialect, Envelope};
+use r6_proto::dialect::{Addressing, Dialect};
 use r6_proto::frame::{FrameBuffer, Limits};
 use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Instruction, Manner, Move};
 use r6_proto::message::{Body, Message, Point};
@@ -53,19 +53,19 @@ fn points() -> Vec<Point> {
 
 fn encoded(request: &Request<'_>) -> Vec<u8> {
     let mut out = Vec::new();
-    let envelope = Envelope { pack_id: Some("1048576"), ..Envelope::default() };
-    assert_eq!(request.encode(&envelope, &mut out), Ok(()));
+    let addressing = Addressing { pack_id: Some("1048576"), ..Addressing::default() };
+    assert_eq!(request.encode(&addressing, &mut out), Ok(()));
     out
 }
 
 /// Encodes and counts; the buffer has held a frame of this length before.
 fn allocations_encoding(request: &Request<'_>) -> u64 {
     let mut out = encoded(request);
-    let envelope = Envelope { pack_id: Some("1048576"), ..Envelope::default() };
+    let addressing = Addressing { pack_id: Some("1048576"), ..Addressing::default() };
     let length = out.len();
     let count = allocations_during(|| {
         out.clear();
-        assert_eq!(request.encode(&envelope, &mut out), Ok(()));
+        assert_eq!(request.encode(&addressing, &mut out), Ok(()));
     });
     assert_eq!(out.len(), length);
     count

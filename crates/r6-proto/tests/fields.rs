@@ -2,7 +2,7 @@
 //! value that it cannot have.
 
 use r6_proto::axis::{AxisIndex, AxisMask};
-use r6_proto::dialect::{CommandReplyForm, Dialect, DsIdForm, Envelope};
+use r6_proto::dialect::{Addressing, CommandReplyForm, Dialect, DsIdForm};
 use r6_proto::error::FieldError;
 use r6_proto::message::command::Outcome;
 use r6_proto::message::instruction::{
@@ -53,7 +53,7 @@ fn sent(action: Action) -> String {
 
 fn encoded(request: &Request<'_>) -> String {
     let mut out = Vec::new();
-    request.encode(&Envelope::default(), &mut out).unwrap_or_else(|error| panic!("{error}"));
+    request.encode(&Addressing::default(), &mut out).unwrap_or_else(|error| panic!("{error}"));
     String::from_utf8(out).unwrap()
 }
 
@@ -334,7 +334,7 @@ fn what_the_wire_cannot_carry_is_not_sent() {
         assert_eq!(refused_to_send(Action::PathSpeed(speed)), "speed", "{wrong}");
     }
     let refused = |command: Command<'_>| {
-        let encoded = Request::Command(&command).encode(&Envelope::default(), &mut Vec::new());
+        let encoded = Request::Command(&command).encode(&Addressing::default(), &mut Vec::new());
         encoded.unwrap_err().to_string()
     };
     let register = r6_proto::RegisterIndex::new(800).unwrap();
@@ -348,7 +348,7 @@ fn what_lies_between_two_steps_of_the_wire_is_not_rounded() {
     use r6_proto::message::instruction::{Output, Wait};
     let refused = |request: &Request<'_>| {
         let mut out = b"before".to_vec();
-        let error = request.encode(&Envelope::default(), &mut out).unwrap_err();
+        let error = request.encode(&Addressing::default(), &mut out).unwrap_err();
         assert_eq!(out, b"before");
         let nearest = error.nearest.unwrap_or_else(|| panic!("{error}"));
         assert!(error.to_string().ends_with(&format!("; nearest: {nearest}")), "{error}");
@@ -658,7 +658,7 @@ fn instruction_action_unknown() {
         // It can be looked at, but not sent on: nobody knows what it means.
         let mut out = b"before".to_vec();
         let request = Request::AddRcc { empty_list: true, instructions: list.instructions };
-        assert_eq!(request.encode(&Envelope::default(), &mut out).unwrap_err().field, "action");
+        assert_eq!(request.encode(&Addressing::default(), &mut out).unwrap_err().field, "action");
         assert_eq!(out, b"before");
     });
     let error = instruction(r#""oneshot":"1""#).unwrap_err();
@@ -687,7 +687,7 @@ fn instruction_4_m() {
     sharp.target.set(AxisIndex::ALL[0], 1e10);
     let list = [Instruction { oneshot: true, action: Action::LinearMove(sharp) }];
     let request = Request::AddRcc { empty_list: true, instructions: &list };
-    assert_eq!(request.encode(&Envelope::default(), &mut Vec::new()).unwrap_err().field, "m0");
+    assert_eq!(request.encode(&Addressing::default(), &mut Vec::new()).unwrap_err().field, "m0");
 }
 
 #[test]
@@ -864,7 +864,7 @@ fn instruction_52_io_status() {
 fn refused_to_send(action: Action) -> &'static str {
     let list = [Instruction { oneshot: false, action }];
     let request = Request::AddRcc { empty_list: true, instructions: &list };
-    request.encode(&Envelope::default(), &mut Vec::new()).unwrap_err().field
+    request.encode(&Addressing::default(), &mut Vec::new()).unwrap_err().field
 }
 
 const WAIT: &str = r#""action":"100","type":"1","point":"7","io_status":"2","limit":"2.5","isUnlimit":"0""#;
@@ -1467,9 +1467,9 @@ fn header_pack_id() {
     }
     // None sent, none answered (captured, unit D); there is a reply all the same.
     assert!(!query_reply(Dialect::HC1, r#"{"reqType":"query","queryAddr":[]}"#, |_| {}).contains("packID"));
-    let envelope = Envelope { pack_id: Some("7\""), ..Envelope::default() };
+    let addressing = Addressing { pack_id: Some("7\""), ..Addressing::default() };
     let mut out = Vec::new();
-    assert_eq!(Request::Heartbreak.encode(&envelope, &mut out), Ok(()));
+    assert_eq!(Request::Heartbreak.encode(&addressing, &mut out), Ok(()));
     assert_eq!(
         String::from_utf8(out).unwrap(),
         r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"heartbreak","packID":"7\""}"#

@@ -3,14 +3,14 @@
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use generators::{Owned, OwnedEnvelope};
+use generators::{Owned, OwnedAddressing};
 use json_text::Bytes;
 use look::look_at_everything;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use r6_proto::client::{ClientSession, ClientSettings, Event};
-use r6_proto::dialect::Envelope;
+use r6_proto::dialect::Addressing;
 use r6_proto::frame::Limits;
 use r6_proto::message::{Body, RequestType, TypeKey};
 use r6_proto::request::CameraPoints;
@@ -56,14 +56,14 @@ proptest! {
     #[test]
     fn every_request_is_decoded_as_it_was_encoded(
         request in generators::request(),
-        envelope in generators::envelope(),
+        addressing in generators::addressing(),
     ) {
-        let bytes = encode(&request, &envelope);
+        let bytes = encode(&request, &addressing);
         prop_assert!(serde_json::from_slice::<Value>(&bytes).is_ok());
         let mut decoder = Decoder::new();
         let message = decoder.decode(&bytes).map_err(|error| TestCaseError::fail(error.to_string()))?;
-        check_header(&message, &request, &envelope)?;
-        check_body(&message, &request, envelope.type_key)?;
+        check_header(&message, &request, &addressing)?;
+        check_body(&message, &request, addressing.type_key)?;
         prop_assert_eq!(message.extras().len(), 0);
     }
 
@@ -105,7 +105,7 @@ proptest! {
     }
 }
 
-fn encode(request: &Owned, envelope: &OwnedEnvelope) -> Vec<u8> {
+fn encode(request: &Owned, addressing: &OwnedAddressing) -> Vec<u8> {
     let cameras: Vec<CameraPoints<'_>>;
     let request = match request {
         Owned::Query(addresses) => Request::Query(addresses),
@@ -120,17 +120,17 @@ fn encode(request: &Owned, envelope: &OwnedEnvelope) -> Vec<u8> {
         Owned::Heartbreak => Request::Heartbreak,
         Owned::PhotoAnswer(answer) => Request::PhotoAnswer(*answer),
     };
-    let OwnedEnvelope { ds_id, type_key, pack_id } = envelope;
-    let envelope = Envelope { ds_id: *ds_id, type_key: *type_key, pack_id: pack_id.as_deref() };
+    let OwnedAddressing { ds_id, type_key, pack_id } = addressing;
+    let addressing = Addressing { ds_id: *ds_id, type_key: *type_key, pack_id: pack_id.as_deref() };
     let mut bytes = Vec::new();
-    request.encode(&envelope, &mut bytes).unwrap_or_else(|error| panic!("{error}"));
+    request.encode(&addressing, &mut bytes).unwrap_or_else(|error| panic!("{error}"));
     bytes
 }
 
 fn check_header(
     message: &Message<'_>,
     request: &Owned,
-    envelope: &OwnedEnvelope,
+    addressing: &OwnedAddressing,
 ) -> Result<(), TestCaseError> {
     let kind = match request {
         Owned::Query(_) => RequestType::Query,
@@ -142,11 +142,11 @@ fn check_header(
     };
     let text = |value: Option<WireValue<'_>>| value.map(|value| value.text().into_owned());
     let header = &message.header;
-    prop_assert_eq!(text(header.ds_id), Some(envelope.ds_id.ds_id(kind).to_owned()));
-    prop_assert_eq!(header.type_key, envelope.type_key);
-    let word = (envelope.type_key != TypeKey::Absent).then(|| kind.word().to_owned());
+    prop_assert_eq!(text(header.ds_id), Some(addressing.ds_id.ds_id(kind).to_owned()));
+    prop_assert_eq!(header.type_key, addressing.type_key);
+    let word = (addressing.type_key != TypeKey::Absent).then(|| kind.word().to_owned());
     prop_assert_eq!(text(header.type_word), word);
-    prop_assert_eq!(text(header.pack_id), envelope.pack_id.clone());
+    prop_assert_eq!(text(header.pack_id), addressing.pack_id.clone());
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use r6_proto::axis::AxisMask;
-use r6_proto::dialect::{Dialect, DsIdForm, Envelope};
+use r6_proto::dialect::{Addressing, Dialect, DsIdForm};
 use r6_proto::frame::{FrameBuffer, Limits};
 use r6_proto::message::reading::Counter;
 use r6_proto::message::{Body, CommandReply, Header, PhotoAnswer};
@@ -289,12 +289,12 @@ fn check_canonical(message: &Message<'_>, canonical: &str, decoded: &Value) {
         let pack_id = message.header.pack_id.map(|pack_id| pack_id.text());
         let ds_id = message.header.ds_id.map(|ds_id| ds_id.text());
         let long = Some(DsIdForm::Long.ds_id(request.request_type()));
-        let envelope = Envelope {
+        let addressing = Addressing {
             ds_id: if ds_id.as_deref() == long { DsIdForm::Long } else { DsIdForm::Short },
             type_key: message.header.type_key,
             pack_id: pack_id.as_deref(),
         };
-        request.encode(&envelope, &mut bytes).unwrap_or_else(|error| panic!("{error}"));
+        request.encode(&addressing, &mut bytes).unwrap_or_else(|error| panic!("{error}"));
     });
     assert_eq!(String::from_utf8_lossy(&bytes), canonical);
 

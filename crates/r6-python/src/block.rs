@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use crate::following::FollowCore;
 use crate::handle::MotionCore;
 use crate::operation::{Operation, Waited};
-use crate::told;
+use crate::outcome;
 
 /// What runs.
 #[derive(FromPyObject)]
@@ -54,12 +54,12 @@ impl Block {
         if let Some(raised) = insisted.raised {
             // What came meanwhile goes on in place of the first, which is its context; both know what became of the arm.
             let report = insisted.outcome.as_ref().map(Bound::clone).map_err(|error| error.clone_ref(py));
-            told::tell(core, error, report)?;
-            told::tell(core, raised.value(py), insisted.outcome)?;
-            told::in_the_course_of(py, &raised, error)?;
+            outcome::tell(core, error, report)?;
+            outcome::tell(core, raised.value(py), insisted.outcome)?;
+            outcome::in_the_course_of(py, &raised, error)?;
             return Err(raised);
         }
-        told::tell(core, error, insisted.outcome)
+        outcome::tell(core, error, insisted.outcome)
     }
 }
 
@@ -93,7 +93,9 @@ impl Block {
             return self.stop_for(error);
         }
         match self.finished()?.waited(py)? {
-            Waited::Made(Err(error)) if self.stop_asked() && told::is_end_by_stop(py, error.value(py))? => {
+            Waited::Made(Err(error))
+                if self.stop_asked() && outcome::is_end_by_stop(py, error.value(py))? =>
+            {
                 Ok(())
             }
             Waited::Made(done) => done.map(drop),

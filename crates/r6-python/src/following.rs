@@ -13,7 +13,7 @@ use crate::convert;
 use crate::errors::raise;
 use crate::handle::Streaming;
 use crate::operation::Operation;
-use crate::process::{Kept, Process};
+use crate::process::{OfThisProcess, Process};
 use crate::units::{AxisPosition, Given};
 
 type Outcome = Result<Followed, MotionError>;
@@ -29,7 +29,7 @@ struct Parts {
 /// A target that is followed. Its end can be asked for again and again, and by many.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct FollowCore {
-    parts: Kept<Parts>,
+    parts: OfThisProcess<Parts>,
     /// Whether its owner asked for a stop.
     stop_asked: AtomicBool,
 }
@@ -46,7 +46,7 @@ impl FollowCore {
         });
         let (target, streaming) = (Mutex::new(Some(target)), Streaming(task.abort_handle()));
         Ok(Self {
-            parts: Kept::new(Parts { robot, target, outcome, streaming }),
+            parts: OfThisProcess::new(Parts { robot, target, outcome, streaming }),
             stop_asked: AtomicBool::new(false),
         })
     }

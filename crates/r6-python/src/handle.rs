@@ -16,7 +16,7 @@ use crate::convert::{self, seconds};
 use crate::errors::raise;
 use crate::operation::Operation;
 use crate::pickling::Reduced;
-use crate::process::Kept;
+use crate::process::OfThisProcess;
 
 /// How far a motion is.
 #[pyclass(frozen, module = "r6._r6", eq)]
@@ -162,7 +162,7 @@ async fn own(
 /// A motion that runs. Its end can be asked for again and again, and by many.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct MotionCore {
-    parts: Kept<Parts>,
+    parts: OfThisProcess<Parts>,
     /// What `next_progress` has told.
     told: Mutex<Option<r6_client::Progress>>,
     /// Whether its handle asked for a stop.
@@ -181,7 +181,7 @@ impl MotionCore {
 
     /// The handle.
     pub fn new(parts: Parts) -> Self {
-        Self { parts: Kept::new(parts), told: Mutex::new(None), stop_asked: AtomicBool::new(false) }
+        Self { parts: OfThisProcess::new(parts), told: Mutex::new(None), stop_asked: AtomicBool::new(false) }
     }
 
     /// Waits until a step is as wanted; `false` if it never will be, as far as is known.

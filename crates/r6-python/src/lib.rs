@@ -19,6 +19,7 @@ mod listening;
 mod motion;
 mod numbers;
 mod operation;
+mod outcome;
 mod photos;
 mod pickling;
 mod points;
@@ -32,7 +33,6 @@ mod simulator;
 mod starting;
 mod subscription;
 mod tables;
-mod told;
 mod units;
 mod wire;
 
@@ -68,6 +68,8 @@ mod _r6 {
     #[pymodule_export]
     use crate::operation::{Operation, Started};
     #[pymodule_export]
+    use crate::outcome::{ended_as_asked, told};
+    #[pymodule_export]
     use crate::photos::PhotosCore;
     #[pymodule_export]
     use crate::pickling::remade;
@@ -89,8 +91,6 @@ mod _r6 {
     use crate::subscription::{PushedCore, SubscriptionCore};
     #[pymodule_export]
     use crate::tables::{addresses, alarm, models, profiles};
-    #[pymodule_export]
-    use crate::told::{ended_as_asked, told};
     #[pymodule_export]
     use crate::units::{AxisMask, AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Percent, Pose};
 }

@@ -10,7 +10,7 @@ use r6_client::callback::{Call, CallbackHand};
 use r6_client::{RequestError, Robot, RobotSettings};
 
 use crate::operation::{Made, Work};
-use crate::process::{Errand, Held, Kept, Process, Unheard};
+use crate::process::{Errand, Held, OfThisProcess, Process, Unheard};
 use crate::wire::{self, Socket, Wire};
 
 /// The connection of an `AsyncRobot`.
@@ -175,7 +175,7 @@ impl Line {
                 before.leave(py);
             }
         }
-        let kept = Kept::new((Arc::downgrade(self), Arc::clone(&socket)));
+        let kept = OfThisProcess::new((Arc::downgrade(self), Arc::clone(&socket)));
         let read = PyCFunction::new_closure(py, None, None, move |args, _| {
             let (line, socket) = kept.here()?;
             match line.upgrade() {
@@ -276,7 +276,7 @@ impl Reader {
     /// Has the event loop take the socket out of its selector. An error says that the event loop is closed, and so is its selector.
     fn leave_soon(self, py: Python<'_>) -> PyResult<()> {
         let event_loop = self.event_loop.clone_ref(py);
-        let kept = Kept::new(self);
+        let kept = OfThisProcess::new(self);
         let leave = PyCFunction::new_closure(py, None, None, move |args, _| {
             kept.here()?.leave(args.py());
             Ok::<(), PyErr>(())

@@ -14,7 +14,7 @@ use crate::driver::Driver;
 use crate::errors::Raise;
 use crate::interpreter;
 use crate::operation::Operation;
-use crate::process::{Kept, Process};
+use crate::process::{OfThisProcess, Process};
 use crate::record::Record;
 use crate::settings;
 
@@ -22,7 +22,7 @@ use crate::settings;
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Listen {
     /// `None` once a robot has it.
-    listen: Kept<Mutex<Option<r6_client::Listen>>>,
+    listen: OfThisProcess<Mutex<Option<r6_client::Listen>>>,
     #[pyo3(get)]
     address: String,
 }
@@ -43,7 +43,7 @@ impl Listen {
             listen = listen.only_from(controller);
         }
         let address = listen.address()?.to_string();
-        Ok(Self { listen: Kept::new(Mutex::new(Some(listen))), address })
+        Ok(Self { listen: OfThisProcess::new(Mutex::new(Some(listen))), address })
     }
 
     fn __repr__(&self) -> String {

@@ -14,8 +14,8 @@ use tokio::time::timeout;
 use crate::driver::Driver;
 use crate::interpreter::{self, Back};
 use crate::line::Calling;
-use crate::process::{Errand, Held, Kept, Owed, Process, Unheard, made_before_the_fork};
-use crate::told;
+use crate::outcome;
+use crate::process::{Errand, Held, OfThisProcess, Owed, Process, Unheard, made_before_the_fork};
 
 /// How often a thread that waits asks whether a signal has come. Ctrl-C is felt within this time, and a reply, which
 /// takes a real controller 20 ms, is not disturbed by it.
@@ -33,11 +33,11 @@ pub type Running = Pin<Box<dyn Future<Output = Made> + Send>>;
 /// Something that takes time and has not begun: `wait` or `start` it, once.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Operation {
-    work: Kept<Mutex<Option<Work>>>,
+    work: OfThisProcess<Mutex<Option<Work>>>,
     /// What to tell whoever gives up waiting, where it goes on all the same.
     goes_on: Option<&'static str>,
     /// What drives it where that is not the engine.
-    driver: Option<Kept<Driver>>,
+    driver: Option<OfThisProcess<Driver>>,
 }
 
 /// A stop whose waiting was given up.
@@ -87,13 +87,13 @@ impl Operation {
             made
         };
         let work = Work { running: Box::pin(running), held, owed: None, unheard: None };
-        Self { work: Kept::new(Mutex::new(Some(work))), goes_on: None, driver: None }
+        Self { work: OfThisProcess::new(Mutex::new(Some(work))), goes_on: None, driver: None }
     }
 
     /// The same, driven by this. It waits for that connection alone, and needs no runtime around it.
     #[must_use]
     pub fn over(self, driver: &Driver) -> Self {
-        Self { driver: Some(Kept::new(driver.clone())), ..self }
+        Self { driver: Some(OfThisProcess::new(driver.clone())), ..self }
     }
 
     /// The same, but once begun it goes on to its end, whoever gives up waiting, and the end of the program waits for it: for what must
@@ -131,7 +131,7 @@ impl Operation {
     pub fn waited<'py>(&self, py: Python<'py>) -> PyResult<Waited<'py>> {
         self.work.here()?;
         let process = Process::current(py)?;
-        let driver = self.driver.as_ref().map(Kept::here).transpose()?;
+        let driver = self.driver.as_ref().map(OfThisProcess::here).transpose()?;
         let mut work = self.begin(process)?;
         loop {
             if let Some((made, _back)) = work.some_time(py, process, driver) {
@@ -145,7 +145,7 @@ impl Operation {
             }
             if let Err(raised) = signalled {
                 if let Some(told) = self.goes_on {
-                    told::note(raised.value(py), told);
+                    outcome::note(raised.value(py), told);
                     process.engine().handle().spawn(Begun { process, tell: None, work: Some(work) });
                 }
                 return Ok(Waited::Raised(raised));
@@ -157,7 +157,7 @@ impl Operation {
     pub fn insist<'py>(&self, py: Python<'py>) -> PyResult<Insisted<'py>> {
         self.work.here()?;
         let process = Process::current(py)?;
-        let driver = self.driver.as_ref().map(Kept::here).transpose()?;
+        let driver = self.driver.as_ref().map(OfThisProcess::here).transpose()?;
         let mut work = self.begin(process)?;
         let mut raised: Option<PyErr> = None;
         loop {
@@ -170,7 +170,7 @@ impl Operation {
             }
             if let Err(error) = signalled {
                 if let Some(before) = &raised {
-                    told::in_the_course_of(py, &error, before.value(py))?;
+                    outcome::in_the_course_of(py, &error, before.value(py))?;
                 }
                 raised = Some(error);
             }
@@ -235,12 +235,12 @@ impl Operation {
             && line.attach(py, event_loop)?
         {
             let calling = line.begin(py, self.begin(process)?, tell, future);
-            return Ok(Started { task: Kept::new(Task::Here(calling)), goes_on: None });
+            return Ok(Started { task: OfThisProcess::new(Task::Here(calling)), goes_on: None });
         }
         let work = Some(self.begin(process)?);
         let task = process.engine().handle().spawn(Begun { process, tell: Some(tell), work });
         let task = if self.goes_on.is_none() { Task::OfTheEngine(task.abort_handle()) } else { Task::GoesOn };
-        Ok(Started { task: Kept::new(task), goes_on: self.goes_on })
+        Ok(Started { task: OfThisProcess::new(task), goes_on: self.goes_on })
     }
 }
 
@@ -294,7 +294,7 @@ enum Task {
 /// An operation that was started.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Started {
-    task: Kept<Task>,
+    task: OfThisProcess<Task>,
     /// What to tell whoever gives up waiting for it, where it goes on all the same.
     #[pyo3(get)]
     goes_on: Option<&'static str>,

@@ -13,7 +13,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 use crate::errors::Raise;
 use crate::handle::Streaming;
 use crate::operation::Operation;
-use crate::process::{Kept, Process};
+use crate::process::{OfThisProcess, Process};
 use crate::record::{Record, class};
 
 /// What comes from the task that serves.
@@ -37,7 +37,7 @@ struct Parts {
 /// A camera that is served, until it is closed or dropped.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct PhotosCore {
-    parts: Kept<Parts>,
+    parts: OfThisProcess<Parts>,
 }
 
 impl PhotosCore {
@@ -62,7 +62,7 @@ impl PhotosCore {
         });
         let coming = Arc::new(tokio::sync::Mutex::new(coming));
         let serving = Streaming(task.abort_handle());
-        Ok(Self { parts: Kept::new(Parts { coming, waits: Arc::default(), serving, ended }) })
+        Ok(Self { parts: OfThisProcess::new(Parts { coming, waits: Arc::default(), serving, ended }) })
     }
 }
 

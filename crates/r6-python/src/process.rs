@@ -203,12 +203,12 @@ fn run(py: Python<'_>, Errand { tell, made, held, unheard }: Errand) {
 
 /// Something that belongs to the process that made it: of no use in a child of a fork, and neither locked nor dropped there. Both
 /// would wait for threads that the child does not have.
-pub struct Kept<T> {
+pub struct OfThisProcess<T> {
     here: Here,
     value: Option<T>,
 }
 
-impl<T> Kept<T> {
+impl<T> OfThisProcess<T> {
     /// Of the present process.
     pub fn new(value: T) -> Self {
         Self { here: Here::now(), value: Some(value) }
@@ -230,7 +230,7 @@ pub fn made_before_the_fork() -> PyErr {
     )
 }
 
-impl<T> Drop for Kept<T> {
+impl<T> Drop for OfThisProcess<T> {
     fn drop(&mut self) {
         if self.here != Here::now() {
             std::mem::forget(self.value.take());

@@ -21,7 +21,7 @@ use crate::listening::Target;
 use crate::motion::Motion;
 use crate::operation::{Operation, STOP_GOES_ON};
 use crate::photos::{self, PhotosCore};
-use crate::process::{Kept, Process};
+use crate::process::{OfThisProcess, Process};
 use crate::registers;
 use crate::settings::{FollowOptions, RobotSettings, RunOptions};
 use crate::starting::Starting;
@@ -30,7 +30,7 @@ use crate::subscription::{PushedCore, SubscriptionCore};
 /// A handle on one controller.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct RobotCore {
-    handle: Kept<Handle>,
+    handle: OfThisProcess<Handle>,
     #[pyo3(get)]
     address: String,
 }
@@ -47,7 +47,10 @@ struct Handle {
 impl RobotCore {
     fn new(robot: Robot, connection: Arc<Connection>, driver: Driver) -> Self {
         let address = robot.address().to_owned();
-        Self { handle: Kept::new(Handle { robot: Mutex::new(Some(robot)), connection, driver }), address }
+        Self {
+            handle: OfThisProcess::new(Handle { robot: Mutex::new(Some(robot)), connection, driver }),
+            address,
+        }
     }
 
     fn robot(&self, py: Python<'_>) -> PyResult<Robot> {

@@ -21,7 +21,7 @@ use crate::convert::word;
 use crate::errors::{Exception, raise, wrong_file};
 use crate::interpreter;
 use crate::points::named;
-use crate::process::Kept;
+use crate::process::OfThisProcess;
 use crate::record::{Record, array};
 use crate::units::axis;
 
@@ -29,9 +29,9 @@ use crate::units::axis;
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Simulator {
     /// `None` once it was closed. It alone holds the handle, which holds the folder of the state.
-    controller: Kept<Mutex<Option<VirtualController>>>,
+    controller: OfThisProcess<Mutex<Option<VirtualController>>>,
     address: SocketAddr,
-    log: Kept<Mutex<Receiver<LogEntry>>>,
+    log: OfThisProcess<Mutex<Receiver<LogEntry>>>,
 }
 
 const BUTTONS: [(&str, Button); 5] = [
@@ -174,8 +174,8 @@ impl Simulator {
         }
         let controller = raise(py, interpreter::released(py, || builder.start_blocking()).0)?;
         let address = controller.address();
-        let log = Kept::new(Mutex::new(controller.handle().log_from_start()));
-        Ok(Self { controller: Kept::new(Mutex::new(Some(controller))), address, log })
+        let log = OfThisProcess::new(Mutex::new(controller.handle().log_from_start()));
+        Ok(Self { controller: OfThisProcess::new(Mutex::new(Some(controller))), address, log })
     }
 
     #[getter]

@@ -21,8 +21,8 @@ use crate::driver::Driver;
 use crate::errors::raise;
 use crate::handle::MotionCore;
 use crate::operation::{Operation, STOP_GOES_ON};
-use crate::process::{Kept, Owed, Process};
-use crate::told;
+use crate::outcome;
+use crate::process::{OfThisProcess, Owed, Process};
 
 /// How far it is on its way.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -110,7 +110,7 @@ impl Drop for Making {
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Starting {
     operation: Py<Operation>,
-    way: Kept<Arc<Way>>,
+    way: OfThisProcess<Arc<Way>>,
 }
 
 impl Starting {
@@ -146,7 +146,7 @@ impl Starting {
             Driver::Threads(_) => operation.over(driver),
             Driver::EventLoop(_) | Driver::Engine => operation,
         };
-        Ok(Self { operation: Py::new(py, operation)?, way: Kept::new(way) })
+        Ok(Self { operation: Py::new(py, operation)?, way: OfThisProcess::new(way) })
     }
 
     fn stopping(&self, py: Python<'_>) -> PyResult<Option<Operation>> {
@@ -218,8 +218,8 @@ impl Starting {
             report => Some(report),
         };
         if let Some(report) = report {
-            told::note(error, UNOWNED);
-            told::tell(None, error, report)?;
+            outcome::note(error, UNOWNED);
+            outcome::tell(None, error, report)?;
         }
         insisted.raised.map_or(Ok(()), Err)
     }

@@ -16,14 +16,14 @@ use tokio::time::timeout;
 use crate::convert::{self, seconds};
 use crate::errors::timed_out;
 use crate::operation::Operation;
-use crate::process::Kept;
+use crate::process::OfThisProcess;
 use crate::record::Record;
 
 /// Values that are read again and again.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct SubscriptionCore {
     names: Arc<[Py<PyString>]>,
-    shared: Kept<Arc<Shared>>,
+    shared: OfThisProcess<Arc<Shared>>,
 }
 
 struct Shared {
@@ -59,7 +59,7 @@ impl SubscriptionCore {
     pub fn new(names: Vec<Py<PyString>>, subscription: Subscription) -> Self {
         let subscription = Mutex::new(Some(subscription));
         let shared = Shared { subscription, closed: watch::Sender::new(false) };
-        Self { names: names.into(), shared: Kept::new(Arc::new(shared)) }
+        Self { names: names.into(), shared: OfThisProcess::new(Arc::new(shared)) }
     }
 }
 
@@ -112,15 +112,18 @@ impl SubscriptionCore {
 /// What happens on the connection.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct PushedCore {
-    receiver: Kept<Arc<Mutex<Receiver<Pushed>>>>,
+    receiver: OfThisProcess<Arc<Mutex<Receiver<Pushed>>>>,
     /// Whether the robot was closed. The sender of the events outlives that: a subscription keeps it.
-    closed: Kept<watch::Receiver<bool>>,
+    closed: OfThisProcess<watch::Receiver<bool>>,
 }
 
 impl PushedCore {
     /// From now on, until it is closed.
     pub fn new(receiver: Receiver<Pushed>, closed: watch::Receiver<bool>) -> Self {
-        Self { receiver: Kept::new(Arc::new(Mutex::new(receiver))), closed: Kept::new(closed) }
+        Self {
+            receiver: OfThisProcess::new(Arc::new(Mutex::new(receiver))),
+            closed: OfThisProcess::new(closed),
+        }
     }
 }
 

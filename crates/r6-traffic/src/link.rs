@@ -32,7 +32,7 @@ use crate::fault::{LinkFault, LinkFaultNow};
 use crate::random::Random;
 
 pub use door::Door;
-use fate::{DrawnFor, Fate, Felt, InForce, disturbed, drawn_for, speed};
+use fate::{DrawnFor, Fate, InForce, StrikeReport, disturbed, drawn_for, speed};
 use way::{Group, Parcel, Way};
 
 /// How many bytes wait in one direction; then a link takes no more. An empty link takes one frame of any length. Enough to fill the
@@ -117,7 +117,7 @@ impl Link {
             let one = known.unwrap_or_else(|| {
                 let strikes = self.random.strikes(fault.chance);
                 begun.extend(strikes.then_some(fault.fault));
-                InForce { now: *fault, strikes, felt: Felt::NotYet }
+                InForce { now: *fault, strikes, felt: StrikeReport::NotYet }
             });
             self.in_force.push(one);
         }
@@ -143,8 +143,8 @@ impl Link {
 
     /// The next fault that has struck this connection, or a byte of it: each is told once for as long as it is in force.
     pub fn poll_strike(&mut self) -> Option<LinkFault> {
-        let one = self.in_force.iter_mut().find(|one| one.felt == Felt::ToBeTold)?;
-        one.felt = Felt::Told;
+        let one = self.in_force.iter_mut().find(|one| one.felt == StrikeReport::ToBeTold)?;
+        one.felt = StrikeReport::Told;
         Some(one.now.fault)
     }
 

@@ -12,10 +12,10 @@ use tokio::time::sleep;
 use turmoil::net::{TcpListener, TcpStream};
 
 use crate::fault::{Class, Promise};
-use crate::felt::class_of_deed;
+use crate::fault_effects::class_of_deed;
 use crate::floor::Door;
-use crate::kept::STATE;
 use crate::plan::{DWELLS, DWELLS_TEXT, rest_of};
+use crate::saved_registers::STATE;
 use crate::shared::{Shared, State, now};
 use crate::wire::{CAMERA_PORT, PORT, Served};
 

@@ -5,7 +5,7 @@ mod mishaps;
 mod moving;
 mod reading;
 mod recovery;
-mod told;
+mod statements;
 mod writing;
 
 use std::time::Duration;

@@ -1,7 +1,7 @@
 //! Who stands at a controller and counts: what it carried out, what it was when, and whether it moved when nothing may.
 
 mod list;
-mod sights;
+mod observed;
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -13,11 +13,11 @@ use r6_controller::scenario::Happening;
 use r6_controller::{Button, Controller, Event, LogEntry, PanelAction};
 use tokio::sync::watch;
 
-use crate::felt::Felt;
-use crate::kept::Kept;
+use crate::fault_effects::FaultEffects;
 use crate::line::Line;
 use crate::record::Record;
-use sights::Sight;
+use crate::saved_registers::SavedRegister;
+use observed::Sight;
 
 /// An arm that is stopped rests after this long at the latest (`docs/FIDELITY.md`: a pause takes half a second).
 const COMES_TO_REST: Duration = Duration::from_millis(700);
@@ -84,11 +84,11 @@ pub struct Floor {
     starts: u64,
     pub door: watch::Sender<Door>,
     /// What its scenario has in force.
-    pub felt: Felt,
+    pub felt: FaultEffects,
     /// Whether somebody has seen to the machine after all that went wrong.
     pub is_seen_to: bool,
     /// Acknowledged and sent values of the registers that are kept, by register.
-    pub kept: std::collections::BTreeMap<u16, Kept>,
+    pub kept: std::collections::BTreeMap<u16, SavedRegister>,
 }
 
 /// What kept the machine at rest before somebody tried to set it in motion.
@@ -136,7 +136,7 @@ impl Floor {
             is_new: false,
             starts: 0,
             door: watch::Sender::new(Door::Open),
-            felt: Felt::default(),
+            felt: FaultEffects::default(),
             is_seen_to: false,
             kept,
         }
@@ -242,7 +242,7 @@ impl Floor {
         let saved = machine.saved_mark();
         if std::mem::take(&mut self.is_new) || self.starts != saved {
             self.starts = saved;
-            crate::kept::compare((&self.name, &machine.saved().to_json()), &self.kept, at, record);
+            crate::saved_registers::compare((&self.name, &machine.saved().to_json()), &self.kept, at, record);
         }
     }
 

@@ -4,7 +4,7 @@ mod arrival;
 mod connection;
 mod departure;
 mod driven;
-mod said;
+mod lenient;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::task::{Context, Waker};

@@ -8,7 +8,7 @@ use std::time::Duration;
 use r6_client::{Robot, RobotSettings};
 use r6_controller::{Controller, ControllerSettings, Profile, RobotModel, StartState};
 use r6_proto::client::{ClientSession, ClientSettings, Event};
-use r6_proto::dialect::{Dialect, Envelope};
+use r6_proto::dialect::{Addressing, Dialect};
 use r6_proto::frame::Limits;
 use r6_proto::message::instruction::{Action, Coordinates};
 use r6_proto::message::{Body, Query};
@@ -104,18 +104,18 @@ fn client(samples: &Samples) {
 }
 
 /// The frames of these requests, each with a number of its own.
-fn frames(samples: &Samples, request: impl Fn(usize, &mut Vec<u8>, &Envelope<'_>)) -> Vec<Vec<u8>> {
+fn frames(samples: &Samples, request: impl Fn(usize, &mut Vec<u8>, &Addressing<'_>)) -> Vec<Vec<u8>> {
     let each = |at: usize| {
         let (mut frame, pack_id) = (Vec::new(), samples.pack_ids[at].as_str());
-        request(at, &mut frame, &Envelope { pack_id: Some(pack_id), ..Envelope::default() });
+        request(at, &mut frame, &Addressing { pack_id: Some(pack_id), ..Addressing::default() });
         frame
     };
     (0..FRAMES).map(each).collect()
 }
 
 fn queries(samples: &Samples) -> Vec<Vec<u8>> {
-    frames(samples, |at, frame, envelope| {
-        Request::Query(&samples.queries[at]).encode(envelope, frame).expect("it can be written");
+    frames(samples, |at, frame, addressing| {
+        Request::Query(&samples.queries[at]).encode(addressing, frame).expect("it can be written");
     })
 }
 
@@ -151,7 +151,7 @@ fn controller() {
     let few = Samples::new(1);
     let many = Samples::new(50);
     let lists = |samples: &Samples| {
-        frames(samples, |at, frame, envelope| {
+        frames(samples, |at, frame, addressing| {
             let mut instructions = samples.lists[at].clone();
             // Within the limits of every arm, and quick.
             for instruction in &mut instructions {
@@ -167,12 +167,12 @@ fn controller() {
                 }
             }
             let request = Request::AddRcc { empty_list: true, instructions: &instructions };
-            request.encode(envelope, frame).expect("it can be written");
+            request.encode(addressing, frame).expect("it can be written");
         })
     };
-    let points = frames(&few, |at, frame, envelope| {
+    let points = frames(&few, |at, frame, addressing| {
         let cameras = [CameraPoints { cam_id: 3, points: &few.points[at] }];
-        Request::AddPoints(&cameras).encode(envelope, frame).expect("it can be written");
+        Request::AddPoints(&cameras).encode(addressing, frame).expect("it can be written");
     });
     answers("query of 12", &queries(&few), b"\"queryData\":[");
     answers("AddRCC of 1, done", &lists(&few), b"\"ok\"");

@@ -35,7 +35,7 @@ impl fmt::Debug for Sent {
 
 /// A target, and when it was sent.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Told {
+pub(super) struct LastTarget {
     pub target: AxisPosition,
     /// `None` before the first one.
     pub at: Option<Instant>,
@@ -68,10 +68,10 @@ impl TargetSender {
 
 impl Targets {
     /// The newest target, and whether the sender is gone.
-    pub(super) fn newest(&mut self, now: Instant) -> (Told, bool) {
+    pub(super) fn newest(&mut self, now: Instant) -> (LastTarget, bool) {
         // Checked first, so that a target sent right before the end is still read.
         let ended = self.0.has_changed().is_err();
         let Sent { target, age } = &*self.0.borrow_and_update();
-        (Told { target: *target, at: age.as_ref().map(|age| now - age()) }, ended)
+        (LastTarget { target: *target, at: age.as_ref().map(|age| now - age()) }, ended)
     }
 }

@@ -43,7 +43,7 @@ use self::signal::Signal;
 use self::system::{Std, Stream, System};
 use self::turns::{Now, Plan, Rhythm, Turn, Turns};
 use crate::connection::Wants;
-use crate::drive::{Desk, Driven, Hand, Second};
+use crate::drive::{Driven, Hand, Second, SharedConnection};
 use crate::errands::Errands;
 use crate::error::{NotSent, RequestError};
 use crate::hands::connect::Tcp;
@@ -71,7 +71,7 @@ const NEVER: u64 = u64::MAX;
 /// Drives one connection over a blocking socket.
 pub(crate) struct StdHand {
     me: Weak<Self>,
-    desk: Arc<Desk>,
+    shared: Arc<SharedConnection>,
     system: Arc<dyn System>,
     target: Tcp,
     turns: Turns,
@@ -91,7 +91,7 @@ pub(crate) struct StdHand {
 
 impl fmt::Debug for StdHand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("StdHand").field("desk", &self.desk).finish_non_exhaustive()
+        f.debug_struct("StdHand").field("shared", &self.shared).finish_non_exhaustive()
     }
 }
 
@@ -192,10 +192,11 @@ impl StdHand {
             Which::First => (None, false),
             Which::Second(expected) => (expected, true),
         };
-        let desk = Desk::open((target.to_string(), false), settings, expected, now, seed_from_clock);
+        let shared =
+            SharedConnection::open((target.to_string(), false), settings, expected, now, seed_from_clock);
         let hand = Arc::new_cyclic(|me: &Weak<Self>| Self {
             me: Weak::clone(me),
-            desk: Arc::clone(&desk),
+            shared: Arc::clone(&shared),
             system: Arc::clone(&system),
             target: target.clone(),
             turns: Turns::default(),
@@ -218,7 +219,7 @@ impl StdHand {
         hand.serve(None);
         let keeper = Arc::clone(&hand);
         line::spawn(&*system, "r6-keeper", move || keeper.keep())?;
-        Ok((Driven { desk, hand: Arc::clone(&hand) as Arc<dyn Hand> }, hand))
+        Ok((Driven { shared, hand: Arc::clone(&hand) as Arc<dyn Hand> }, hand))
     }
 
     /// Runs a future to its end on this thread, and drives the connection meanwhile.
@@ -236,7 +237,7 @@ impl StdHand {
     /// or elsewhere.
     pub fn block_on_for<F: Future + ?Sized>(&self, time: Duration, future: Pin<&mut F>) -> Option<F::Output> {
         self.tell_time();
-        match self.run(future, Some(self.desk.hub.time.now() + time)) {
+        match self.run(future, Some(self.shared.hub.time.now() + time)) {
             Poll::Ready(output) => Some(output),
             Poll::Pending => None,
         }
@@ -354,7 +355,7 @@ impl StdHand {
     /// The same, if nobody reads and nobody has for a while.
     fn glance_if_unread(&self) {
         let read_at = Instant::from_nanos(self.read_at.load(Ordering::Relaxed));
-        let now = self.desk.hub.time.now();
+        let now = self.shared.hub.time.now();
         if now.since(read_at) >= UNREAD_FOR && self.turns.glance(now) {
             self.glance();
             self.turns.stop_reading(self.now());
@@ -366,7 +367,7 @@ impl StdHand {
         self.pass_time();
         if reads {
             self.glance();
-        } else if self.turns.glance(self.desk.hub.time.now()) {
+        } else if self.turns.glance(self.shared.hub.time.now()) {
             self.glance();
             self.turns.stop_reading(self.now());
         } else {
@@ -377,8 +378,8 @@ impl StdHand {
 
     /// Takes in what was read, and does what is to be done on the connection now.
     fn serve(&self, read: Option<(&Arc<Socket>, io::Result<&[u8]>)>) {
-        let mut connection = self.desk.connection();
-        let now = self.desk.hub.time.now();
+        let mut connection = self.shared.connection();
+        let now = self.shared.hub.time.now();
         let mut line = self.line();
         // What was read over an earlier socket counts for nothing.
         if let Some((socket, read)) = read
@@ -460,7 +461,7 @@ impl StdHand {
         for _ in 0..MOST_LOOKS {
             let any = {
                 let mut errands = self.errands.lock().unwrap_or_else(PoisonError::into_inner);
-                errands.drive(&self.desk.errands, &mut Context::from_waker(&self.waker));
+                errands.drive(&self.shared.errands, &mut Context::from_waker(&self.waker));
                 errands.any()
             };
             self.serve(None);
@@ -478,11 +479,11 @@ impl StdHand {
         let me = Signal::here(&*self.system);
         self.turns.keeper_came(&me);
         self.turns.note();
-        let mut rhythm = Rhythm::begin(self.desk.hub.time.now());
+        let mut rhythm = Rhythm::begin(self.shared.hub.time.now());
         loop {
             self.pass_time();
             self.attend_if_needed();
-            if self.desk.connection().is_closed() && !self.turns.is_wanted(false) {
+            if self.shared.connection().is_closed() && !self.turns.is_wanted(false) {
                 break;
             }
             let now = self.now();
@@ -490,7 +491,7 @@ impl StdHand {
                 self.tick(false);
                 continue;
             }
-            let now = Now { busy: now.busy || self.desk.hub.is_watched(), ..now };
+            let now = Now { busy: now.busy || self.shared.hub.is_watched(), ..now };
             let socket = self.line().socket().filter(|_| now.lets_read()).cloned();
             let until = socket.as_ref().map(|socket| socket.reads_until(now, None));
             match (self.turns.plan(&mut rhythm, until, now), &socket) {
@@ -525,7 +526,7 @@ impl StdHand {
     }
 
     fn now(&self) -> Now {
-        let time = &self.desk.hub.time;
+        let time = &self.shared.hub.time;
         let own = match self.due.load(Ordering::SeqCst) {
             NEVER => None,
             nanos => Some(Instant::from_nanos(nanos)),
@@ -542,11 +543,11 @@ impl StdHand {
     /// Tells the time, for this thread has waited.
     fn pass_time(&self) {
         TOLD.set(false);
-        self.desk.hub.time.pass(self.clock());
+        self.shared.hub.time.pass(self.clock());
     }
 
     fn note_read(&self) {
-        self.read_at.store(self.desk.hub.time.now().as_nanos(), Ordering::Relaxed);
+        self.read_at.store(self.shared.hub.time.now().as_nanos(), Ordering::Relaxed);
     }
 
     fn is_here(&self) -> bool {
@@ -612,7 +613,7 @@ impl Hand for StdHand {
                 tell.send(line::dial(&*system, &target, within)).ok();
             })?;
             let over = NotSent::ConnectTimedOut { address: self.target.to_string(), after: within };
-            let time = &self.desk.hub.time;
+            let time = &self.shared.hub.time;
             let stream = match time.timeout_at(self.clock() + within, told).await {
                 Ok(Ok(made)) => made?,
                 Ok(Err(_)) | Err(_) => return Err(over),

@@ -27,7 +27,7 @@ use r6_proto::time::Instant;
 use tokio::sync::oneshot;
 
 use crate::connection::Wants;
-use crate::drive::{Desk, Driven, Hand, Second};
+use crate::drive::{Driven, Hand, Second, SharedConnection};
 use crate::errands::Errands;
 use crate::error::{Invalid, NotSent};
 use crate::hands::callback::turn::Turn;
@@ -101,7 +101,7 @@ pub struct Another {
 /// What the hand, the robot's handles and the operations share.
 struct Inner {
     event_loop: Arc<dyn EventLoop>,
-    desk: Arc<Desk>,
+    shared: Arc<SharedConnection>,
     connect_timeout: Duration,
     /// A second connection is not made anew.
     only_once: bool,
@@ -167,11 +167,11 @@ impl CallbackHand {
     ) -> (Self, Driven) {
         let seed = || RandomState::new().hash_one(0);
         let now = Instant::ORIGIN + event_loop.now();
-        let desk = Desk::open((address, false), settings, expected, now, seed);
+        let shared = SharedConnection::open((address, false), settings, expected, now, seed);
         let turn = Arc::new(Turn::of(Arc::clone(&event_loop)));
         let inner = Arc::new(Inner {
             event_loop,
-            desk: Arc::clone(&desk),
+            shared: Arc::clone(&shared),
             connect_timeout: settings.connect_timeout,
             only_once,
             waker: Waker::from(Arc::clone(&turn)),
@@ -182,7 +182,7 @@ impl CallbackHand {
         });
         // A heartbeat may have to leave.
         inner.turn.happened();
-        (Self(Arc::clone(&inner)), Driven { desk, hand: inner })
+        (Self(Arc::clone(&inner)), Driven { shared, hand: inner })
     }
 
     /// The connection that was wanted is there.
@@ -231,7 +231,7 @@ impl CallbackHand {
 
     /// Has the loop run an operation to its end, from within these methods: it begins now, and what it sends leaves now.
     pub fn call(&self, operation: impl Future<Output = ()> + Send + 'static) -> Call {
-        let abort = self.0.desk.errands.give_abortable(operation);
+        let abort = self.0.shared.errands.give_abortable(operation);
         self.run();
         Call { abort, inner: Arc::clone(&self.0) }
     }
@@ -239,7 +239,7 @@ impl CallbackHand {
     /// Whether the client was closed, and nothing is under way any more: this may be dropped.
     #[must_use]
     pub fn is_over(&self) -> bool {
-        self.0.desk.connection().is_closed() && self.0.turn.is_idle() && !self.0.io().errands.any()
+        self.0.shared.connection().is_closed() && self.0.turn.is_idle() && !self.0.io().errands.any()
     }
 }
 
@@ -320,7 +320,7 @@ fn unreachable(address: &str, error: &io::Error) -> NotSent {
 
 impl fmt::Debug for Inner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Inner").field("desk", &self.desk).finish_non_exhaustive()
+        f.debug_struct("Inner").field("shared", &self.shared).finish_non_exhaustive()
     }
 }
 
@@ -348,7 +348,7 @@ impl Inner {
 
 impl Hand for Inner {
     fn tell_time(&self) {
-        self.desk.hub.time.pass(Instant::ORIGIN + self.event_loop.now());
+        self.shared.hub.time.pass(Instant::ORIGIN + self.event_loop.now());
     }
 
     fn carry(&self, _seat: &mut Seat, _cx: &mut Context<'_>) -> bool {
@@ -372,11 +372,11 @@ impl Hand for Inner {
         Box::pin(async move {
             let (answer, told) = oneshot::channel();
             let within = settings.connect_timeout;
-            let target = self.desk.connection().name().to_owned();
+            let target = self.shared.connection().name().to_owned();
             let another = Another { target: target.clone(), settings, expected, answer };
             self.others.lock().unwrap_or_else(PoisonError::into_inner).push(another);
             self.nudge();
-            match self.desk.hub.time.timeout(within, told).await {
+            match self.shared.hub.time.timeout(within, told).await {
                 Ok(Ok(made)) => made,
                 Ok(Err(_dropped)) => {
                     let none = io::Error::new(io::ErrorKind::Unsupported, "no second connection was made");
@@ -433,7 +433,7 @@ impl Carrying<'_> {
             Wants::Nothing => self.let_go(),
         }
         // Errands begin what leaves next time: that they went on brings that about.
-        self.io.errands.drive(&inner.desk.errands, &mut Context::from_waker(&inner.waker));
+        self.io.errands.drive(&inner.shared.errands, &mut Context::from_waker(&inner.waker));
         let others = mem::take(&mut *inner.others.lock().unwrap_or_else(PoisonError::into_inner));
         for another in others.into_iter().filter(|_| !inner.only_once) {
             inner.event_loop.another(another);
@@ -452,12 +452,12 @@ impl Carrying<'_> {
 
     fn take_in(&mut self, came: Came) {
         let inner = self.inner;
-        let now = inner.desk.hub.time.now();
+        let now = inner.shared.hub.time.now();
         match (came, self.io.wire) {
             (Came::Due, _) => self.io.call_at = None,
             (Came::Bytes(bytes), _) => self.received(&bytes),
             (Came::Connected, Wire::Attempt(_)) => {
-                let mut connection = inner.desk.connection();
+                let mut connection = inner.shared.connection();
                 if connection.wants() == Wants::Connect {
                     self.io.wire = Wire::There;
                     connection.connected(now);
@@ -469,7 +469,7 @@ impl Carrying<'_> {
             }
             (Came::Lost(reason), Wire::There | Wire::Ended) => {
                 self.io.wire = Wire::None;
-                inner.desk.connection().lost(reason, now);
+                inner.shared.connection().lost(reason, now);
             }
             // It was let go before it came.
             (Came::Connected | Came::NotConnected(_) | Came::Lost(_), _) => {}
@@ -478,13 +478,13 @@ impl Carrying<'_> {
 
     fn received(&mut self, bytes: &[u8]) {
         if matches!(self.io.wire, Wire::There | Wire::Ended) {
-            let now = self.inner.desk.hub.time.now();
-            self.inner.desk.connection().received(bytes, now);
+            let now = self.inner.shared.hub.time.now();
+            self.inner.shared.connection().received(bytes, now);
         }
     }
 
     fn not_connected(&self, error: impl FnOnce(&str) -> NotSent) {
-        let mut connection = self.inner.desk.connection();
+        let mut connection = self.inner.shared.connection();
         if connection.wants() == Wants::Connect {
             let error = error(connection.name());
             connection.not_connected(&error);
@@ -492,8 +492,8 @@ impl Carrying<'_> {
     }
 
     fn go_on(&self) -> Wants {
-        let mut connection = self.inner.desk.connection();
-        let now = self.inner.desk.hub.time.now();
+        let mut connection = self.inner.shared.connection();
+        let now = self.inner.shared.hub.time.now();
         connection.tick(now);
         connection.go_on(now);
         connection.wants()
@@ -502,7 +502,7 @@ impl Carrying<'_> {
     /// Has an attempt to connect made, and ends one that takes too long.
     fn connect(&mut self) {
         let inner = self.inner;
-        let now = inner.desk.hub.time.now();
+        let now = inner.shared.hub.time.now();
         match self.io.wire {
             Wire::Attempt(until) if until > now => {}
             Wire::Attempt(_) => {
@@ -534,10 +534,10 @@ impl Carrying<'_> {
     /// Writes what waits, as far as there is room.
     fn write(&mut self, wants: Wants) {
         let inner = self.inner;
-        let now = inner.desk.hub.time.now();
+        let now = inner.shared.hub.time.now();
         loop {
             let wait = {
-                let mut connection = inner.desk.connection();
+                let mut connection = inner.shared.connection();
                 if connection.wants() != wants {
                     drop(connection);
                     return inner.turn.happened();
@@ -555,7 +555,7 @@ impl Carrying<'_> {
                 return;
             }
             let taken = inner.event_loop.write(&self.io.output).min(wait);
-            let mut connection = inner.desk.connection();
+            let mut connection = inner.shared.connection();
             if taken > 0 {
                 connection.written(taken);
             }
@@ -569,12 +569,12 @@ impl Carrying<'_> {
     /// Has the loop call in time for the next deadline.
     fn call_in_time(&mut self) {
         let inner = self.inner;
-        let time = &inner.desk.hub.time;
+        let time = &inner.shared.hub.time;
         let attempt = match self.io.wire {
             Wire::Attempt(until) => Some(until),
             Wire::None | Wire::There | Wire::Ended => None,
         };
-        let connection = inner.desk.connection().deadline();
+        let connection = inner.shared.connection().deadline();
         let Some(deadline) = [connection, time.deadline(), attempt].into_iter().flatten().min() else {
             return;
         };
@@ -592,13 +592,13 @@ impl Carrying<'_> {
         let inner = self.inner;
         inner.tell_time();
         self.let_go();
-        if !inner.desk.connection().is_closed() {
+        if !inner.shared.connection().is_closed() {
             let errands = mem::take(&mut self.io.errands);
-            inner.desk.connection().abandoned();
+            inner.shared.connection().abandoned();
             drop(errands);
         }
         // What begins now hears that it is closed.
-        self.io.errands.drive(&inner.desk.errands, &mut Context::from_waker(&inner.waker));
+        self.io.errands.drive(&inner.shared.errands, &mut Context::from_waker(&inner.waker));
         inner.others.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 }

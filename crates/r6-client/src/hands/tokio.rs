@@ -15,7 +15,7 @@ use tokio::task::coop::unconstrained;
 use tokio::time::{Sleep, sleep_until};
 
 use crate::connection::{Connection, Wants};
-use crate::drive::{Desk, Driven, Hand, Second};
+use crate::drive::{Driven, Hand, Second, SharedConnection};
 use crate::errands::Errands;
 use crate::error::{NotSent, RequestError};
 use crate::hands::clock::Clock;
@@ -34,7 +34,7 @@ const MOST_LOOKS: usize = 32;
 
 /// Drives one connection over tokio.
 pub(crate) struct TokioHand {
-    desk: Arc<Desk>,
+    shared: Arc<SharedConnection>,
     clock: Clock,
     dial: Arc<dyn Dial>,
     settings: RobotSettings,
@@ -77,7 +77,7 @@ type Attempt = Pin<Box<dyn Future<Output = Result<Box<dyn Carrier>, NotSent>> + 
 
 impl fmt::Debug for TokioHand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("TokioHand").field("desk", &self.desk).finish_non_exhaustive()
+        f.debug_struct("TokioHand").field("shared", &self.shared).finish_non_exhaustive()
     }
 }
 
@@ -91,7 +91,7 @@ impl TokioHand {
         clock: Clock,
     ) -> Driven {
         let target = (dial.name().to_owned(), dial.takes_whoever_comes());
-        let desk = Desk::open(target, settings, expected, clock.now(), seed_from_clock);
+        let shared = SharedConnection::open(target, settings, expected, clock.now(), seed_from_clock);
         let seats = Arc::<Seats>::default();
         let io = Io {
             stream: Some(stream),
@@ -103,7 +103,7 @@ impl TokioHand {
             buffer: Box::new([0; READ_BUFFER]),
         };
         let hand = Arc::new(Self {
-            desk: Arc::clone(&desk),
+            shared: Arc::clone(&shared),
             clock,
             dial,
             settings: settings.clone(),
@@ -113,7 +113,7 @@ impl TokioHand {
             io: Mutex::new(io),
         });
         hand.runtime.spawn(Keeper(Arc::clone(&hand)));
-        Driven { desk, hand }
+        Driven { shared, hand }
     }
 
     /// Carries until nothing more can be done without waiting; whether anything came in.
@@ -132,7 +132,7 @@ impl TokioHand {
                 io.errands.any()
             };
             let heartbeat = self.settings.heartbeat != Heartbeat::Off;
-            if self.seats.end(busy || errands || heartbeat || self.desk.hub.is_watched()) {
+            if self.seats.end(busy || errands || heartbeat || self.shared.hub.is_watched()) {
                 carrying.over = true;
                 break;
             }
@@ -164,14 +164,14 @@ impl Io {
     /// Carries errands, bytes and time; whether anything came in. `looks`: how
     /// often it may still look; `busy`: whether anything is left to do for which nobody may wait.
     fn carry(&mut self, hand: &TokioHand, looks: &mut usize, busy: &mut bool) -> bool {
-        let desk = &*hand.desk;
+        let shared = &*hand.shared;
         let cx = &mut Context::from_waker(&hand.waker);
         let mut came_in = false;
         while *looks > 0 {
             *looks -= 1;
-            self.errands.drive(&desk.errands, cx);
-            let now = desk.hub.time.now();
-            let mut connection = desk.connection();
+            self.errands.drive(&shared.errands, cx);
+            let now = shared.hub.time.now();
+            let mut connection = shared.connection();
             connection.tick(now);
             // What came in first: a connection that has ended takes nothing any more.
             let read = self.read(&mut connection, now, cx);
@@ -273,7 +273,7 @@ impl Io {
         };
         let Poll::Ready(made) = polled else { return false };
         self.attempt = None;
-        let mut connection = hand.desk.connection();
+        let mut connection = hand.shared.connection();
         match made {
             Ok(stream) => {
                 self.stream = Some(stream);
@@ -286,7 +286,7 @@ impl Io {
 
     /// Whether the next deadline is over; if not, the timer is set for it.
     fn is_due(&mut self, deadline: Option<Instant>, hand: &TokioHand, cx: &mut Context<'_>) -> bool {
-        let time = &hand.desk.hub.time;
+        let time = &hand.shared.hub.time;
         let Some(deadline) = [deadline, time.deadline()].into_iter().flatten().min() else { return false };
         if deadline <= time.now() {
             return true;
@@ -320,7 +320,7 @@ fn reason(ended: io::Result<usize>) -> LostReason {
 
 impl Hand for TokioHand {
     fn tell_time(&self) {
-        self.desk.hub.time.pass(self.clock.now());
+        self.shared.hub.time.pass(self.clock.now());
     }
 
     fn carry(&self, seat: &mut Seat, cx: &mut Context<'_>) -> bool {
@@ -395,7 +395,7 @@ impl Future for Keeper {
         hand.seats.keep(cx.waker());
         hand.tell_time();
         hand.carry_all();
-        let over = hand.desk.connection().is_closed() && !hand.io().errands.any();
+        let over = hand.shared.connection().is_closed() && !hand.io().errands.any();
         if over { Poll::Ready(()) } else { Poll::Pending }
     }
 }
@@ -407,8 +407,8 @@ impl Drop for Keeper {
             let mut io = self.0.io();
             (std::mem::take(&mut io.errands), io.stream.take())
         };
-        self.0.desk.connection().abandoned();
-        drop((errands, stream, self.0.desk.errands.take()));
+        self.0.shared.connection().abandoned();
+        drop((errands, stream, self.0.shared.errands.take()));
         self.0.seats.keeper_left();
     }
 }

@@ -25,7 +25,7 @@ impl QueryFrames {
     pub fn of(settings: &RobotSettings) -> Self {
         let mut frame = Vec::new();
         // A query without addresses has nothing that could fail to be encoded. The reply has `queryData` besides.
-        Request::Query(&[]).encode(&settings.envelope(LONGEST_PACK_ID), &mut frame).ok();
+        Request::Query(&[]).encode(&settings.addressing(LONGEST_PACK_ID), &mut frame).ok();
         let around = frame.len() + "\"queryData\":[],".len();
         Self { room: settings.max_frame_bytes.saturating_sub(around) }
     }

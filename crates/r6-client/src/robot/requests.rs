@@ -66,7 +66,7 @@ impl Robot {
     ) -> Result<Accepted, RequestError> {
         let request = work.sent();
         let is_list = matches!(work, Work::AddRcc { .. });
-        let leaving = self.lanes.tell.leaving(&work);
+        let leaving = self.common.tell.leaving(&work);
         let answer = self.ask_on(terms, work, lane).await;
         leaving.answered(&answer);
         match answer? {
@@ -117,7 +117,7 @@ impl Robot {
         (job.leave_by, job.only_on) = (terms.leave_by, terms.only_on);
         job.stops_before = terms.stops_before.unwrap_or_else(|| self.hub().stops_asked());
         job.background = lane == Lane::Background;
-        self.lanes.desk.connection().give(lane, job);
+        self.common.shared.connection().give(lane, job);
         Given { request, reply }
     }
 }

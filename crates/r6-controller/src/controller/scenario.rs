@@ -16,16 +16,12 @@ use crate::saved::MAX_COUNTERS;
 use crate::scenario::{Happening, LateList, Scenario, ScenarioRun, Turn};
 use crate::settings::ControllerSettings;
 
-pub(super) use broken::{Asked, Strikes};
-
-/// How many turns of a scenario one call carries out. A timeline has at most a thousand a second (`scenario/file.rs`): whoever
-/// was away for longer than a minute and a half misses repetitions, and does not hold everybody up to make up for them.
-const MAX_TURNS: usize = 100_000;
+pub(super) use broken::{Asked, RequestFaults};
 
 /// The scenario of a controller, and what is broken now.
 #[derive(Debug)]
 pub(super) struct Breakage {
-    run: ScenarioRun,
+    pub run: ScenarioRun,
     /// What the machine is built from anew when the mains are back.
     settings: ControllerSettings,
     /// The numbers of the faults in force.
@@ -68,62 +64,8 @@ impl Breakage {
 }
 
 impl Controller {
-    /// Brings the machine to a point in time, with whatever the scenario has happen on the way.
-    pub(super) fn advance(&mut self, now: Instant) {
-        let mut turns = 0;
-        while let Some(at) = self.next_turn().filter(|at| *at <= now) {
-            let at = at.max(self.machine.now());
-            self.machine.advance(at);
-            self.react(at);
-            while let Some(turn) = self.breakage.as_mut().and_then(|breakage| breakage.run.take(at)) {
-                turns += 1;
-                self.happen(at, turn);
-                self.react(at);
-            }
-            if turns >= MAX_TURNS {
-                turns = 0;
-                self.catch_up(at, now);
-            }
-        }
-        self.machine.advance(now);
-        self.react(now);
-    }
-
-    /// Repetitions of the timeline up to now are left out: there were too many.
-    fn catch_up(&mut self, at: Instant, now: Instant) {
-        let Some(breakage) = &mut self.breakage else { return };
-        let skipped = breakage.run.catch_up(now);
-        if skipped > 0 {
-            self.tell(at, Event::HappeningsLeftOut { count: skipped });
-        }
-    }
-
-    /// When the scenario has its next turn: something is due, or an output may change that an input reacts to.
-    fn next_turn(&self) -> Option<Instant> {
-        let run = &self.breakage.as_ref()?.run;
-        let machine = if run.reacts() { self.machine.next_event() } else { None };
-        run.next_due().into_iter().chain(machine).min()
-    }
-
-    /// When something of the scenario is due next.
-    pub(crate) fn next_of_scenario(&self) -> Option<Instant> {
-        self.breakage.as_ref()?.run.next_due()
-    }
-
-    /// When an input follows that is on its way already.
-    pub(super) fn next_reaction(&self) -> Option<Instant> {
-        self.breakage.as_ref()?.run.next_under_way()
-    }
-
-    /// Inputs follow what has changed of the outputs.
-    pub(super) fn react(&mut self, now: Instant) {
-        let Some(breakage) = &mut self.breakage else { return };
-        if breakage.run.reacts() && !breakage.run.react(now, self.machine.io()) {
-            self.tell(now, Event::InputDoesNotFollow);
-        }
-    }
-
-    fn happen(&mut self, now: Instant, turn: Turn) {
+    /// Something of the scenario is due.
+    pub(super) fn happen(&mut self, now: Instant, turn: Turn) {
         match turn {
             Turn::FaultsChange => self.change_faults(now),
             Turn::PowerIsBack => self.power_up(now),
@@ -188,7 +130,8 @@ impl Controller {
         self.log.add(now, None, event);
     }
 
-    fn tell(&mut self, now: Instant, event: Event) {
+    /// Notes what the scenario did.
+    pub(super) fn tell(&mut self, now: Instant, event: Event) {
         self.log.add(now, None, event);
     }
 

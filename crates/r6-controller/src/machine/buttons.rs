@@ -1,26 +1,13 @@
-//! What starts, stops and pauses the machine, and what goes into its list.
-
-use r6_proto::alarm::AlarmCode;
-use r6_proto::message::Instruction;
+//! What starts, stops and pauses the machine.
 
 use super::Machine;
 use super::execution::Activity;
 use super::halt::AfterHalt;
-use crate::event::{AlarmCause, Event, ListRefusal, ModeReason};
-use crate::instruction_list::MAX_INSTRUCTIONS;
+use crate::event::{AlarmCause, Event, ModeReason};
 use crate::mode::Key;
 use crate::panel::Refused;
-use crate::profile::{ReplaceInMotion, StopButton, StopMode, Unarmed};
+use crate::profile::{StopButton, StopMode};
 use r6_proto::OperationMode;
-
-/// Why AddRCC was not taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NotTaken {
-    /// It is answered with `err`; the reason is for the log.
-    Refused(ListRefusal),
-    /// It is not even answered.
-    Silent(ListRefusal),
-}
 
 impl Machine {
     /// The start button: in automatic the program runs, from where it was paused or from its first step.
@@ -210,79 +197,5 @@ impl Machine {
             }
         }
         self.start(false)
-    }
-
-    /// Takes an AddRCC: `replace` empties the list first.
-    pub(crate) fn add_instructions(
-        &mut self,
-        replace: bool,
-        instructions: &[Instruction],
-    ) -> Result<(), NotTaken> {
-        if instructions.iter().any(|step| self.profile.unsupported_actions.contains(&step.action.number())) {
-            return Err(NotTaken::Refused(ListRefusal::UnsupportedAction));
-        }
-        const NO_ROOM: NotTaken = NotTaken::Refused(ListRefusal::NoRoom);
-        let kept = if replace { 0 } else { self.list.len() };
-        if kept + instructions.len() > MAX_INSTRUCTIONS {
-            return Err(NO_ROOM);
-        }
-        let clears = replace && instructions.is_empty();
-        if !clears && !self.waits_for_remote() {
-            self.arm_by_itself()?;
-        }
-        if replace {
-            // An arm that already comes to rest for good is no longer in motion, and an empty list is none.
-            let in_motion = match self.activity {
-                Activity::Moving(_) => true,
-                Activity::Halting(_, after) => after < AfterHalt::Drop,
-                Activity::Idle
-                | Activity::Paused(_)
-                | Activity::Suspended(..)
-                | Activity::Waiting { .. }
-                | Activity::Awaiting { .. }
-                | Activity::Delaying { .. }
-                | Activity::Resting { .. } => false,
-            };
-            if in_motion && !clears && self.profile.replace_in_motion == ReplaceInMotion::Alarm200 {
-                self.raise(AlarmCode::LIST_REPLACED.0, AlarmCause::ListReplacedInMotion);
-                self.clear_list();
-                return Err(NotTaken::Refused(ListRefusal::InMotion));
-            }
-            self.clear_list();
-        }
-        self.list.append(instructions).map_err(|_| NO_ROOM)?;
-        // What a program does meanwhile is no concern of the remote list.
-        if replace && self.is_remote() {
-            self.cycle_started = None;
-            let takes_over = !clears && self.profile.replace_in_motion == ReplaceInMotion::TakeOver;
-            let in_motion = (takes_over && self.take_over())
-                || self.halt(self.profile.action_stop_time, AfterHalt::NewList);
-            if !in_motion {
-                self.activity = Activity::Idle;
-            }
-        }
-        self.run_list();
-        Ok(())
-    }
-
-    /// Empties the list for another one: a run of it is over.
-    pub(super) fn clear_list(&mut self) {
-        self.list.clear();
-        self.begin_list_run();
-        self.end_signal_watch_of_list();
-    }
-
-    fn arm_by_itself(&mut self) -> Result<(), NotTaken> {
-        const WHY: ListRefusal = ListRefusal::NotArmed;
-        match self.profile.add_rcc_unarmed {
-            Unarmed::Refuse => Err(NotTaken::Refused(WHY)),
-            Unarmed::Silent => Err(NotTaken::Silent(WHY)),
-            Unarmed::Arm if self.mode == OperationMode::Auto && !self.start_needed => {
-                self.press_start()
-                    .map_err(|refused| NotTaken::Refused(ListRefusal::NotStarted(refused.reason())))?;
-                if self.waits_for_remote() { Ok(()) } else { Err(NotTaken::Refused(WHY)) }
-            }
-            Unarmed::Arm => Err(NotTaken::Refused(WHY)),
-        }
     }
 }

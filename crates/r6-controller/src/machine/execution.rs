@@ -9,7 +9,7 @@ use r6_proto::time::Instant;
 
 use super::Machine;
 use super::halt::AfterHalt;
-use super::order::{Told, path_speed, workbench};
+use super::order::{EarlierSteps, path_speed, workbench};
 use crate::event::{AlarmCause, Detail, Event, ModeReason};
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
@@ -296,7 +296,7 @@ impl Machine {
                 Ok(())
             }
             Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_) => {
-                let told = Told { path_speed: self.path_speed, bench: self.bench };
+                let told = EarlierSteps { path_speed: self.path_speed, bench: self.bench };
                 let Some(order) = self.order(&step.action, &self.axes, told)? else { return Ok(()) };
                 let movement = Movement::plan(&self.model, &self.axes, &order.step, &order.conditions)
                     .map_err(plan_failed)?;

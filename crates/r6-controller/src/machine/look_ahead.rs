@@ -11,7 +11,7 @@ use r6_proto::message::{Action, Instruction};
 
 use super::Machine;
 use super::execution::{Activity, Run};
-use super::order::{Order, Told, path_speed, workbench};
+use super::order::{EarlierSteps, Order, path_speed, workbench};
 use crate::event::{AlarmCause, Detail};
 use r6_motion::Axes;
 use r6_proto::OperationMode;
@@ -116,7 +116,7 @@ impl Machine {
     /// The next move, if nothing but steps that take no time lies before it, and how many steps ahead it is; the first
     /// step that counts is `first` ahead.
     fn next_move(&self, first: usize, from: &Axes) -> Option<(usize, Order)> {
-        let mut told = Told { path_speed: self.path_speed, bench: self.bench };
+        let mut told = EarlierSteps { path_speed: self.path_speed, bench: self.bench };
         for ahead in first.. {
             let action = &self.steps().ahead(ahead)?.action;
             match action {

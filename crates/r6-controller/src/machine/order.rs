@@ -21,7 +21,7 @@ pub(super) struct Order {
 
 /// What earlier steps have told: the path speed (action 51) and the workbench (action 800).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Told {
+pub(super) struct EarlierSteps {
     pub path_speed: Option<f64>,
     pub bench: u32,
 }
@@ -35,7 +35,7 @@ impl Machine {
         &self,
         action: &Action,
         from: &Axes,
-        told: Told,
+        told: EarlierSteps,
     ) -> Result<Option<Order>, (u32, String)> {
         let (target, given, manner) = match action {
             Action::AxisMove(step) => {

@@ -83,7 +83,7 @@ crate::cases! { CASES: crate::address_on_each;
     };
     tool_coord "toolCoord" => |profile| {
         let program = step::numbered("tool", 3) + &step::numbered("workbench", 2) + step::REMOTE;
-        // The third text, a collaborative desk, is nobody's: no manual has a word that chooses one.
+        // The third text, a collaborative dispatcher, is nobody's: no manual has a word that chooses one.
         changes(&mut taught(profile, &program), "toolCoord", r#"["0","0","0"]"#, start, r#"["3","2","0"]"#);
     };
     faxis_n "faxis-n" => |profile| {

@@ -10,7 +10,7 @@ use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Instructio
 use r6_proto::time::Instant;
 use r6_proto::{Address, Command, Request};
 
-use crate::told::{Said, Told, told, word};
+use crate::session_events::{Said, SessionEvent, told, word};
 
 const POLL: Duration = Duration::from_millis(100);
 /// Without a fault a reply comes at once, and that to a list after 18 ms.
@@ -259,9 +259,9 @@ impl Client {
         }
     }
 
-    fn note(&mut self, told: Told) {
+    fn note(&mut self, told: SessionEvent) {
         match told {
-            Told::Reply { ticket, frame, body } => {
+            SessionEvent::Reply { ticket, frame, body } => {
                 self.was_sent(&frame);
                 assert!(self.answered.insert(ticket), "request {ticket} was answered twice");
                 let asked = self.waiting.remove(&ticket);
@@ -272,26 +272,26 @@ impl Client {
                 self.seen.late += u32::from(self.now.since(asked_at) > LATE);
                 self.judge(asked_at, &asked, body);
             }
-            Told::Photo(frame) => {
+            SessionEvent::Photo(frame) => {
                 self.was_sent(&frame);
                 self.seen.photos += 1;
             }
-            Told::Stray(reason, frame) => {
+            SessionEvent::Stray(reason, frame) => {
                 self.was_sent(&frame);
                 *self.seen.strays.entry(word(reason)).or_default() += 1;
             }
-            Told::Broken => self.seen.broken += 1,
-            Told::TimedOut(ticket) => {
+            SessionEvent::Broken => self.seen.broken += 1,
+            SessionEvent::TimedOut(ticket) => {
                 assert!(self.waiting.remove(&ticket).is_some(), "{ticket} timed out and did not wait");
                 self.seen.timeouts += 1;
                 self.silent += 1;
                 self.wants_new_connection |= self.silent >= 8;
             }
-            Told::Lost(ticket) => {
+            SessionEvent::Lost(ticket) => {
                 assert!(self.waiting.remove(&ticket).is_some(), "{ticket} was lost and did not wait");
                 self.seen.lost += 1;
             }
-            Told::OutOfStep => self.wants_new_connection = true,
+            SessionEvent::OutOfStep => self.wants_new_connection = true,
         }
     }
 

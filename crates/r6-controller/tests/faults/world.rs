@@ -16,7 +16,7 @@ use r6_traffic::link::{Delivery, Door, Link};
 use serde_json::json;
 
 use crate::client::{Client, FIRST, REGISTERS, value_of};
-use crate::told::is_started;
+use crate::session_events::is_started;
 use crate::watch::Watch;
 
 /// How long an arm takes to come to rest at most: half a second after a pause, and a step.

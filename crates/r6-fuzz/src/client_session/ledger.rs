@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use r6_proto::client::{ClientSettings, Ticket};
-use r6_proto::dialect::Envelope;
+use r6_proto::dialect::Addressing;
 use r6_proto::frame::{FrameBuffer, Limits};
 use r6_proto::message::{Body, Message};
 use r6_proto::time::Instant;
@@ -26,9 +26,9 @@ pub struct Sent {
 fn frame(settings: &ClientSettings, ticket: Ticket, request: &Request<'_>) -> Vec<u8> {
     let number = ticket.number().to_string();
     let pack_id = request.expects_reply().then_some(&*number);
-    let envelope = Envelope { ds_id: settings.ds_id, type_key: settings.type_key, pack_id };
+    let addressing = Addressing { ds_id: settings.ds_id, type_key: settings.type_key, pack_id };
     let mut frame = Vec::new();
-    request.encode(&envelope, &mut frame).unwrap_or_else(|error| panic!("it was sent, and now: {error}"));
+    request.encode(&addressing, &mut frame).unwrap_or_else(|error| panic!("it was sent, and now: {error}"));
     frame
 }
 

@@ -5,7 +5,7 @@ use r6_traffic::conversation::{MAX_OPEN, Side};
 use r6_traffic::judge::{FrameKind, Judge};
 use r6_traffic::recording::{BrokenFrame, Recording, transcript};
 
-use super::Told;
+use super::FoundFrame;
 
 /// Reads the stream as raw bytes or a log, and judges what is found.
 pub(super) fn check_log(stream: &[u8]) {
@@ -37,12 +37,12 @@ pub(super) fn check_log(stream: &[u8]) {
 }
 
 /// Writes the stream as a transcript, in pieces of this length, and holds it against what a buffer told.
-pub(super) fn check_transcript(stream: &[u8], length: usize, told: &[Told]) {
+pub(super) fn check_transcript(stream: &[u8], length: usize, told: &[FoundFrame]) {
     let lines = stream.chunks(length).map(|piece| transcript::line(Side::Controller, Instant::ORIGIN, piece));
     let recording = Recording::read(lines.collect::<String>().as_bytes()).unwrap();
     let read = recording.frames.into_iter().map(|captured| match captured.frame {
-        Ok(bytes) => Told::Frame { offset: captured.place.offset, bytes },
-        Err(BrokenFrame::Frame(error)) => Told::Fault(error),
+        Ok(bytes) => FoundFrame::Frame { offset: captured.place.offset, bytes },
+        Err(BrokenFrame::Frame(error)) => FoundFrame::Fault(error),
         Err(other) => panic!("a transcript tells of frames alone: {other}"),
     });
     assert_eq!(read.collect::<Vec<_>>(), told, "as a transcript it is another stream");

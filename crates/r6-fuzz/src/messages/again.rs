@@ -1,7 +1,7 @@
 //! What a frame says is written again, strictly, and read again: the same; and written a third time: the same bytes.
 
 use crate::written::{same_command, same_instructions, same_points};
-use r6_proto::dialect::Envelope;
+use r6_proto::dialect::Addressing;
 use r6_proto::message::{Body, PhotoAnswer, Point};
 use r6_proto::request::CameraPoints;
 use r6_proto::{Address, Decoder, Message, Request};
@@ -57,28 +57,28 @@ fn says_the_same(first: &Message<'_>, again: &Message<'_>) {
 /// The strict form of a request; `None` for what is none, or what the wire cannot carry.
 fn written(message: &Message<'_>) -> Option<Vec<u8>> {
     let pack_id = message.header.pack_id.map(|value| value.text());
-    let envelope = Envelope { pack_id: pack_id.as_deref(), ..Envelope::default() };
+    let addressing = Addressing { pack_id: pack_id.as_deref(), ..Addressing::default() };
     let mut out = b"before".to_vec();
     let encoded = match &message.body {
         Body::Query(query) => {
             let addresses: Option<Vec<_>> = query.resolved().map(|(_, address)| address.ok()).collect();
-            Request::Query(&addresses?).encode(&envelope, &mut out)
+            Request::Query(&addresses?).encode(&addressing, &mut out)
         }
-        Body::Command(words) => Request::Command(&words.read().ok()?).encode(&envelope, &mut out),
+        Body::Command(words) => Request::Command(&words.read().ok()?).encode(&addressing, &mut out),
         Body::AddRcc(list) => {
             let empty_list = list.empty_list.unwrap_or(true);
-            Request::AddRcc { empty_list, instructions: list.instructions }.encode(&envelope, &mut out)
+            Request::AddRcc { empty_list, instructions: list.instructions }.encode(&addressing, &mut out)
         }
         Body::AddPoints(points) => {
             let sets: Vec<(i64, &[Point])> = points.sets().collect();
             let cameras: Vec<_> =
                 sets.iter().map(|(cam_id, points)| CameraPoints { cam_id: *cam_id, points }).collect();
-            Request::AddPoints(&cameras).encode(&envelope, &mut out)
+            Request::AddPoints(&cameras).encode(&addressing, &mut out)
         }
-        Body::Heartbreak => Request::Heartbreak.encode(&envelope, &mut out),
+        Body::Heartbreak => Request::Heartbreak.encode(&addressing, &mut out),
         Body::PhotoAnswer(PhotoAnswer { cam_id, ret }) => {
             let answer = PhotoAnswer { cam_id: *cam_id, ret: *ret };
-            Request::PhotoAnswer(answer).encode(&envelope, &mut out)
+            Request::PhotoAnswer(answer).encode(&addressing, &mut out)
         }
         Body::QueryReply(_)
         | Body::CommandReply(_)

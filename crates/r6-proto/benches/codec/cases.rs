@@ -1,6 +1,6 @@
 //! The cases: which frames, and who reads and writes them how.
 
-use r6_proto::dialect::{Dialect, Envelope};
+use r6_proto::dialect::{Addressing, Dialect};
 use r6_proto::message::{Body, Message};
 use r6_proto::reply::ReplyWriter;
 use r6_proto::request::CameraPoints;
@@ -100,8 +100,8 @@ fn samples(instructions: usize) -> &'static Samples {
 }
 
 fn encode(request: &Request<'_>, pack_id: &str, out: &mut Vec<u8>) {
-    let envelope = Envelope { pack_id: Some(pack_id), ..Envelope::default() };
-    request.encode(&envelope, out).expect("it can be written");
+    let addressing = Addressing { pack_id: Some(pack_id), ..Addressing::default() };
+    request.encode(&addressing, out).expect("it can be written");
 }
 
 fn query() -> Case {

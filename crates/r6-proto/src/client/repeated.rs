@@ -51,7 +51,7 @@ impl LastQuery {
 mod tests {
     use crate::address::Address;
     use crate::client::{ClientSession, ClientSettings};
-    use crate::dialect::Envelope;
+    use crate::dialect::Addressing;
     use crate::request::Request;
     use crate::time::Instant;
 
@@ -71,7 +71,7 @@ mod tests {
             let pack_id = format!("{number}");
             let mut expected = Vec::new();
             request
-                .encode(&Envelope { pack_id: Some(&pack_id), ..Envelope::default() }, &mut expected)
+                .encode(&Addressing { pack_id: Some(&pack_id), ..Addressing::default() }, &mut expected)
                 .unwrap();
             assert_eq!(sent, String::from_utf8(expected).unwrap());
             // Each is answered, and known by its echo.

@@ -1,7 +1,7 @@
 //! What a request begins with: brace, `dsID` and type. It depends on three choices alone, and the compiler writes it for each of them, so
 //! that a frame begins with one copy.
 
-use crate::dialect::{DsIdForm, Envelope};
+use crate::dialect::{Addressing, DsIdForm};
 use crate::message::{RequestType, TypeKey};
 
 /// The longest head, that of `heartbreak`, fills it; of a longer one the compiler would say so.
@@ -63,7 +63,7 @@ static HEADS: [[[Head; 3]; 2]; 6] = {
 
 /// Appends the head of a frame.
 #[inline]
-pub(super) fn append(out: &mut Vec<u8>, envelope: &Envelope<'_>, request: RequestType) {
+pub(super) fn append(out: &mut Vec<u8>, addressing: &Addressing<'_>, request: RequestType) {
     let [query, command, heartbreak, photo, add_points, add_rcc] = &HEADS;
     let [long, short] = match request {
         RequestType::Query => query,
@@ -73,11 +73,11 @@ pub(super) fn append(out: &mut Vec<u8>, envelope: &Envelope<'_>, request: Reques
         RequestType::AddPoints => add_points,
         RequestType::AddRcc => add_rcc,
     };
-    let [req_type, cmd_type, absent] = match envelope.ds_id {
+    let [req_type, cmd_type, absent] = match addressing.ds_id {
         DsIdForm::Long => long,
         DsIdForm::Short => short,
     };
-    let head = match envelope.type_key {
+    let head = match addressing.type_key {
         TypeKey::ReqType => req_type,
         TypeKey::CmdType => cmd_type,
         TypeKey::Absent => absent,
@@ -97,7 +97,7 @@ mod tests {
             for ds_id in [DsIdForm::Long, DsIdForm::Short] {
                 for type_key in [TypeKey::ReqType, TypeKey::CmdType, TypeKey::Absent] {
                     let mut out = b"before".to_vec();
-                    append(&mut out, &Envelope { ds_id, type_key, pack_id: None }, request);
+                    append(&mut out, &Addressing { ds_id, type_key, pack_id: None }, request);
                     let named = match type_key {
                         TypeKey::ReqType => format!(",\"reqType\":\"{request}\""),
                         TypeKey::CmdType => format!(",\"cmdType\":\"{request}\""),

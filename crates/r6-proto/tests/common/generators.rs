@@ -27,9 +27,9 @@ pub enum Owned {
     PhotoAnswer(PhotoAnswer),
 }
 
-/// What an [`r6_proto::dialect::Envelope`] borrows.
+/// What an [`r6_proto::dialect::Addressing`] borrows.
 #[derive(Clone, Debug)]
-pub struct OwnedEnvelope {
+pub struct OwnedAddressing {
     pub ds_id: DsIdForm,
     pub type_key: TypeKey,
     pub pack_id: Option<String>,
@@ -48,10 +48,10 @@ pub fn request() -> impl Strategy<Value = Owned> {
     ]
 }
 
-pub fn envelope() -> impl Strategy<Value = OwnedEnvelope> {
+pub fn addressing() -> impl Strategy<Value = OwnedAddressing> {
     let type_key = select(&[TypeKey::ReqType, TypeKey::CmdType, TypeKey::Absent]);
     (select(&[DsIdForm::Long, DsIdForm::Short]), type_key, option::of(any::<String>()))
-        .prop_map(|(ds_id, type_key, pack_id)| OwnedEnvelope { ds_id, type_key, pack_id })
+        .prop_map(|(ds_id, type_key, pack_id)| OwnedAddressing { ds_id, type_key, pack_id })
 }
 
 pub fn address() -> impl Strategy<Value = Address> {

@@ -191,7 +191,7 @@ impl Arm {
         while let Some(frame) = self.at(connection).open.then(|| self.at(connection).frame()).flatten() {
             match deaf {
                 Some(deaf) if !deaf.obeys => {
-                    let kind = super::desk::kind(&frame);
+                    let kind = super::request::kind(&frame);
                     self.write(connection, frame, kind, Did::NotHeard, None);
                 }
                 deaf => self.handle(connection, frame, deaf.is_none()),

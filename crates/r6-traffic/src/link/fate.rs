@@ -10,12 +10,12 @@ use crate::random::Random;
 pub(super) struct InForce {
     pub now: LinkFaultNow,
     pub strikes: bool,
-    pub felt: Felt,
+    pub felt: StrikeReport,
 }
 
 /// Whether anything of this connection was struck since the fault began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Felt {
+pub(super) enum StrikeReport {
     NotYet,
     ToBeTold,
     Told,
@@ -24,8 +24,8 @@ pub(super) enum Felt {
 impl InForce {
     /// It has struck something of this connection.
     pub fn is_felt(&mut self) {
-        if self.felt == Felt::NotYet {
-            self.felt = Felt::ToBeTold;
+        if self.felt == StrikeReport::NotYet {
+            self.felt = StrikeReport::ToBeTold;
         }
     }
 }

@@ -5,7 +5,7 @@ use tokio::time::sleep;
 
 use super::{Work, ms};
 use crate::fault::Promise;
-use crate::kept::look_at_disk;
+use crate::saved_registers::look_at_disk;
 use crate::shared::{State, now};
 
 /// The registers that clients write: one each that is kept, and one each that is not.

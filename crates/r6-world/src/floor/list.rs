@@ -7,7 +7,7 @@ use r6_controller::Controller;
 use r6_proto::AxisIndex;
 use r6_proto::message::Action;
 
-use super::sights::Sight;
+use super::observed::Sight;
 use super::{Floor, number_of};
 use crate::fault::Promise;
 use crate::line::Line;

@@ -5,7 +5,7 @@ use std::time::Duration;
 use r6_client::{Address, Reading};
 
 use super::Line;
-use super::said::{answers, says_ok, tells};
+use super::lenient::{answers, says_ok, tells};
 use crate::fault::Promise;
 use crate::floor::SKEW;
 use crate::record::Record;

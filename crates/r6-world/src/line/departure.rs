@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_json::Value;
 
 use super::connection::Sent;
-use super::said::answers;
+use super::lenient::answers;
 use super::{Line, Run};
 use crate::fault::Promise;
 use crate::floor::{Floor, SKEW, number_of};

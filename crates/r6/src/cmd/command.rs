@@ -1,7 +1,7 @@
 //! `r6 command`: sends one command of the table.
 
 mod arguments;
-mod said;
+mod wording;
 
 use clap::Args;
 use r6_client::Robot;
@@ -69,8 +69,8 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
             if starts(name) && !args.run_leftover {
                 check_list(robot, name).await?;
             }
-            let (means, wire) = (said::words(&command), said::on_the_wire(&command));
-            let scaled = said::is_scaled(&command);
+            let (means, wire) = (wording::words(&command), wording::on_the_wire(&command));
+            let scaled = wording::is_scaled(&command);
             let accepted = robot.command(command).await?;
             output::acts();
             let milliseconds = output::readings::milliseconds(accepted.after);

@@ -75,7 +75,7 @@ enum Start {
 
 /// How the log is told.
 #[derive(Clone, Copy, Debug, Default, Args)]
-pub struct Told {
+pub struct LogArgs {
     /// How each thing that happens is printed
     #[arg(long, value_enum, default_value = "text")]
     log: Form,
@@ -104,7 +104,7 @@ enum Lang {
     Zh,
 }
 
-impl Told {
+impl LogArgs {
     fn language(self) -> Language {
         match self.lang {
             Lang::En => Language::English,
@@ -154,7 +154,7 @@ pub struct SimArgs {
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
     count: u16,
     #[command(flatten)]
-    told: Told,
+    told: LogArgs,
     /// Where to offer the panel over HTTP: what a person does at the machine; port 0 takes any free port
     #[arg(long, value_name = "ADDR:PORT", value_parser = units::panel_address)]
     panel: Option<SocketAddr>,
@@ -281,7 +281,7 @@ pub async fn print_log(
     controller: ControllerHandle,
     mut log: broadcast::Receiver<LogEntry>,
     named: bool,
-    told: Told,
+    told: LogArgs,
     lines: LineQueue,
 ) {
     let address = controller.address();

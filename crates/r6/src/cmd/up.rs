@@ -143,7 +143,7 @@ async fn show_lines(controller: &ControllerHandle, panel: Option<SocketAddr>) ->
     for hint in hints(controller, panel) {
         lines.line(format_args!("try: {hint}"));
     }
-    sim::print_log(controller.clone(), log, false, sim::Told::default(), lines).await;
+    sim::print_log(controller.clone(), log, false, sim::LogArgs::default(), lines).await;
     Ok(())
 }
 

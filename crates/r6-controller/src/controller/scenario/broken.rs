@@ -6,7 +6,7 @@ use r6_proto::message::RequestType;
 use r6_proto::server::{MAX_UNSENT_BYTES, Outbox};
 use r6_proto::time::Instant;
 
-use super::super::desk::Desk;
+use super::super::dispatch::Dispatcher;
 use super::super::{ConnectionId, Controller, Service};
 use super::Breakage;
 use crate::event::Event;
@@ -19,7 +19,7 @@ const MAX_FRAMES: usize = 16;
 /// What is wrong with one request.
 #[derive(Clone, Copy, Debug, Default)]
 #[expect(clippy::struct_excessive_bools, reason = "faults that may strike at once, each by itself")]
-pub(in crate::controller) struct Strikes {
+pub(in crate::controller) struct RequestFaults {
     pub not_executed: bool,
     pub not_acknowledged: bool,
     pub list_full: bool,
@@ -41,8 +41,8 @@ pub(in crate::controller) struct Asked {
 
 impl Breakage {
     /// What is wrong with the next request: drawn anew for each.
-    fn strikes(&mut self) -> Strikes {
-        let mut strikes = Strikes::default();
+    fn strikes(&mut self) -> RequestFaults {
+        let mut strikes = RequestFaults::default();
         for (task, chance) in &self.tasks {
             let hit = self.run.random().strikes(*chance);
             match task {
@@ -87,7 +87,7 @@ impl Breakage {
     }
 }
 
-impl Strikes {
+impl RequestFaults {
     /// Whether a query gets the values of a time before.
     fn answers_of_before(self) -> bool {
         self.frozen_values && !self.task_dead
@@ -115,15 +115,15 @@ impl Controller {
         let strikes = breakage.strikes();
         let (inbox, outbox) = connection.session.split();
         let mut replies = Outbox::default();
-        let mut desk = Desk {
+        let mut dispatcher = Dispatcher {
             strikes,
             frozen: breakage.frozen.as_deref().filter(|_| strikes.frozen_values),
             asked: Some(Asked::default()),
-            ..Desk::new(now, id, &mut self.machine, &mut self.log, &mut self.cameras)
+            ..Dispatcher::new(now, id, &mut self.machine, &mut self.log, &mut self.cameras)
         };
-        let served = desk.serve_next(inbox, &mut replies);
-        let (reset, asked) = (desk.reset, desk.asked.take().unwrap_or_default());
-        if let Some((due, late)) = desk.late.take() {
+        let served = dispatcher.serve_next(inbox, &mut replies);
+        let (reset, asked) = (dispatcher.reset, dispatcher.asked.take().unwrap_or_default());
+        if let Some((due, late)) = dispatcher.late.take() {
             breakage.run.take_later(due, late);
         }
         if asked.frame.is_empty() {

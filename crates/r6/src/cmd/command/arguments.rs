@@ -3,7 +3,7 @@
 use r6_proto::io_point::{BadPoint, IoPoint};
 use r6_proto::{Command, CommandName};
 
-use super::said;
+use super::wording;
 
 /// Reads the arguments of a command, in the units of the table of commands. `modifyOutput` takes a signal's name in place of board and
 /// point, too.
@@ -16,7 +16,7 @@ pub fn read(name: CommandName, words: &[String]) -> Result<Command<'static>, Str
                 return Err(format!("a signal's name takes 1 more argument, on or off; {given} given"));
             };
             let signal: IoPoint = signal.parse().map_err(|error: BadPoint| error.to_string())?;
-            let board = said::board_of(signal)?.to_string();
+            let board = wording::board_of(signal)?.to_string();
             Command::typed(name, &[&board, &signal.point.to_string(), state])
         }
         Some(_) | None => Command::typed(name, words),

@@ -2,7 +2,7 @@
 
 use r6_client::{Robot, Unmet, WaitOptions};
 use r6_proto::Request;
-use r6_proto::dialect::Envelope;
+use r6_proto::dialect::Addressing;
 
 use crate::cmd::job::ended::Ended;
 use crate::cmd::job::events::Accepted;
@@ -13,10 +13,10 @@ use crate::output;
 
 /// Prints the frame that would be sent.
 pub fn print(replace: bool) -> Result<Exit, Failure> {
-    let envelope = Envelope { pack_id: Some("1"), ..Envelope::default() };
+    let addressing = Addressing { pack_id: Some("1"), ..Addressing::default() };
     let mut frame = Vec::new();
     let list = Request::AddRcc { empty_list: replace, instructions: &[] };
-    list.encode(&envelope, &mut frame).map_err(Failure::usage)?;
+    list.encode(&addressing, &mut frame).map_err(Failure::usage)?;
     output::line(String::from_utf8_lossy(&frame));
     Ok(Exit::Done)
 }

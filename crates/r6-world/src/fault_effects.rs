@@ -17,7 +17,7 @@ const SOFT_LIMITS: [RangeInclusive<u32>; 2] = [130..=137, 140..=147];
 
 /// What a scenario has in force at a controller.
 #[derive(Debug, Default)]
-pub struct Felt {
+pub struct FaultEffects {
     in_force: BTreeSet<String>,
     /// Instructions that wait have been seen since the list was frozen.
     waits: bool,
@@ -25,7 +25,7 @@ pub struct Felt {
     master_speaks: bool,
 }
 
-impl Felt {
+impl FaultEffects {
     /// Whether the scenario has this fault in force.
     #[must_use]
     pub fn is_in_force(&self, word: &str) -> bool {
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     fn strikes(events: &[Event]) -> Vec<(Class, u64)> {
-        let (mut felt, mut record) = (Felt::default(), Record::new(false));
+        let (mut felt, mut record) = (FaultEffects::default(), Record::new(false));
         for event in events {
             let entry = LogEntry { at: Instant::ORIGIN, connection: None, event: event.clone() };
             felt.read(&entry, false, &mut record);

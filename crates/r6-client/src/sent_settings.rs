@@ -10,7 +10,7 @@ use crate::job::Work;
 
 /// What was told so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Told {
+pub(crate) struct SentSettings {
     /// How often a tool or a workbench was told, or may have been.
     pub frames: u64,
     /// Whether an input may be watched that stops the motion (action 52). Whether the watch ends with its list is not known, so it
@@ -20,11 +20,11 @@ pub(crate) struct Told {
 
 /// The same for all handles of a connection.
 #[derive(Debug, Default)]
-pub(crate) struct Tell(Mutex<Told>);
+pub(crate) struct SharedSentSettings(Mutex<SentSettings>);
 
-impl Tell {
+impl SharedSentSettings {
     /// What was told so far.
-    pub fn so_far(&self) -> Told {
+    pub fn so_far(&self) -> SentSettings {
         *self.lock()
     }
 
@@ -33,7 +33,7 @@ impl Tell {
         Leaving { tell: self, tells: Tells::of(work) }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Told> {
+    fn lock(&self) -> MutexGuard<'_, SentSettings> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -41,7 +41,7 @@ impl Tell {
 /// A request between its checks and its answer. Dropped without an answer, it counts as sent.
 #[derive(Debug)]
 pub(crate) struct Leaving<'t> {
-    tell: &'t Tell,
+    tell: &'t SharedSentSettings,
     tells: Tells,
 }
 
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn what_left_or_may_have_left_counts() {
-        let tell = Tell::default();
+        let tell = SharedSentSettings::default();
         let bench = list(&[Action::Workbench(Workbench { id: 1 })]);
         tell.leaving(&bench).answered::<()>(&Err(NotSent::Disconnected.into()));
         assert_eq!(tell.so_far().frames, 0);
@@ -134,12 +134,12 @@ mod tests {
         assert_eq!(tell.so_far().frames, 4);
         tell.leaving(&list(&[Action::AxisMove(Move::default())])).answered(&Ok(()));
         tell.leaving(&Work::Command(Command::StartButton)).answered(&Ok(()));
-        assert_eq!(tell.so_far(), Told { frames: 4, watching: false });
+        assert_eq!(tell.so_far(), SentSettings { frames: 4, watching: false });
     }
 
     #[test]
     fn a_watch_counts_until_a_later_list_switches_it_off() {
-        let tell = Tell::default();
+        let tell = SharedSentSettings::default();
         for (actions, watching) in [
             (&[watch(true)][..], true),
             (&[Action::AxisMove(Move::default())], true),

@@ -13,7 +13,7 @@ pub const STATE: &str = "state/controller-1.json";
 
 /// A register that is kept: what was acknowledged last, and what was sent last.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Kept {
+pub struct SavedRegister {
     /// Acknowledged.
     pub acknowledged: i64,
     /// Sent.
@@ -30,7 +30,12 @@ pub fn look_at_disk(disk: &SimDisk, (register, value): (u16, i64), at: Duration,
 }
 
 /// What a controller has that was switched on: the values that were acknowledged last, or some that were sent since.
-pub fn compare((name, saved): (&str, &str), kept: &BTreeMap<u16, Kept>, at: Duration, record: &mut Record) {
+pub fn compare(
+    (name, saved): (&str, &str),
+    kept: &BTreeMap<u16, SavedRegister>,
+    at: Duration,
+    record: &mut Record,
+) {
     for (register, kept) in kept {
         let found = value_in(saved, *register);
         let holds = (kept.acknowledged..=kept.sent).contains(&found);

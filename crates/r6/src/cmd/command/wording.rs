@@ -1,6 +1,6 @@
 //! What a command did, in words: values with their units, signals by their names, and how the wire has them.
 
-use r6_proto::dialect::Envelope;
+use r6_proto::dialect::Addressing;
 use r6_proto::io_point::{IoPoint, PointKind};
 use r6_proto::{Command, Request};
 
@@ -52,7 +52,7 @@ pub fn words(command: &Command<'_>) -> Option<String> {
 /// The arguments as they left, out of the frame itself.
 pub fn on_the_wire(command: &Command<'_>) -> Vec<String> {
     let mut frame = Vec::new();
-    let encoded = Request::Command(command).encode(&Envelope::default(), &mut frame);
+    let encoded = Request::Command(command).encode(&Addressing::default(), &mut frame);
     let value = encoded.ok().and_then(|()| serde_json::from_slice::<serde_json::Value>(&frame).ok());
     let data = value.as_ref().and_then(|value| value.get("cmdData")?.as_array());
     let words = data.into_iter().flatten().skip(1);

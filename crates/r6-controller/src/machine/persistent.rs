@@ -6,12 +6,12 @@ use r6_motion::Frame;
 
 /// A value that counts how often somebody could have changed it: whoever borrows it for writing.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Kept<T> {
+pub(crate) struct Persistent<T> {
     value: T,
     changes: u64,
 }
 
-impl<T> Kept<T> {
+impl<T> Persistent<T> {
     pub fn new(value: T) -> Self {
         Self { value, changes: 0 }
     }
@@ -22,7 +22,7 @@ impl<T> Kept<T> {
     }
 }
 
-impl<T> Deref for Kept<T> {
+impl<T> Deref for Persistent<T> {
     type Target = T;
 
     fn deref(&self) -> &T {
@@ -30,7 +30,7 @@ impl<T> Deref for Kept<T> {
     }
 }
 
-impl<T> DerefMut for Kept<T> {
+impl<T> DerefMut for Persistent<T> {
     fn deref_mut(&mut self) -> &mut T {
         self.changes += 1;
         &mut self.value

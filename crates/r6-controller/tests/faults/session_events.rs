@@ -4,7 +4,7 @@ use r6_proto::client::{Event, StrayReason};
 use r6_proto::message::{Body, Message};
 
 /// An event.
-pub enum Told {
+pub enum SessionEvent {
     Reply { ticket: u64, frame: Vec<u8>, body: Said },
     Photo(Vec<u8>),
     Stray(StrayReason, Vec<u8>),
@@ -20,17 +20,19 @@ pub enum Said {
     Rejected,
 }
 
-pub fn told(event: Event<'_>) -> Told {
+pub fn told(event: Event<'_>) -> SessionEvent {
     match event {
-        Event::Reply { ticket, message, .. } => {
-            Told::Reply { ticket: ticket.number(), frame: message.frame().to_vec(), body: said(&message) }
-        }
-        Event::Photo { message, .. } => Told::Photo(message.frame().to_vec()),
-        Event::Stray { reason, message } => Told::Stray(reason, message.frame().to_vec()),
-        Event::BadFrame(_) | Event::NotJson(_) => Told::Broken,
-        Event::TimedOut(ticket) => Told::TimedOut(ticket.number()),
-        Event::Lost { ticket, .. } => Told::Lost(ticket.number()),
-        Event::OutOfStep => Told::OutOfStep,
+        Event::Reply { ticket, message, .. } => SessionEvent::Reply {
+            ticket: ticket.number(),
+            frame: message.frame().to_vec(),
+            body: said(&message),
+        },
+        Event::Photo { message, .. } => SessionEvent::Photo(message.frame().to_vec()),
+        Event::Stray { reason, message } => SessionEvent::Stray(reason, message.frame().to_vec()),
+        Event::BadFrame(_) | Event::NotJson(_) => SessionEvent::Broken,
+        Event::TimedOut(ticket) => SessionEvent::TimedOut(ticket.number()),
+        Event::Lost { ticket, .. } => SessionEvent::Lost(ticket.number()),
+        Event::OutOfStep => SessionEvent::OutOfStep,
     }
 }
 

@@ -13,7 +13,7 @@ use r6_proto::time::Instant;
 
 use super::ConnectionId;
 use super::cameras::Cameras;
-use super::scenario::{Asked, Strikes};
+use super::scenario::{Asked, RequestFaults};
 use crate::answer::Answers;
 use crate::event::{Detail, Event, ListRefusal};
 use crate::fault::IgnoredStop;
@@ -29,7 +29,7 @@ const MAX_EXPLAINED: usize = 8;
 const MAX_ARGUMENTS: usize = 104;
 
 /// Where the messages of one connection are dealt with.
-pub(super) struct Desk<'c> {
+pub(super) struct Dispatcher<'c> {
     pub now: Instant,
     pub id: ConnectionId,
     pub machine: &'c mut Machine,
@@ -38,7 +38,7 @@ pub(super) struct Desk<'c> {
     /// The connection has to be reset.
     pub reset: bool,
     /// What is wrong with this request.
-    pub strikes: Strikes,
+    pub strikes: RequestFaults,
     /// Whose values queries get, while they are frozen.
     pub frozen: Option<&'c Machine>,
     /// Where the request is noted down, for whoever wants to know it.
@@ -47,8 +47,8 @@ pub(super) struct Desk<'c> {
     pub late: Option<(Instant, LateList)>,
 }
 
-impl<'c> Desk<'c> {
-    /// A desk where nothing is wrong.
+impl<'c> Dispatcher<'c> {
+    /// A dispatcher where nothing is wrong.
     pub fn new(
         now: Instant,
         id: ConnectionId,
@@ -63,7 +63,7 @@ impl<'c> Desk<'c> {
             log,
             cameras,
             reset: false,
-            strikes: Strikes::default(),
+            strikes: RequestFaults::default(),
             frozen: None,
             asked: None,
             late: None,
