@@ -38,7 +38,7 @@ impl<'m> Answers<'m> {
         }
         match address {
             Address::Version => data.text(&machine.profile.version),
-            Address::CurMold => data.text(&machine.mold),
+            Address::CurMold => data.text(&machine.programs.mold),
             Address::CounterList => {
                 let ids: Vec<String> = machine.counters.keys().map(u32::to_string).collect();
                 data.texts(ids.iter().map(String::as_str));
@@ -64,19 +64,21 @@ impl<'m> Answers<'m> {
             Address::World(component) => data.decimal(self.world_component(component)),
             Address::CurAlarm => data.integer(i64::from(machine.alarm)),
             Address::CurCycle => data.decimal(machine.cycle_time().as_secs_f64()),
-            Address::LastCycle => data.decimal(machine.last_cycle.as_secs_f64()),
+            Address::LastCycle => data.decimal(machine.cycle.last.as_secs_f64()),
             Address::MachineName => data.text(&machine.machine_name),
             Address::CurTorque(axis) => data.integer(whole(self.torque(axis))),
             Address::CurSpeed(axis) => data.integer(whole(self.motor_speed(axis))),
             Address::CurAccount => data.text(&machine.account),
             Address::Origin => data.flag(machine.homed),
-            Address::MoldList => data.texts(machine.library.names()),
+            Address::MoldList => data.texts(machine.programs.library.names()),
             Address::IsMoving => data.flag(machine.tells_moving()),
-            Address::Addr(register) => data.integer(machine.registers.get(&register).copied().unwrap_or(0)),
+            Address::Addr(register) => {
+                data.integer(machine.registers.values.get(&register).copied().unwrap_or(0))
+            }
             Address::RemoteCmdLen => data.integer(i64::try_from(machine.list.len()).unwrap_or(i64::MAX)),
             Address::ToolCoord => {
                 // A collaborative dispatcher cannot be chosen by anything that a manual knows: none.
-                let (tool, bench) = (machine.tool.to_string(), machine.bench.to_string());
+                let (tool, bench) = (machine.frames.tool.to_string(), machine.frames.bench.to_string());
                 data.texts([tool.as_str(), bench.as_str(), "0"]);
             }
             #[allow(unreachable_patterns, reason = "an address may have its row before it is played here")]

@@ -66,6 +66,67 @@ pub struct MachineEvent {
     pub event: Event,
 }
 
+/// The registers that program and PC share.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Registers {
+    pub values: BTreeMap<RegisterIndex, i64>,
+    /// What a power cut leaves of them: what was last written with `savable`.
+    pub saved: Persistent<BTreeMap<RegisterIndex, i64>>,
+}
+
+/// The tools and workbenches that are defined, and which of them are in use.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ToolsAndBenches {
+    pub tools: Persistent<BTreeMap<u32, Placed>>,
+    pub benches: Persistent<BTreeMap<u32, Placed>>,
+    pub tool: u32,
+    pub bench: u32,
+}
+
+/// The taught programs.
+#[derive(Clone, Debug)]
+pub(crate) struct Programs {
+    pub library: Library,
+    /// The texts of those that a person loaded at the machine.
+    pub loaded: Persistent<BTreeMap<String, String>>,
+    /// The name of the one in use.
+    pub mold: String,
+}
+
+/// The cycles of the program.
+#[derive(Clone, Debug)]
+pub(crate) struct Cycles {
+    /// The program ends with this pass.
+    pub last_pass: bool,
+    pub started: Option<Instant>,
+    /// How long the last one took.
+    pub last: Duration,
+    /// How many have ended.
+    pub count: u64,
+    /// When the list last began a pass, to keep an endless pass from taking no time.
+    pub pass_started: Instant,
+}
+
+/// What goes to cameras and comes from them.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CameraQueues {
+    /// Those that a program asks for a photo.
+    pub photos: VecDeque<i64>,
+    /// Their points: camera, point.
+    pub points: VecDeque<(i64, Point)>,
+    /// Whether there was no room for some, and there is none yet.
+    loses_points: bool,
+}
+
+/// What a scenario breaks in the machine.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct MachineFaults {
+    /// The list begins no instruction.
+    pub list_frozen: bool,
+    /// How long the arm stands at each point of the remote list while more instructions wait.
+    pub dwell: Option<Duration>,
+}
+
 /// A virtual machine: arm, IO, registers, list, mode, alarm.
 #[derive(Clone, Debug)]
 pub struct Machine {
@@ -78,30 +139,19 @@ pub struct Machine {
     /// Where the arm rests while nothing moves it.
     pub(crate) axes: Axes,
     pub(crate) io: Io,
-    pub(crate) registers: BTreeMap<RegisterIndex, i64>,
-    /// What a power cut leaves of them: what was last written with `savable`.
-    pub(crate) saved_registers: Persistent<BTreeMap<RegisterIndex, i64>>,
+    pub(crate) registers: Registers,
     pub(crate) counters: Persistent<BTreeMap<u32, CounterState>>,
-    pub(crate) tools: Persistent<BTreeMap<u32, Placed>>,
-    pub(crate) benches: Persistent<BTreeMap<u32, Placed>>,
-    pub(crate) tool: u32,
-    pub(crate) bench: u32,
+    pub(crate) frames: ToolsAndBenches,
     pub(crate) stacks: Persistent<BTreeMap<u32, Stack>>,
     /// Fraction, 1 for 100 %.
     pub(crate) global_speed: f64,
     pub(crate) ramps: Ramps,
-    pub(crate) library: Library,
-    /// The texts of the programs that a person loaded at the machine.
-    pub(crate) loaded: Persistent<BTreeMap<String, String>>,
-    pub(crate) mold: String,
+    pub(crate) programs: Programs,
     pub(crate) machine_name: String,
     pub(crate) account: String,
     pub(crate) io_boards: u8,
     pub(crate) list: InstructionList,
-    /// The list begins no instruction, for a fault's sake.
-    pub(crate) list_frozen: bool,
-    /// How long the arm stands at each point of the remote list while more instructions wait: a fault.
-    pub(crate) dwell: Option<Duration>,
+    pub(crate) faults: MachineFaults,
     pub(crate) activity: Activity,
     /// A move by hand, while no program runs.
     hand: Option<hand::HandMove>,
@@ -118,25 +168,13 @@ pub struct Machine {
     pub(crate) pulses: Vec<(Instant, OutputPoint, bool)>,
     /// Where the program is.
     pub(crate) program: ProgramRun,
-    /// Cameras that a program asks for a photo.
-    pub(crate) photos: VecDeque<i64>,
-    /// The program ends with this pass.
-    pub(crate) last_pass: bool,
-    pub(crate) cycle_started: Option<Instant>,
-    pub(crate) last_cycle: Duration,
-    /// When the list last began a pass, to keep an endless pass from taking no time.
-    pub(crate) pass_started: Instant,
+    pub(crate) cycle: Cycles,
+    pub(crate) cameras: CameraQueues,
     pub(crate) watchdog: Watchdog,
     /// How often it was switched on anew: what it keeps is then counted anew, too.
     pub(crate) starts: u64,
-    /// How many cycles have ended.
-    pub(crate) cycles: u64,
     /// Whatever is random, from the seed.
     pub(crate) random: Random,
-    /// Points of the cameras: camera, point.
-    pub(crate) points: VecDeque<(i64, Point)>,
-    /// Whether there was no room for some, and there is none yet.
-    loses_points: bool,
     events: VecDeque<MachineEvent>,
 }
 
@@ -157,7 +195,7 @@ impl Machine {
 
     /// The program in use stands before its first step, and runs where the mode says so.
     fn switched_on(mut self) -> Self {
-        let program = self.library.named(&self.mold).cloned().unwrap_or_default();
+        let program = self.programs.library.named(&self.programs.mold).cloned().unwrap_or_default();
         self.use_program(program);
         self.run_list();
         self
@@ -184,25 +222,14 @@ impl Machine {
             homed: settings.homed,
             axes: Axes::ZERO,
             io: Io::default(),
-            registers: BTreeMap::new(),
-            saved_registers: Persistent::default(),
             counters: Persistent::new(counters),
-            tools: Persistent::default(),
-            benches: Persistent::default(),
-            tool: 0,
-            bench: 0,
             stacks: Persistent::default(),
             global_speed: (settings.global_speed / 100.0).clamp(0.0, 1.0),
             ramps: ramps.unwrap_or_default(),
-            mold: settings.mold,
-            library: settings.library,
-            loaded: Persistent::default(),
             machine_name: settings.machine_name,
             account: settings.account,
             io_boards: settings.io_boards,
             list: InstructionList::default(),
-            list_frozen: false,
-            dwell: None,
             activity: Activity::Idle,
             hand: None,
             emergency_stop: false,
@@ -212,17 +239,25 @@ impl Machine {
             list_run: lone_curve::ListRun::default(),
             pulses: Vec::new(),
             program: ProgramRun::default(),
-            photos: VecDeque::new(),
-            last_pass: false,
-            cycle_started: None,
-            last_cycle: Duration::ZERO,
-            pass_started: now,
+            registers: Registers::default(),
+            frames: ToolsAndBenches::default(),
+            programs: Programs {
+                library: settings.library,
+                loaded: Persistent::default(),
+                mold: settings.mold,
+            },
+            faults: MachineFaults::default(),
+            cycle: Cycles {
+                last_pass: false,
+                started: None,
+                last: Duration::ZERO,
+                count: 0,
+                pass_started: now,
+            },
+            cameras: CameraQueues::default(),
             watchdog,
             starts: 0,
-            cycles: 0,
             random: Random::new(settings.seed),
-            points: VecDeque::new(),
-            loses_points: false,
             events: VecDeque::new(),
         }
     }
@@ -295,7 +330,7 @@ impl Machine {
     /// The tool and work frame in use.
     #[must_use]
     pub fn frames(&self) -> Frames {
-        self.frames_of(self.tool, self.bench)
+        self.frames_of(self.frames.tool, self.frames.bench)
     }
 
     /// A tool and a work frame by number; one that was never defined is that of the flange, or of the world.
@@ -303,7 +338,7 @@ impl Machine {
         let frame = |frames: &BTreeMap<u32, Placed>, number| {
             frames.get(number).map_or_else(Frame::default, |placed| placed.frame)
         };
-        Frames { tool: frame(&self.tools, &tool), work: frame(&self.benches, &bench) }
+        Frames { tool: frame(&self.frames.tools, &tool), work: frame(&self.frames.benches, &bench) }
     }
 
     /// Where the arm is and how fast it goes, now.
@@ -359,7 +394,7 @@ impl Machine {
     /// The time of the present cycle.
     #[must_use]
     pub fn cycle_time(&self) -> Duration {
-        self.cycle_started.map_or(Duration::ZERO, |started| self.now.since(started))
+        self.cycle.started.map_or(Duration::ZERO, |started| self.now.since(started))
     }
 
     /// Raises an alarm and stops the machine. The first alarm stays until it is cleared.
@@ -376,24 +411,25 @@ impl Machine {
     pub(crate) fn take_points(&mut self, cam_id: i64, points: &[Point]) {
         let mut loses = false;
         for point in points {
-            if self.points.len() >= MAX_POINTS {
-                let own = self.points.iter().position(|(camera, _)| *camera == cam_id);
-                self.points.remove(own.unwrap_or(0));
+            if self.cameras.points.len() >= MAX_POINTS {
+                let own = self.cameras.points.iter().position(|(camera, _)| *camera == cam_id);
+                self.cameras.points.remove(own.unwrap_or(0));
                 loses = true;
             }
-            self.points.push_back((cam_id, *point));
+            self.cameras.points.push_back((cam_id, *point));
         }
         // A camera that goes on and on is no news.
-        if loses && !self.loses_points {
+        if loses && !self.cameras.loses_points {
             self.note(Event::PointsLost { limit: MAX_POINTS });
         }
-        self.loses_points = loses || (self.loses_points && self.points.len() >= MAX_POINTS);
+        self.cameras.loses_points =
+            loses || (self.cameras.loses_points && self.cameras.points.len() >= MAX_POINTS);
         self.points_have_come();
     }
 
     /// The points of the cameras that no program has used yet, oldest first: camera and point.
     pub fn points(&self) -> impl ExactSizeIterator<Item = &(i64, Point)> {
-        self.points.iter()
+        self.cameras.points.iter()
     }
 
     /// The stacks that were defined, by number.

@@ -234,21 +234,21 @@ impl Machine {
             current: counter.current.clamp(-MAX_COUNT, MAX_COUNT),
         };
         SavedState {
-            version: if self.loaded.is_empty() { 1 } else { SAVED_VERSION },
+            version: if self.programs.loaded.is_empty() { 1 } else { SAVED_VERSION },
             mode: self.saved_mode(),
-            mold: self.mold.clone(),
+            mold: self.programs.mold.clone(),
             counters: self.counters.iter().map(|(id, state)| (*id, counter(state))).collect(),
-            registers: self.saved_registers.iter().map(|(index, value)| (index.number(), *value)).collect(),
-            tool: self.tool,
-            bench: self.bench,
-            tools: offsets(&self.tools),
-            benches: offsets(&self.benches),
+            registers: self.registers.saved.iter().map(|(index, value)| (index.number(), *value)).collect(),
+            tool: self.frames.tool,
+            bench: self.frames.bench,
+            tools: offsets(&self.frames.tools),
+            benches: offsets(&self.frames.benches),
             stacks: self
                 .stacks
                 .iter()
                 .map(|(number, stack)| (*number, SavedStack { spacing: stack.spacing, count: stack.count }))
                 .collect(),
-            programs: (*self.loaded).clone(),
+            programs: (*self.programs.loaded).clone(),
         }
     }
 
@@ -257,17 +257,17 @@ impl Machine {
     pub fn saved_mark(&self) -> u64 {
         let kept = [
             self.counters.changes(),
-            self.saved_registers.changes(),
-            self.tools.changes(),
-            self.benches.changes(),
+            self.registers.saved.changes(),
+            self.frames.tools.changes(),
+            self.frames.benches.changes(),
             self.stacks.changes(),
-            self.loaded.changes(),
+            self.programs.loaded.changes(),
             self.starts,
         ];
-        let small = [self.saved_mode() as u64, u64::from(self.tool), u64::from(self.bench)];
+        let small = [self.saved_mode() as u64, u64::from(self.frames.tool), u64::from(self.frames.bench)];
         let mut mark = Mark::new();
         kept.into_iter().chain(small).for_each(|number| mark.take(&number.to_le_bytes()));
-        mark.take(self.mold.as_bytes());
+        mark.take(self.programs.mold.as_bytes());
         mark.0
     }
 
@@ -283,8 +283,8 @@ impl Machine {
         };
         self.restore_programs(&saved.programs);
         // A program whose file was not given this time leaves the one that was chosen.
-        if self.library.named(&saved.mold).is_some() {
-            self.mold.clone_from(&saved.mold);
+        if self.programs.library.named(&saved.mold).is_some() {
+            self.programs.mold.clone_from(&saved.mold);
         }
         *self.counters = saved
             .counters
@@ -292,12 +292,12 @@ impl Machine {
             .map(|(id, counter)| (*id, CounterState { target: counter.target, current: counter.current }))
             .collect();
         let registers = saved.registers.iter();
-        *self.saved_registers =
+        *self.registers.saved =
             registers.filter_map(|(number, value)| Some((RegisterIndex::new(*number)?, *value))).collect();
-        self.registers.clone_from(&self.saved_registers);
-        (self.tool, self.bench) = (saved.tool, saved.bench);
-        *self.tools = frames(&saved.tools);
-        *self.benches = frames(&saved.benches);
+        self.registers.values.clone_from(&self.registers.saved);
+        (self.frames.tool, self.frames.bench) = (saved.tool, saved.bench);
+        *self.frames.tools = frames(&saved.tools);
+        *self.frames.benches = frames(&saved.benches);
         *self.stacks = saved
             .stacks
             .iter()

@@ -23,7 +23,7 @@ impl Machine {
                 self.restart_program();
             }
             self.mode = OperationMode::Running;
-            self.last_pass = false;
+            self.cycle.last_pass = false;
             self.note(Event::ModeChanged { mode: self.mode, why: ModeReason::Started });
         } else if self.mode == OperationMode::SingleStep {
             self.mode = OperationMode::Running;
@@ -39,7 +39,7 @@ impl Machine {
             self.restart_program();
         }
         self.mode = OperationMode::SingleCycle;
-        self.last_pass = true;
+        self.cycle.last_pass = true;
         self.note(Event::SingleCycle);
         self.skip_trigger();
         self.go_on();
@@ -93,8 +93,8 @@ impl Machine {
     /// The mode key, which only a person at the machine turns: what runs comes to rest, and nothing starts by itself.
     pub(crate) fn turn_key(&mut self, key: Key) {
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
-        self.cycle_started = None;
-        self.last_pass = false;
+        self.cycle.started = None;
+        self.cycle.last_pass = false;
         self.mode = match key {
             Key::Manual => OperationMode::Manual,
             Key::Stop => OperationMode::Stop,
@@ -109,15 +109,15 @@ impl Machine {
         if !self.mode.may_run() {
             return;
         }
-        let second_press = self.last_pass;
+        let second_press = self.cycle.last_pass;
         match self.profile.stop_button {
-            StopButton::FinishCycle if !second_press && self.cycle_started.is_some() => {
-                self.last_pass = true;
+            StopButton::FinishCycle if !second_press && self.cycle.started.is_some() => {
+                self.cycle.last_pass = true;
                 self.note(Event::EndsWithCycle);
             }
             StopButton::FinishCycle | StopButton::AtOnce => {
                 self.halt(self.profile.action_stop_time, AfterHalt::Drop);
-                self.cycle_started = None;
+                self.cycle.started = None;
                 self.leave_running(ModeReason::StopButton);
             }
         }
@@ -127,10 +127,10 @@ impl Machine {
     pub(crate) fn stop_action(&mut self) {
         let ran = self.mode.may_run();
         self.halt(self.profile.action_stop_time, AfterHalt::Rewind);
-        self.cycle_started = None;
+        self.cycle.started = None;
         self.end_signal_watch();
         if ran {
-            self.last_pass = false;
+            self.cycle.last_pass = false;
             self.mode = self.mode_after_stop();
             self.note(Event::ModeChanged { mode: self.mode, why: ModeReason::ActionStop });
             if self.profile.action_stop_alarm != 0 && self.alarm == 0 {
@@ -160,7 +160,7 @@ impl Machine {
     /// An alarm has come: the motion ends, the program no longer runs, the list stays.
     pub(crate) fn halt_for_alarm(&mut self) {
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
-        self.cycle_started = None;
+        self.cycle.started = None;
         self.leave_running(ModeReason::Alarm);
     }
 

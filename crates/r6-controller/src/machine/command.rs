@@ -81,13 +81,13 @@ impl Machine {
                 self.ramps = Ramps::new(*acceleration, *deceleration)
                     .ok_or_else(|| "times from 0.001 to 60 seconds".to_owned())?;
             }
-            Command::SwitchTool { tool } => self.tool = frame_number(*tool)?,
+            Command::SwitchTool { tool } => self.frames.tool = frame_number(*tool)?,
             Command::ModifyTool { tool, offset } => {
                 let number = frame_number(*tool)?;
                 let frame = Frame::at(&Pose::from_components(*offset)).map_err(|error| error.to_string())?;
-                self.tools.insert(number, Placed { offset: *offset, frame });
+                self.frames.tools.insert(number, Placed { offset: *offset, frame });
             }
-            Command::SwitchCoordinate { workbench } => self.bench = frame_number(*workbench)?,
+            Command::SwitchCoordinate { workbench } => self.frames.bench = frame_number(*workbench)?,
             // What the arguments of the newest manual do besides is not known (reported, unit B): they are taken, and do nothing more.
             Command::ClearAlarm | Command::ClearAlarmWith { .. } => self.clear_alarm()?,
             #[allow(unreachable_patterns, reason = "a command may have its row before it is played here")]
@@ -98,15 +98,15 @@ impl Machine {
 
     /// What is not savable does not reach what was saved: that comes back after a power cut.
     fn write_register(&mut self, register: RegisterIndex, value: i64, savable: bool) {
-        self.registers.insert(register, value);
+        self.registers.values.insert(register, value);
         if savable {
-            self.saved_registers.insert(register, value);
+            self.registers.saved.insert(register, value);
         }
     }
 
     pub(super) fn switch_mold(&mut self, mold: &str) -> Result<(), String> {
-        let Some(program) = self.library.named(mold).cloned() else {
-            let nearest = r6_proto::nearest(mold, self.library.names());
+        let Some(program) = self.programs.library.named(mold).cloned() else {
+            let nearest = r6_proto::nearest(mold, self.programs.library.names());
             let hint = nearest.map(|near| format!("; nearest: `{near}`")).unwrap_or_default();
             return Err(format!("there is no program `{mold}`{hint}"));
         };
@@ -116,8 +116,8 @@ impl Machine {
         // The other program begins at its beginning, with a list of its own.
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
         self.clear_list();
-        self.cycle_started = None;
-        mold.clone_into(&mut self.mold);
+        self.cycle.started = None;
+        mold.clone_into(&mut self.programs.mold);
         self.use_program(program);
         self.run_list();
         Ok(())

@@ -40,7 +40,7 @@ impl Machine {
     /// How many cycles have ended since the machine was switched on.
     #[must_use]
     pub fn cycles(&self) -> u64 {
-        self.cycles
+        self.cycle.count
     }
 
     fn next_pulse(&self) -> Option<Instant> {

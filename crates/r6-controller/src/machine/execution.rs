@@ -163,20 +163,20 @@ impl Activity {
 impl Machine {
     /// Whether the list begins no instruction: a fault that somebody wants to see. What is under way goes on.
     pub(crate) fn freeze_list(&mut self, frozen: bool) {
-        if std::mem::replace(&mut self.list_frozen, frozen) && !frozen {
+        if std::mem::replace(&mut self.faults.list_frozen, frozen) && !frozen {
             self.run_list();
         }
     }
 
     /// How long the arm stands at each point while more instructions wait, from now on: a fault that somebody wants to see.
     pub(crate) fn dwell_at_points(&mut self, rest: Option<Duration>) {
-        self.dwell = rest;
+        self.faults.dwell = rest;
     }
 
     /// Stands at the end of a move, where that fault is in force and more instructions wait.
     fn dwell_here(&mut self) {
         let waits = matches!(self.activity, Activity::Idle) && self.runs() && self.is_remote();
-        let Some(rest) = self.dwell.filter(|_| waits && !self.list.is_empty()) else { return };
+        let Some(rest) = self.faults.dwell.filter(|_| waits && !self.list.is_empty()) else { return };
         self.note(Event::Dwells { rest });
         self.activity = Activity::Resting { until: self.now + rest };
     }
@@ -193,7 +193,7 @@ impl Machine {
 
     /// Runs steps until one takes time, or none is left.
     pub(crate) fn run_list(&mut self) {
-        if self.list_frozen && self.is_remote() {
+        if self.faults.list_frozen && self.is_remote() {
             return;
         }
         self.join_next();
@@ -209,9 +209,9 @@ impl Machine {
                 // It begins once there is a speed again.
                 return;
             }
-            if self.cycle_started.is_none() && self.is_remote() {
-                self.cycle_started = Some(self.now);
-                self.pass_started = self.now;
+            if self.cycle.started.is_none() && self.is_remote() {
+                self.cycle.started = Some(self.now);
+                self.cycle.pass_started = self.now;
             }
             if let Err((alarm, why)) = self.begin(&step) {
                 let step = Some(Detail::of(self.said_of(&step)));
@@ -225,9 +225,9 @@ impl Machine {
     }
 
     pub(super) fn close_cycle(&mut self) {
-        if let Some(started) = self.cycle_started.take() {
-            self.cycles += 1;
-            self.last_cycle = self.now.since(started);
+        if let Some(started) = self.cycle.started.take() {
+            self.cycle.count += 1;
+            self.cycle.last = self.now.since(started);
         }
     }
 
@@ -240,10 +240,10 @@ impl Machine {
             After::Empty => {}
             After::PassOver => {
                 self.close_cycle();
-                if self.last_pass {
+                if self.cycle.last_pass {
                     self.leave_running(ModeReason::ProgramEnded);
-                } else if self.now.since(self.pass_started) < SHORTEST_PASS {
-                    self.activity = Activity::Resting { until: self.pass_started + SHORTEST_PASS };
+                } else if self.now.since(self.cycle.pass_started) < SHORTEST_PASS {
+                    self.activity = Activity::Resting { until: self.cycle.pass_started + SHORTEST_PASS };
                 }
             }
         }
@@ -296,7 +296,7 @@ impl Machine {
                 Ok(())
             }
             Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_) => {
-                let told = EarlierSteps { path_speed: self.path_speed, bench: self.bench };
+                let told = EarlierSteps { path_speed: self.path_speed, bench: self.frames.bench };
                 let Some(order) = self.order(&step.action, &self.axes, told)? else { return Ok(()) };
                 let movement = Movement::plan(&self.model, &self.axes, &order.step, &order.conditions)
                     .map_err(plan_failed)?;
@@ -324,7 +324,7 @@ impl Machine {
                 Ok(())
             }
             Action::Workbench(bench) => {
-                self.bench = workbench(*bench)?;
+                self.frames.bench = workbench(*bench)?;
                 Ok(())
             }
             Action::Unknown(_) => Err((AlarmCode::PROGRAM.0, "unknown action".to_owned())),
@@ -382,7 +382,7 @@ impl Machine {
 
     /// The program stops running, without an alarm.
     pub(crate) fn leave_running(&mut self, why: ModeReason) {
-        self.last_pass = false;
+        self.cycle.last_pass = false;
         if self.mode.may_run() {
             self.mode = OperationMode::Auto;
             self.note(Event::ModeChanged { mode: self.mode, why });

@@ -122,7 +122,7 @@ impl Machine {
             }
             AfterHalt::NewList => {
                 self.list.rewind();
-                self.cycle_started = None;
+                self.cycle.started = None;
             }
         }
     }

@@ -14,7 +14,7 @@ impl Machine {
         let bad = |reason: String| Refused::BadProgram { reason };
         let program =
             Program::read(name, text).map_err(|mistakes| bad(format!("program `{name}`: {mistakes}")))?;
-        let in_use = self.library.reaches(&self.mold, name);
+        let in_use = self.programs.library.reaches(&self.programs.mold, name);
         if in_use && self.mode.may_run() {
             return Err(Refused::ProgramRuns { name: name.to_owned() });
         }
@@ -23,7 +23,7 @@ impl Machine {
         }
         self.check_room(name, text)?;
         let steps = program.steps().len();
-        let mut library = self.library.clone();
+        let mut library = self.programs.library.clone();
         library.insert(program.clone()).map_err(|error| match error {
             LibraryError::Full => Refused::NoRoom { reason: format!("{error}: replace one of them") },
             LibraryError::Program { .. } => bad(error.to_string()),
@@ -31,18 +31,18 @@ impl Machine {
         if let Some(missing) = library.missing_call(&program) {
             return Err(bad(format!("program `{name}`: {missing}; load that one first")));
         }
-        self.library = library;
-        self.loaded.insert(name.to_owned(), text.to_owned());
+        self.programs.library = library;
+        self.programs.loaded.insert(name.to_owned(), text.to_owned());
         self.note(Event::ProgramLoaded { name: Detail::of(name), steps });
         if in_use {
-            let mold = self.mold.clone();
+            let mold = self.programs.mold.clone();
             self.switch_mold(&mold).map_err(|reason| Refused::Program { reason })?;
         }
         Ok(())
     }
 
     fn check_room(&self, name: &str, text: &str) -> Result<(), Refused> {
-        let others = self.loaded.iter().filter(|(other, _)| *other != name);
+        let others = self.programs.loaded.iter().filter(|(other, _)| *other != name);
         let bytes = others.map(|(_, text)| text.len()).sum::<usize>() + text.len();
         if bytes <= MAX_LOADED_BYTES {
             return Ok(());
@@ -56,13 +56,13 @@ impl Machine {
     /// Takes the programs that were loaded before a power cut. One that the controller was now given under the same name counts, and the
     /// loaded one is kept for a start without it.
     pub(crate) fn restore_programs(&mut self, loaded: &BTreeMap<String, String>) {
-        (*self.loaded).clone_from(loaded);
+        (*self.programs.loaded).clone_from(loaded);
         for (name, text) in loaded {
-            let given = self.library.named(name).filter(|given| !Library::is_shipped(given));
+            let given = self.programs.library.named(name).filter(|given| !Library::is_shipped(given));
             if given.is_some_and(|given| given.text() != text) {
                 self.note(Event::ProgramGivenAtStart { name: Detail::of(name) });
             } else if given.is_none()
-                && let Err(error) = self.library.load(name, text)
+                && let Err(error) = self.programs.library.load(name, text)
             {
                 self.note(Event::ProgramGone { name: Detail::of(name), why: Detail::of(error) });
             }

@@ -92,8 +92,8 @@ impl Machine {
             self.move_begins(&action);
         }
         self.activity = Activity::Moving(Run::new(movement, self.now, order.blend));
-        self.cycle_started = Some(self.now);
-        self.pass_started = self.now;
+        self.cycle.started = Some(self.now);
+        self.cycle.pass_started = self.now;
         let before: Vec<_> = (0..ahead).filter_map(|step| self.list.ahead(step).copied()).collect();
         for _ in &before {
             self.list.finish_current();
@@ -116,7 +116,7 @@ impl Machine {
     /// The next move, if nothing but steps that take no time lies before it, and how many steps ahead it is; the first
     /// step that counts is `first` ahead.
     fn next_move(&self, first: usize, from: &Axes) -> Option<(usize, Order)> {
-        let mut told = EarlierSteps { path_speed: self.path_speed, bench: self.bench };
+        let mut told = EarlierSteps { path_speed: self.path_speed, bench: self.frames.bench };
         for ahead in first.. {
             let action = &self.steps().ahead(ahead)?.action;
             match action {

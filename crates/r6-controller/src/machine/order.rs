@@ -62,7 +62,8 @@ impl Machine {
         let conditions = Conditions {
             global: self.global_speed,
             ramps: self.ramps,
-            frames: self.frames_of(manner.tool.unwrap_or(self.tool), manner.coord.unwrap_or(told.bench)),
+            frames: self
+                .frames_of(manner.tool.unwrap_or(self.frames.tool), manner.coord.unwrap_or(told.bench)),
             // Reported of what a PC sends. The points of a taught program are taught by hand: they hold axes.
             turning: if self.is_remote() { self.profile.turning } else { Turning::Shortest },
         };

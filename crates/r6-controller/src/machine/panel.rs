@@ -82,9 +82,9 @@ impl Machine {
         self.emergency_stop = true;
         self.start_needed = true;
         self.halt(self.profile.action_stop_time, AfterHalt::Rewind);
-        self.cycle_started = None;
+        self.cycle.started = None;
         self.end_signal_watch();
-        self.last_pass = false;
+        self.cycle.last_pass = false;
         if self.mode.may_run() {
             self.mode = self.mode_after_stop();
         }

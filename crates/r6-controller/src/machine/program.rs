@@ -212,7 +212,7 @@ impl Machine {
             return true;
         }
         self.program.last_round = None;
-        if self.last_pass && !self.awaits_list_of_single_cycle() {
+        if self.cycle.last_pass && !self.awaits_list_of_single_cycle() {
             self.leave_running(ModeReason::ProgramIsEmpty);
         } else if self.mode == OperationMode::SingleStep {
             self.leave_running(ModeReason::SingleStepWithoutStep);
@@ -244,7 +244,7 @@ impl Machine {
         self.close_cycle();
         self.program.calls.truncate(1);
         self.program.go_to(0);
-        if self.last_pass {
+        if self.cycle.last_pass {
             self.leave_running(ModeReason::ProgramEnded);
             return false;
         }
@@ -308,7 +308,7 @@ impl Machine {
                 return Err((*number, "the program raises it".to_owned()));
             }
             Step::Tool(number) => {
-                self.tool = *number;
+                self.frames.tool = *number;
                 self.program.next();
             }
             Step::Counter { id, change } => {
@@ -318,8 +318,8 @@ impl Machine {
                 self.program.next();
             }
             Step::Register { register, change } => {
-                let value = self.registers.get(register).copied().unwrap_or(0);
-                self.registers.insert(*register, changed(value, *change));
+                let value = self.registers.values.get(register).copied().unwrap_or(0);
+                self.registers.values.insert(*register, changed(value, *change));
                 self.program.next();
             }
             Step::Remote => {
@@ -348,8 +348,8 @@ impl Machine {
     }
 
     fn begin_cycle(&mut self) {
-        if self.cycle_started.is_none() {
-            self.cycle_started = Some(self.now);
+        if self.cycle.started.is_none() {
+            self.cycle.started = Some(self.now);
         }
     }
 
@@ -402,7 +402,7 @@ impl Machine {
         if self.program.calls.len() > MAX_CALLS {
             return Err((PROGRAM_ERROR, format!("programs call one another more than {MAX_CALLS} deep")));
         }
-        let program = self.library.named(name).cloned();
+        let program = self.programs.library.named(name).cloned();
         let program =
             program.ok_or_else(|| (PROGRAM_ERROR, format!("there is no program `{name}` to call")))?;
         self.program.calls.push(Place { program, step: 0 });
@@ -420,7 +420,7 @@ impl Machine {
                 .get(&id)
                 .is_some_and(|counter| counter.target > 0 && counter.current >= counter.target),
             Condition::Register(register, compare) => {
-                compare.holds(self.registers.get(&register).copied().unwrap_or(0))
+                compare.holds(self.registers.values.get(&register).copied().unwrap_or(0))
             }
             Condition::Points(camera, model) => self.position_of_point(camera, model).is_some(),
             Condition::StackFull { stack, counter } => self.is_full(stack, counter),
@@ -452,7 +452,7 @@ impl Machine {
 
     /// A camera that a program asks for a photo.
     pub(crate) fn poll_photo(&mut self) -> Option<i64> {
-        self.photos.pop_front()
+        self.cameras.photos.pop_front()
     }
 }
 

@@ -62,7 +62,7 @@ impl Machine {
         self.list.append(instructions).map_err(|_| NO_ROOM)?;
         // What a program does meanwhile is no concern of the remote list.
         if replace && self.is_remote() {
-            self.cycle_started = None;
+            self.cycle.started = None;
             let takes_over = !clears && self.profile.replace_in_motion == ReplaceInMotion::TakeOver;
             let in_motion = (takes_over && self.take_over())
                 || self.halt(self.profile.action_stop_time, AfterHalt::NewList);

@@ -18,7 +18,7 @@ fn machine() -> Machine {
     let [x, y, z] = BENCH;
     let offset = [x, y, z, 0.0, 0.0, 0.0];
     let frame = Frame::at(&Pose::from_components(offset)).unwrap();
-    machine.benches.insert(2, Placed { offset, frame });
+    machine.frames.benches.insert(2, Placed { offset, frame });
     machine.axes = Axes::of_arm([0.0, -10.0, 10.0, 0.0, -90.0, 0.0]).unwrap();
     machine
 }
@@ -63,14 +63,14 @@ fn a_step_is_told_in_its_own_workbench_whichever_is_in_use() {
         [(0, Some(2), 2), (2, Some(0), 0), (2, None, 2), (0, None, 0), (0, Some(5), 0)]
     {
         let mut machine = machine();
-        machine.bench = in_use;
+        machine.frames.bench = in_use;
         let from = tool_at(&machine);
         let place = Pose { y: from.y + 50.0, ..from };
         let told = if told_on == 2 { on_bench_2(place) } else { place };
         machine.add_instructions(true, &[line(told, coord, 0)]).unwrap();
         pass(&mut machine, 10.0);
         assert_at(&machine, place);
-        assert_eq!(machine.bench, in_use, "only the step is told in another");
+        assert_eq!(machine.frames.bench, in_use, "only the step is told in another");
     }
 }
 
@@ -103,7 +103,7 @@ fn a_list_that_takes_over_begins_a_pass_of_its_own() {
     pass(&mut machine, 0.5);
     machine.add_instructions(true, &[line(Pose { y: from.y + 50.0, ..from }, None, 0)]).unwrap();
     assert!(machine.is_moving());
-    assert_eq!((machine.cycle_started, machine.pass_started), (Some(machine.now), machine.now));
+    assert_eq!((machine.cycle.started, machine.cycle.pass_started), (Some(machine.now), machine.now));
 }
 
 /// What a machine saves it has to be able to read: no step can put a workbench in use that nothing can define.
@@ -114,7 +114,7 @@ fn a_workbench_that_cannot_be_defined_raises_an_alarm() {
         machine.add_instructions(true, &[once(Action::Workbench(Workbench { id }))]).unwrap();
         pass(&mut machine, 1.0);
         assert_eq!(machine.alarm, alarm, "workbench {id}");
-        assert_eq!(machine.bench, if alarm == 0 { id } else { 0 });
+        assert_eq!(machine.frames.bench, if alarm == 0 { id } else { 0 });
         SavedState::from_json(&machine.saved().to_json()).unwrap();
     }
 }

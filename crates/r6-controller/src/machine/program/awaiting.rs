@@ -44,7 +44,7 @@ impl Machine {
         let wanted = |(from, point): &(i64, Point)| {
             *from == camera && model.is_none_or(|model| point.model_id == model)
         };
-        self.points.iter().position(wanted)
+        self.cameras.points.iter().position(wanted)
     }
 
     pub(super) fn take_point(
@@ -53,7 +53,7 @@ impl Machine {
         limit: Option<f64>,
         or_else: Option<usize>,
     ) {
-        let found = self.position_of_point(camera, model).and_then(|at| self.points.remove(at));
+        let found = self.position_of_point(camera, model).and_then(|at| self.cameras.points.remove(at));
         match (found, or_else) {
             (Some((_, point)), _) => {
                 self.program.point = Some(self.place_of(&point));
@@ -93,8 +93,8 @@ impl Machine {
 
     /// Asks for a photo, and waits for the answer if it has a limit.
     pub(super) fn ask_for_photo(&mut self, photo: &Photo, tries: u32) {
-        if self.photos.len() < MAX_PHOTOS {
-            self.photos.push_back(photo.camera);
+        if self.cameras.photos.len() < MAX_PHOTOS {
+            self.cameras.photos.push_back(photo.camera);
         }
         match photo.limit {
             None => self.program.next(),

@@ -39,7 +39,7 @@ impl Machine {
         let mut target = Coordinates::default();
         for (axis, number) in AxisIndex::ALL.into_iter().take(6).zip(first.number()..) {
             let value =
-                RegisterIndex::new(number).and_then(|register| self.registers.get(&register).copied());
+                RegisterIndex::new(number).and_then(|register| self.registers.values.get(&register).copied());
             // A register has 32 bits; what a peer wrote beyond them lies beyond every limit all the same.
             let value = i32::try_from(value.unwrap_or(0)).unwrap_or(i32::MAX);
             target.set(axis, f64::from(value) / 1000.0);
