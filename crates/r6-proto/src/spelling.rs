@@ -1,6 +1,6 @@
 //! The nearest known word to one that nobody knows, for error messages.
 
-/// Words longer than this are not compared: no word of the protocol comes near it, and the comparison is quadratic.
+/// Words longer than this are not compared: no word of the protocol comes near them, and the comparison is quadratic.
 const LONGEST_COMPARED: usize = 64;
 
 /// The word of `known` that `word` most probably meant, or `None` where nothing is near.
@@ -14,6 +14,8 @@ pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Opti
     let folded = fold(word);
     known
         .into_iter()
+        // Those of a file can be of any length.
+        .filter(|candidate| candidate.len() <= LONGEST_COMPARED)
         .map(|candidate| (distance(&folded, &fold(candidate)), candidate))
         .min_by_key(|(distance, candidate)| (*distance, candidate.len().abs_diff(word.len())))
         .filter(|(distance, candidate)| *distance * 3 <= candidate.len().max(folded.len()))
@@ -49,5 +51,6 @@ mod tests {
         assert_eq!(nearest("logout", WORDS), None);
         assert_eq!(nearest("", WORDS), None);
         assert_eq!(nearest(&"a".repeat(1000), WORDS), None);
+        assert_eq!(nearest("aaaaaaaa", [&*"a".repeat(1000)]), None);
     }
 }
