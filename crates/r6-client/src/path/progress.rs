@@ -237,10 +237,7 @@ impl PathProgress {
     fn can_have_made(&self, steps: &Range<usize>, way: &pace::Way, sample: &Sample, looked: Looked) -> bool {
         let on_the_old = self.track.is_near(steps.start, sample, &self.before);
         let on_the_new = self.track.is_near(steps.end, sample, &self.before);
-        // At the end of the only step that is gone: it made it.
-        let only = self.track.places(steps.clone());
-        let at_its_end = matches!(only, [place] if place.missed(sample).is_none());
-        let by_place = on_the_new && (!on_the_old || at_its_end);
+        let by_place = on_the_new && !on_the_old;
         // Where it is not on its new way, its list may run ahead of it, as it did before.
         let by_pace = self.pace.allows(way, looked, on_the_new && on_the_old);
         (by_place || by_pace) && self.can_have_stood(steps, looked)
@@ -299,7 +296,9 @@ fn largest_change(before: &[Option<f64>], now: &[Option<f64>]) -> f64 {
 #[cfg(test)]
 mod tests {
     use r6_proto::message::Action;
-    use r6_proto::message::instruction::{Coordinates, Manner, Move};
+    use r6_proto::message::instruction::{
+        Coordinates, Manner, Move, PathSpeed, Wait, WaitCondition, WaitSource,
+    };
     use r6_proto::{AXES, AxisMask, OperationMode};
 
     use super::*;
@@ -369,6 +368,43 @@ mod tests {
         // Its pace is not known yet, but no arm is as fast as that.
         assert_eq!(skipped_after(2, 1), Some(1..8));
         assert_eq!(skipped_after(2, 5), None);
+    }
+
+    /// Ten steps to new places, nine of which are gone after 50 ms: more than any pace allows. The next look finds the arm at `j1`.
+    fn skipped_where(j1: f64) -> Option<Range<usize>> {
+        let targets: Vec<[f64; 2]> = (1..=10).map(|n| [f64::from(n) * 30.0, 0.0]).collect();
+        let mut path = path(&targets);
+        path.accepted = 0;
+        path.fed(10);
+        let asked_at = Instant::ORIGIN + Duration::from_secs(100);
+        let answered_at = asked_at + Duration::from_millis(50);
+        path.see(&Sample { list_length: Some(1), ..at(j1, 0.0) }, false, Looked { asked_at, answered_at });
+        path.skipped()
+    }
+
+    #[test]
+    fn an_arm_that_is_seen_where_the_next_step_begins_made_the_ones_before() {
+        assert_eq!(skipped_where(5.0), Some(0..9));
+        assert_eq!(skipped_where(275.0), None);
+    }
+
+    /// Five steps of this action, of which four are gone after 50 ms.
+    fn skipped_standing(action: Action) -> Option<Range<usize>> {
+        let steps = vec![Instruction { oneshot: true, action }; 5];
+        let asked_at = Instant::ORIGIN + Duration::from_secs(100);
+        let mut path = PathProgress::new(steps, at(0.0, 0.0), asked_at);
+        path.fed(5);
+        let looked = Looked { asked_at, answered_at: asked_at + Duration::from_millis(50) };
+        path.see(&Sample { list_length: Some(1), ..at(0.0, 0.0) }, false, looked);
+        path.skipped()
+    }
+
+    #[test]
+    fn waits_take_their_time_and_other_standing_steps_none() {
+        let (source, condition) = (WaitSource::Time, WaitCondition::Off);
+        let second = Wait { source, condition, limit: 1.0, unlimited: false };
+        assert_eq!(skipped_standing(Action::Wait(second)), Some(0..4));
+        assert_eq!(skipped_standing(Action::PathSpeed(PathSpeed { in_use: true, speed: Some(50.0) })), None);
     }
 
     fn seen(path: &mut PathProgress, samples: &[[f64; 2]]) -> usize {
