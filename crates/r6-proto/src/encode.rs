@@ -185,6 +185,11 @@ impl Key {
         let quoted = if bare.len() < Short::MOST { bare.with(b'"') } else { bare };
         Self { name, bare, quoted }
     }
+
+    /// The name alone.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
 }
 
 /// The [`Key`] of this name, made by the compiler.

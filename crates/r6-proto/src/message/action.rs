@@ -1,4 +1,7 @@
-//! The table of actions: what an instruction can do, and which members it then has.
+//! The table of actions: what an instruction can do, and which members it then has. The members of each are rows of the table in
+//! `instruction/table.rs`.
+
+use super::instruction::{BoardOutput, Manner, Output, PathSpeed, StopOnSignal, Wait, Workbench};
 
 /// One row of the table of actions.
 #[derive(Clone, Copy, Debug)]
@@ -59,61 +62,32 @@ macro_rules! actions {
         pub const ACTIONS: [ActionInfo; [$( $number ),+].len()] = [$( ActionInfo {
             number: $number,
             name: $name,
-            members: &[$( &$members ),+],
+            members: &[$( $members ),+],
         }, )+];
     };
 }
 
 #[rustfmt::skip]
 actions! {
-    AxisMove 4 "axis move" [[member("m0-m7", "6.1.1")], MANNER]
-    LinearMove 10 "linear move" [[member("m0-m7", "6.1.1")], MANNER]
-    CurveMove 17 "curve move" [[
-        member("m0-m7", "6.1.1"),
-        member("m0_p-m7_p", "6.1.1"),
-    ], MANNER]
-    PathSpeed 51 "path speed" [[
-        member("isUse", "later manual"),
-        member("speed", "later manual"),
-    ]]
-    StopOnSignal 52 "stop on signal" [[
-        member("isUse", "6.1.4"),
-        member("ioNumber", "6.1.4"),
-        member("io_status", "6.1.4"),
-    ]]
-    Wait 100 "wait" [[
-        member("type", "6.1.3"),
-        member("point", "6.1.3"),
-        member("io_status", "6.1.3"),
-        member("limit", "6.1.3"),
-        member("isUnlimit", "6.1.3"),
-    ]]
-    Output 200 "output" [[
-        member("type", "later manual"),
-        member("io_status", "later manual"),
-        member("point", "later manual"),
-        member("delay", "later manual"),
-    ]]
-    BoardOutput 204 "board output" [[
-        member("type", "later manual"),
-        member("point", "later manual"),
-        member("point2", "later manual"),
-    ]]
-    Workbench 800 "workbench" [[member("cnt_id", "6.1.2")]]
+    AxisMove 4 "axis move" [TARGET, Manner::MEMBERS]
+    LinearMove 10 "linear move" [TARGET, Manner::MEMBERS]
+    CurveMove 17 "curve move" [TARGET, END, Manner::MEMBERS]
+    PathSpeed 51 "path speed" [PathSpeed::MEMBERS]
+    StopOnSignal 52 "stop on signal" [StopOnSignal::MEMBERS]
+    Wait 100 "wait" [Wait::MEMBERS]
+    Output 200 "output" [Output::MEMBERS]
+    BoardOutput 204 "board output" [BoardOutput::MEMBERS]
+    Workbench 800 "workbench" [Workbench::MEMBERS]
 }
+
+/// The coordinates of a target, or of the middle of a curve.
+const TARGET: &[MemberInfo] = &[member("m0-m7", "6.1.1")];
+
+/// The end of a curve.
+const END: &[MemberInfo] = &[member("m0_p-m7_p", "6.1.1")];
 
 /// What every instruction has.
 pub const COMMON: [MemberInfo; 2] = [member("oneshot", "6"), member("action", "6")];
-
-/// What every move has.
-const MANNER: [MemberInfo; 6] = [
-    member("ckStatus", "6.1.1"),
-    member("speed", "6.1.1"),
-    member("delay", "6.1.1"),
-    member("smooth", "6.1.1"),
-    member("tool", "later manual"),
-    member("coord", "later manual"),
-];
 
 /// What a point of a camera has (manual 5.2), and the photo (manual 5.1).
 pub const VISION: [MemberInfo; 14] = [

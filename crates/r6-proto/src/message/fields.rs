@@ -6,17 +6,18 @@ use crate::error::{FieldError, JsonError};
 use crate::json::Cursor;
 use crate::message::extra::{ExtraKind, ExtraNode, Place};
 use crate::message::fast::{Habit, Pattern};
+use crate::message::instruction;
 use crate::value::{Node, Value};
 
 /// Every member that an instruction or a point can have, by slot.
 pub(crate) struct Fields;
 
-/// The table of members, one row each: what it is called here, and its name on the wire. What an action has of them is in
-/// [`super::action`].
+/// The members of camera points and of all instructions, one row each: what it is called here, and its name on the wire. What stands only in
+/// some instructions is in the table of [`super::instruction`].
 macro_rules! fields {
     ($( $field:ident $name:literal )+) => {
         /// The names, in the order of the slots.
-        const NAMES: [&str; [$( Slot::$field ),+].len()] = [$( text($name) ),+];
+        const OWN_NAMES: [&str; [$( Slot::$field ),+].len()] = [$( text($name) ),+];
 
         /// The slots.
         #[allow(non_camel_case_types, clippy::upper_case_acronyms, reason = "they are called as the constants are")]
@@ -31,7 +32,7 @@ macro_rules! fields {
                 match name {
                     $( $name => Some(Self::$field), )+
                     b"Angle" => Some(Self::ANGEL),
-                    _ => None,
+                    _ => Self::slot_of_table(name),
                 }
             }
         }
@@ -51,13 +52,71 @@ fields! {
     M0 b"m0"  M1 b"m1"  M2 b"m2"  M3 b"m3"  M4 b"m4"  M5 b"m5"  M6 b"m6"  M7 b"m7"
     M0_P b"m0_p"  M1_P b"m1_p"  M2_P b"m2_p"  M3_P b"m3_p"  M4_P b"m4_p"  M5_P b"m5_p"  M6_P b"m6_p"
     M7_P b"m7_p"
-    ONESHOT b"oneshot"  ACTION b"action"  CK_STATUS b"ckStatus"  SPEED b"speed"  DELAY b"delay"
-    SMOOTH b"smooth"  TOOL b"tool"  COORD b"coord"  IS_USE b"isUse"  IO_NUMBER b"ioNumber"
-    IO_STATUS b"io_status"  TYPE b"type"  POINT b"point"  POINT2 b"point2"  LIMIT b"limit"
-    IS_UNLIMIT b"isUnlimit"  CNT_ID b"cnt_id"
+    ONESHOT b"oneshot"  ACTION b"action"
     XPOS b"xpos"  YPOS b"ypos"  ZPOS b"zpos"  UPOS b"upos"  VPOS b"vpos"  WPOS b"wpos"
     MODEL_ID b"ModelID"  X b"X"  Y b"Y"  Z b"Z"  U b"U"  V b"V"  ANGEL b"Angel"
     SIMILARITY b"Similarity"  COLOR b"Color"  REL b"Rel"  CAM_ID b"camID"
+}
+
+/// The names of the table of instructions, each once, as often as several instructions have it.
+const TABLE_NAMES: [&str; distinct(instruction::NAMES)] = once_each(instruction::NAMES);
+
+/// All names, in the order of the slots.
+const NAMES: [&str; OWN_NAMES.len() + TABLE_NAMES.len()] = {
+    let mut names = [""; OWN_NAMES.len() + TABLE_NAMES.len()];
+    let (own, table) = names.split_at_mut(OWN_NAMES.len());
+    own.copy_from_slice(&OWN_NAMES);
+    table.copy_from_slice(&TABLE_NAMES);
+    names
+};
+
+/// Which members are there is kept in 64 bits.
+const _: () = assert!(NAMES.len() <= 64);
+
+const fn same(one: &[u8], other: &[u8]) -> bool {
+    match (one, other) {
+        ([], []) => true,
+        ([a, one @ ..], [b, other @ ..]) => *a == *b && same(one, other),
+        _ => false,
+    }
+}
+
+/// Where the name stands first.
+const fn place(name: &str, names: &[&str]) -> Option<usize> {
+    let (mut at, mut rest) = (0, names);
+    while let [first, later @ ..] = rest {
+        if same(first.as_bytes(), name.as_bytes()) {
+            return Some(at);
+        }
+        (at, rest) = (at + 1, later);
+    }
+    None
+}
+
+/// How many different names there are.
+const fn distinct(names: &[&str]) -> usize {
+    let (mut count, mut rest) = (0, names);
+    while let [name, later @ ..] = rest {
+        count += if place(name, later).is_none() { 1 } else { 0 };
+        rest = later;
+    }
+    count
+}
+
+/// Each name once.
+const fn once_each<const COUNT: usize>(names: &[&'static str]) -> [&'static str; COUNT] {
+    let mut each = [""; COUNT];
+    let (mut slots, mut rest) = (each.as_mut_slice(), names);
+    while let [name, later @ ..] = rest {
+        rest = later;
+        if place(name, later).is_some() {
+            continue;
+        }
+        let [slot, free @ ..] = slots else { break };
+        *slot = name;
+        slots = free;
+    }
+    each
 }
 
 /// The same, ready to be compared.
@@ -83,6 +142,19 @@ impl Fields {
     pub const POS: [usize; 6] = [Self::XPOS, Self::YPOS, Self::ZPOS, Self::UPOS, Self::VPOS, Self::WPOS];
 
     const COUNT: usize = NAMES.len();
+
+    /// The slot of a name of the table of instructions. To be called in constants: there a name that is in no table is an error.
+    pub const fn of(name: &str) -> usize {
+        match place(name, &TABLE_NAMES) {
+            Some(at) => OWN_NAMES.len() + at,
+            None => panic!("no such member"),
+        }
+    }
+
+    fn slot_of_table(name: &[u8]) -> Option<usize> {
+        let at = TABLE_NAMES.iter().position(|of_table| of_table.as_bytes() == name)?;
+        Some(OWN_NAMES.len() + at)
+    }
 
     /// The name of a slot as the manual writes it.
     pub fn name(slot: usize) -> &'static str {
@@ -263,7 +335,7 @@ mod tests {
         assert_eq!(Fields::slot(b"Angle"), Some(Fields::ANGEL));
         let named = [
             (Fields::ONESHOT, "oneshot"),
-            (Fields::CNT_ID, "cnt_id"),
+            (const { Fields::of("cnt_id") }, "cnt_id"),
             (Fields::POS[5], "wpos"),
             (Fields::MODEL_ID, "ModelID"),
             (Fields::REL, "Rel"),

@@ -1,0 +1,185 @@
+//! The table of what instructions have: a row is a member, with the struct that it stands in. The structs, reading and writing them, the
+//! names of the wire and the lists of [`super::super::action`] are made from it.
+//!
+//! A row is: its docs, its name here and its type; `must` (it has to be there), `may` (it may be left out) or `or` (what counts
+//! where it is left out); its names on the wire, each with the section of the manual or the evidence for a later one; and how such a value is
+//! read and written ([`super::kinds`]). A struct is written in the order of its rows.
+
+use super::kinds::{
+    Blend, Flag, Kind, Listed, Mask, Number, OnGrid, POINT, Pairs, Seconds, UpTo, Watched, Whole,
+};
+use super::{BlendLevel, OutputBoard, OutputKind, WaitCondition, WaitSource};
+use crate::axis::AxisMask;
+use crate::encode::{Decimals, ObjectWriter, key};
+use crate::error::{EncodeError, FieldError};
+use crate::grid::Grid;
+use crate::io_point::PairMask;
+use crate::message::action::MemberInfo;
+use crate::message::fields::{Fields, FieldsView};
+
+macro_rules! parts {
+    ($(
+        $(#[$doc:meta])*
+        $part:ident {
+            $(
+                $(#[$member_doc:meta])*
+                $member:ident: $value:ty = $how:ident $(($($default:expr),+))?
+                    $($name:literal $source:literal),+ => $kind:expr;
+            )+
+        }
+    )+) => {
+        $(
+            $(#[$doc])*
+            pub struct $part {
+                $( $(#[$member_doc])* pub $member: $value, )+
+            }
+
+            impl $part {
+                /// Its members on the wire.
+                pub(crate) const MEMBERS: &[MemberInfo] =
+                    &[$( $( MemberInfo { name: $name, source: $source }, )+ )+];
+
+                /// Reads it from the members of an instruction.
+                pub(crate) fn from_fields(fields: &mut FieldsView<'_>) -> Result<Self, FieldError> {
+                    $(
+                        let slots = [$( const { Fields::of($name) } ),+];
+                        let $member = parts!(@take $how $(($($default),+))? fields, slots, $kind);
+                    )+
+                    Ok(Self { $( $member, )+ })
+                }
+
+                /// Appends its members to an instruction.
+                pub(super) fn write(&self, object: &mut ObjectWriter<'_>) -> Result<(), EncodeError> {
+                    $( parts!(@give $how object, self.$member, [$( key!($name) ),+], $kind); )+
+                    Ok(())
+                }
+            }
+        )+
+
+        /// The names of all members, as often as they are in the table.
+        pub(crate) const NAMES: &[&str] = &[$( $( $( $name, )+ )+ )+];
+    };
+    (@take must $fields:ident, $slots:ident, $kind:expr) => {
+        match $kind.take($fields, $slots)? {
+            Some(value) => value,
+            None => return Err($kind.missing($fields, $slots)),
+        }
+    };
+    (@take may $fields:ident, $slots:ident, $kind:expr) => { $kind.take($fields, $slots)? };
+    (@take or($default:expr) $fields:ident, $slots:ident, $kind:expr) => {
+        $kind.take($fields, $slots)?.unwrap_or($default)
+    };
+    // Where it is left out, this counts if that holds, and it is missing otherwise.
+    (@take or($default:expr, $if:expr) $fields:ident, $slots:ident, $kind:expr) => {
+        match $kind.take($fields, $slots)? {
+            Some(value) => value,
+            None if $if => $default,
+            None => return Err($kind.missing($fields, $slots)),
+        }
+    };
+    (@give may $object:ident, $value:expr, $keys:expr, $kind:expr) => {
+        if let Some(value) = $value {
+            $kind.give($object, $keys, value)?;
+        }
+    };
+    (@give $how:ident $object:ident, $value:expr, $keys:expr, $kind:expr) => {
+        $kind.give($object, $keys, $value)?;
+    };
+}
+
+parts! {
+    /// What all moves have besides their coordinates (manual 6.1.1; `tool` and `coord` from 206 master F1).
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    Manner {
+        /// `ckStatus`: the axes that move, each of which has to have a coordinate; `None`: all that are given.
+        ///
+        /// Where one of the first six is left out, the mask is written all the same: what a controller takes for a coordinate that it
+        /// does not find, nobody knows.
+        mask: Option<AxisMask> = may "ckStatus" "6.1.1" => Mask;
+        /// `speed`: percent, 0.1 to 100, in steps of 0.1; others are not sent.
+        speed: Option<f64> = may "speed" "6.1.1" =>
+            // Below the first step nothing would move.
+            OnGrid { from: 0.1, to: 100.0, grid: Grid::PERCENT, read: "a finite number of percent", sent: "percent, from 0.1 to 100" };
+        /// `delay`: seconds to wait before the move, 0 to 86400, in steps of 0.1; others are not sent.
+        delay: Option<f64> = may "delay" "6.1.1" => Seconds(Grid::TENTHS_OF_A_SECOND, Decimals::TENTHS);
+        /// `smooth`: blend level 0 to 9.
+        smooth: Option<BlendLevel> = may "smooth" "6.1.1" => Blend;
+        /// `tool`: number of the tool frame.
+        tool: Option<u32> = may "tool" "later manual" => Whole("a tool number from 0");
+        /// `coord`: number of the work frame (workbench).
+        coord: Option<u32> = may "coord" "later manual" => Whole("a workbench number from 0");
+    }
+
+    /// Path speed for linear moves that bring no speed of their own (action 51).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    PathSpeed {
+        /// `isUse`: on or off.
+        in_use: bool = must "isUse" "later manual" => Flag;
+        /// `speed`: mm/s before the global speed is applied; the controller wants a whole number (`"0.05"` raised alarm 219).
+        speed: Option<f64> = may "speed" "later manual" => Number("a number of mm/s");
+    }
+
+    /// An input that stops the motion (action 52, manual 6.1.4).
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    StopOnSignal {
+        /// `isUse`: begin (`true`) or end (`false`) to watch.
+        in_use: bool = must "isUse" "6.1.4" => Flag;
+        /// `ioNumber`: ordinary input 0 to 31.
+        input: u8 = must "ioNumber" "6.1.4" => UpTo(31, POINT);
+        /// `io_status`: the state that stops.
+        on: bool = must "io_status" "6.1.4" => Flag;
+    }
+
+    /// A wait for a signal or a time (action 100, manual 6.1.3).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    Wait {
+        /// `type` and `point`: what is watched.
+        source: WaitSource = must "type" "6.1.3", "point" "6.1.3" => Watched;
+        /// `io_status`: for what.
+        condition: WaitCondition = or(WaitCondition::Off, source == WaitSource::Time) "io_status" "6.1.3" => Listed(
+            "0 off, 1 on, 2 rising or 3 falling",
+            &[
+                (0, WaitCondition::Off),
+                (1, WaitCondition::On),
+                (2, WaitCondition::RisingEdge),
+                (3, WaitCondition::FallingEdge),
+            ],
+        );
+        /// `limit`: seconds in steps of 0.1, others are not sent; the time itself where only time is waited for.
+        limit: f64 = or(0.0) "limit" "6.1.3" => Seconds(Grid::TENTHS_OF_A_SECOND, Decimals::FEW);
+        /// `isUnlimit`: `true` waits for ever.
+        unlimited: bool = or(false) "isUnlimit" "6.1.3" => Flag;
+    }
+
+    /// One output (action 200).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    Output {
+        /// `type`: which kind of output.
+        kind: OutputKind = must "type" "later manual" => Listed("0 (Y), 5 (M), 7 (EUY) or 100 (timed Y)", &OutputKind::NUMBERS);
+        /// `io_status`: on or off.
+        on: bool = must "io_status" "later manual" => Flag;
+        /// `point`: 0 to 32 (010 to 047 and one more in octal names).
+        point: u8 = must "point" "later manual" => UpTo(32, "a point from 0 to 32");
+        /// `delay`: seconds in steps of 0.001, others are not sent; before the output for 0, 5 and 7, the length of the pulse for a timed
+        /// output.
+        delay: f64 = or(0.0) "delay" "later manual" => Seconds(Grid::MILLISECONDS, Decimals::FEW);
+    }
+
+    /// All outputs of one board (action 204).
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    BoardOutput {
+        /// `type`: which board.
+        board: OutputBoard = must "type" "later manual" => Listed("0, 1 (Y) or 5, 6 (M)", &OutputBoard::NUMBERS);
+        /// `point`: two bits each for points 0 to 15.
+        low: PairMask = or(PairMask::from_bits(0)) "point" "later manual" => Pairs;
+        /// `point2`: two bits each for points 16 to 31.
+        high: PairMask = or(PairMask::from_bits(0)) "point2" "later manual" => Pairs;
+    }
+
+    /// The workbench to use from here on (action 800, manual 6.1.2).
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    Workbench {
+        /// `cnt_id`: number of the workbench.
+        id: u32 = must "cnt_id" "6.1.2" => Whole("a number from 0");
+    }
+}
