@@ -182,14 +182,8 @@ pub fn manner(fields: &Fields<'_>, program: ProgramKind) -> Result<Manner, Wrong
         return Err(fields.wrong("speed", what));
     }
     on_grid(fields, "speed", speed, Grid::PERCENT, program)?;
-    Ok(Manner {
-        mask: None,
-        speed: Some(speed),
-        delay: Some(delay?.unwrap_or(0.0)),
-        smooth: BlendLevel::new(blend),
-        tool,
-        coord,
-    })
+    let (delay, smooth) = (Some(delay?.unwrap_or(0.0)), BlendLevel::new(blend));
+    Ok(Manner { speed: Some(speed), delay, smooth, tool, coord, ..Manner::default() })
 }
 
 /// `1 number`, `2 numbers`.

@@ -30,7 +30,7 @@ fn instructions(count: i32) -> Vec<Instruction> {
         delay: Some(0.0),
         smooth: BlendLevel::new(3),
         tool: Some(1),
-        coord: None,
+        ..Manner::default()
     };
     let one = |number: i32| {
         let target = Coordinates::from_slice(&[0.5, 10.0, -20.0, f64::from(number), 30.125, 0.0]);

@@ -83,8 +83,7 @@ fn instruction(random: &mut Random) -> Instruction {
         speed: Some(f64::from(random.below(1000) + 1) / 10.0),
         delay: Some(f64::from(random.below(100)) / 10.0),
         smooth: BlendLevel::new(u8::try_from(random.below(10)).unwrap_or(0)),
-        tool: None,
-        coord: None,
+        ..Manner::default()
     };
     Instruction {
         oneshot: true,

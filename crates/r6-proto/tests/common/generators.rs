@@ -233,12 +233,12 @@ fn manner() -> impl Strategy<Value = Manner> {
         option::of(any::<u32>()),
     )
         .prop_map(|(mask, speed, delay, smooth, tool, coord)| Manner {
-            mask,
             speed,
             delay,
             smooth,
             tool,
             coord,
+            ..Manner { mask, ..Manner::default() }
         })
 }
 

@@ -180,13 +180,14 @@ fn eight(members: &Members, tail: &str) -> Option<Coordinates> {
 }
 
 fn manner(members: &Members) -> Option<Manner> {
+    let masked = Manner { mask: may(members, "ckStatus", mask)?, ..Manner::default() };
     Some(Manner {
-        mask: may(members, "ckStatus", mask)?,
         speed: may(members, "speed", number)?,
         delay: may(members, "delay", seconds)?,
         smooth: may(members, "smooth", |value| BlendLevel::new(up_to(9)(value)?))?,
         tool: may(members, "tool", of_32_bits)?,
         coord: may(members, "coord", of_32_bits)?,
+        ..masked
     })
 }
 

@@ -124,8 +124,7 @@ impl How {
             speed: Some(self.speed),
             delay: Some(self.delay),
             smooth: Some(self.blend),
-            tool: None,
-            coord: None,
+            ..Manner::default()
         })
     }
 }
