@@ -46,7 +46,7 @@ pub use self::engine::Engine;
 pub use self::motion::{MotionHandle, ProgressWatch, StepHandle};
 use self::runner::Runner;
 pub use self::stops::StopsUnderWay;
-pub use self::watch::{PushedReceiver, Subscription};
+pub use self::watch::{EventReceiver, PushedReceiver, Receiver, Subscription};
 use crate::error::RequestError;
 use crate::hands::blocking::StdHand;
 use crate::hands::connect::Connect;
@@ -302,6 +302,12 @@ impl Robot {
         let pushed = self.robot.pushed();
         self.runner().look_after();
         PushedReceiver::new(pushed, Arc::clone(&self.connection))
+    }
+
+    /// As [`crate::Robot::events`].
+    #[must_use]
+    pub fn events(&self) -> EventReceiver {
+        EventReceiver::new(self.robot.events(), Arc::clone(&self.connection))
     }
 
     /// As [`crate::Robot::subscribe`]: the values are read between the calls, too.

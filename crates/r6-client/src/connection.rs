@@ -20,6 +20,7 @@ use r6_proto::time::Instant;
 
 use crate::backoff::Backoff;
 use crate::error::{Effect, NotSent};
+use crate::event::Event;
 use crate::hub::Hub;
 use crate::identity::asks_who_is_there;
 use crate::job::{Job, Work};
@@ -98,6 +99,8 @@ impl Connection {
         let now = hub.time.now();
         let first = hub.known().expected.is_none();
         let link = Box::new(Link::new(&settings, first, 1, &hub, now));
+        hub.name.set(name.as_str().into()).ok();
+        hub.happened(Event::Connected);
         let mut this = Self {
             name,
             takes_whoever_comes,
@@ -285,7 +288,7 @@ impl Connection {
 
     /// The connection that was wanted is there.
     pub fn connected(&mut self, now: Instant) {
-        tracing::info!(controller = self.name, "connected anew");
+        self.hub.happened(Event::ConnectedAnew);
         let link = Link::new(&self.settings, false, self.next_pack_id, &self.hub, now);
         self.hub.meter().reconnected();
         self.phase = Phase::Up { link: Box::new(link), begun: now };
@@ -373,7 +376,7 @@ impl Connection {
     }
 
     fn abandon(&mut self, link: Link, reason: LostReason, now: Instant) {
-        tracing::info!(controller = self.name, %reason, "connection ended");
+        self.hub.happened(Event::ConnectionEnded { reason });
         let (again, next_pack_id) = link.abandon(reason, now);
         let waiting: Vec<Job> = self.held.drain(..).chain(again).collect();
         waiting.into_iter().for_each(|job| self.hold(job));
@@ -405,7 +408,7 @@ impl Connection {
     }
 
     fn tell_unconnected(&mut self, error: &NotSent) {
-        tracing::info!(controller = self.name, %error, "no connection");
+        self.hub.happened(Event::NotConnected { error: error.clone() });
         self.refuse_waiting(error);
     }
 

@@ -82,7 +82,7 @@ impl Errands {
             // A panic ends this errand alone. Its receiver learns that nothing will come.
             match catch_unwind(AssertUnwindSafe(|| Pin::new(&mut self.0).poll_next(cx))) {
                 Ok(Poll::Ready(Some(()))) => {}
-                Err(_panicked) => tracing::error!("an errand of the client panicked and was given up"),
+                Err(_panicked) => crate::Event::WorkPanicked.log(""),
                 Ok(Poll::Ready(None) | Poll::Pending) => break,
             }
         }

@@ -11,6 +11,7 @@ use r6_proto::axis::AXES;
 use r6_proto::time::Instant;
 
 use crate::error::{NotSent, RequestError};
+use crate::event::Event;
 use crate::evidence::{About, Sample};
 use crate::follow::step::Step;
 pub use crate::follow::target::{TargetSender, Targets};
@@ -191,7 +192,7 @@ impl Robot {
         };
         let left = following.progress.left;
         let progress = Progress { total: left, ended: true, ..following.progress };
-        tracing::info!(%cause, ?progress, "following ended");
+        self.hub().happened(Event::FollowingEnded { cause: cause.clone(), progress });
         let stop = self.stop_after(&cause, stop, progress).await;
         drop(turn);
         Err(MotionError { cause, progress, stop })

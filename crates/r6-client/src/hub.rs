@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
@@ -11,6 +11,7 @@ use tokio::sync::{broadcast, watch};
 use crate::board::Board;
 use crate::doubt::Doubts;
 use crate::error::NotSent;
+use crate::event::Event;
 use crate::identity::{Found, Identity};
 use crate::link_quality::Meter;
 use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
@@ -24,8 +25,12 @@ pub(crate) struct Hub {
     pub time: Arc<Time>,
     /// Whether the handle was closed, and nothing is under way any more.
     pub closed: watch::Sender<bool>,
+    /// What messages call the controller, once there is a connection.
+    pub name: OnceLock<Box<str>>,
     /// `None` once the handle is closed. That ends every receiver.
     pushed: Mutex<Option<broadcast::Sender<Pushed>>>,
+    /// Likewise.
+    events: Mutex<Option<broadcast::Sender<Event>>>,
     known: Mutex<Known>,
     meter: Mutex<Meter>,
     pub board: Board,
@@ -84,7 +89,9 @@ impl Default for Hub {
         Self {
             time: Arc::clone(&time),
             closed: watch::Sender::new(false),
+            name: OnceLock::new(),
             pushed: Mutex::new(Some(broadcast::Sender::new(KEPT_FOR_SUBSCRIBERS))),
+            events: Mutex::new(Some(broadcast::Sender::new(KEPT_FOR_SUBSCRIBERS))),
             known: Mutex::default(),
             meter: Mutex::default(),
             board: Board::new(Arc::clone(&time)),
@@ -125,7 +132,7 @@ impl Hub {
             known.present = (!unproved).then(|| found.identity.clone());
         }
         if found.another {
-            tracing::warn!(found = %found.identity, "another robot answers at this address");
+            self.happened(Event::AnotherRobot { found: found.identity.clone() });
         }
         if !first {
             self.push(Pushed::Reconnected(found));
@@ -192,6 +199,7 @@ impl Hub {
         self.board.close();
         // Ends what [`crate::Robot::pushed`] gave out.
         self.pushed.lock().unwrap_or_else(PoisonError::into_inner).take();
+        self.events.lock().unwrap_or_else(PoisonError::into_inner).take();
         self.closed.send_replace(true);
     }
 
@@ -206,6 +214,20 @@ impl Hub {
         tracing::debug!(?pushed);
         if let Some(sender) = &*self.pushed.lock().unwrap_or_else(PoisonError::into_inner) {
             sender.send(pushed).ok();
+        }
+    }
+
+    /// What happens at this side, from now on.
+    pub fn subscribe_to_events(&self) -> broadcast::Receiver<Event> {
+        let events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
+        events.as_ref().map_or_else(|| broadcast::Sender::new(1).subscribe(), broadcast::Sender::subscribe)
+    }
+
+    /// Tells the log and the subscribers; there may be none.
+    pub fn happened(&self, event: Event) {
+        event.log(self.name.get().map_or("", |name| name));
+        if let Some(sender) = &*self.events.lock().unwrap_or_else(PoisonError::into_inner) {
+            sender.send(event).ok();
         }
     }
 

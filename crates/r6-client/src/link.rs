@@ -421,7 +421,7 @@ impl Link {
                         }
                     } else if let Some(job) = self.in_flight.take(ticket) {
                         let (request, after) = (job.work.sent(), self.reply_timeout);
-                        tracing::info!(request = request.word, ?after, "no reply in time");
+                        hub.happened(crate::Event::NoReply { request: request.word, after });
                         let heard = heard_since(job.sent_at, self.heard, self.unusable.as_ref());
                         job.finish(Err(OutcomeUnknown::TimedOut { request, after, heard }.into()));
                     }

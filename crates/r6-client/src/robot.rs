@@ -14,6 +14,7 @@ use tokio::sync::{
 };
 
 use crate::drive::{Driven, Hand, SharedConnection, drive};
+use crate::event::Event;
 use crate::guard::{Envelope, Reckoning};
 use crate::hub::Hub;
 use crate::identity::Identity;
@@ -204,6 +205,14 @@ impl Robot {
         // From now on what comes is wanted, whether or not a call waits.
         self.nudge();
         pushed
+    }
+
+    /// What happens at this side of the connection, from now on: see [`Event`]. `Event::Connected` came before any handle.
+    ///
+    /// A receiver that lags more than 64 behind misses the oldest and is told how many. It ends when the handle is closed, whatever clones of it live.
+    #[must_use]
+    pub fn events(&self) -> broadcast::Receiver<Event> {
+        self.common.hub.subscribe_to_events()
     }
 
     /// What the replies so far tell about the firmware's dialect.

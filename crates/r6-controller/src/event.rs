@@ -6,7 +6,7 @@ mod english;
 use std::fmt;
 use std::time::Duration;
 
-use r6_proto::{AxisIndex, OperationMode, RequestType, printable};
+use r6_proto::{AxisIndex, Language, OperationMode, RequestType, printable};
 use serde::{Serialize, Serializer};
 
 use crate::fault::{Fault, IgnoredStop, TaskFault};
@@ -24,16 +24,6 @@ pub enum Level {
     Info,
     /// Something that a peer should do otherwise, or that is broken.
     Warning,
-}
-
-/// In which language an event is put into words.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Language {
-    /// English.
-    #[default]
-    English,
-    /// Simplified Chinese. What a peer said, and why something could not be read or planned, stays as it is.
-    Chinese,
 }
 
 /// A text that comes from elsewhere: a peer's words, or why something failed. On one line, and no longer than 400 characters.
@@ -402,6 +392,18 @@ pub enum ShellEvent {
     },
     /// Connections are taken again.
     TakesAgain,
+    /// A connection that was asked for cannot be accepted; it is tried again until it can.
+    CannotAccept {
+        /// Why: most likely too many files are open.
+        why: Detail,
+    },
+    /// Connections are accepted again.
+    AcceptsAgain,
+    /// Few connections can wait to be accepted.
+    ShortQueue {
+        /// Why it could not be made longer.
+        why: Detail,
+    },
     /// The port cannot be opened again.
     CannotListen {
         /// Where.
@@ -661,10 +663,13 @@ impl ShellEvent {
             Self::Refuses
             | Self::GivesNoAnswer
             | Self::TakesAgain
+            | Self::AcceptsAgain
             | Self::CameraConnected { .. }
             | Self::StateWritten { .. }
             | Self::Note { .. } => Level::Info,
             Self::DoesNotServe { .. }
+            | Self::CannotAccept { .. }
+            | Self::ShortQueue { .. }
             | Self::CannotListen { .. }
             | Self::CameraLost { .. }
             | Self::CameraUnreachable { .. }

@@ -27,7 +27,7 @@ pub mod settings;
 pub mod snapshot;
 
 pub use controller::{ConnectionId, Controller};
-pub use event::{Event, Language, Level};
+pub use event::{Event, Level};
 pub use fast_clock::FastClock;
 pub use log::LogEntry;
 pub use mode::{Key, StartState};

@@ -8,7 +8,9 @@ use r6_proto::time::Instant;
 use serde::{Serialize, Serializer};
 
 use crate::controller::ConnectionId;
-use crate::event::{Event, Language, Level};
+use r6_proto::Language;
+
+use crate::event::{Event, Level};
 
 /// How many entries wait until somebody reads them; beyond, the oldest go and are counted.
 const MAX_ENTRIES: usize = 256;

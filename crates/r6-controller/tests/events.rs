@@ -1,11 +1,10 @@
 //! Events of the log: as data, in English and in Chinese.
 
-use r6_controller::event::{
-    AlarmCause, Detail, DidNot, Event, Language, ListRefusal, ModeReason, ShellEvent,
-};
+use r6_controller::event::{AlarmCause, Detail, DidNot, Event, ListRefusal, ModeReason, ShellEvent};
 use r6_controller::fault::{BadList, Fault, LinkFault, ReplyFault, TaskFault};
 use r6_controller::scenario::Happening;
 use r6_controller::{Level, LogEntry, PanelAction, Refused};
+use r6_proto::Language;
 use r6_proto::time::Instant;
 use r6_proto::{OperationMode, RequestType};
 use serde_json::{Value, json};

@@ -10,7 +10,7 @@ use socket2::{Domain, Protocol, SockRef, Socket, Type};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
-use tracing::{debug, warn};
+use tracing::debug;
 
 use crate::connection;
 use crate::handle::ControllerHandle;
@@ -113,6 +113,7 @@ struct Entrance {
 impl Entrance {
     /// Accepts connections until the door changes.
     async fn accept(&mut self, listener: &TcpListener) {
+        let mut failing = false;
         loop {
             tokio::select! {
                 biased;
@@ -122,13 +123,18 @@ impl Entrance {
                     // Each frame leaves at once and by itself: clients read with one call and small buffers.
                     Ok((stream, _)) => match stream.set_nodelay(true) {
                         Ok(()) => {
+                            if std::mem::take(&mut failing) {
+                                self.tell(ShellEvent::AcceptsAgain);
+                            }
                             self.connections.spawn(connection::serve(self.controller.clone(), stream));
                         }
                         Err(error) => debug!(%error, "a connection was gone before it was served"),
                     },
                     Err(error) => {
                         // Most likely too many open files: give the connections a moment to end.
-                        warn!(controller = %self.controller.address(), %error, "a connection could not be accepted");
+                        if !std::mem::replace(&mut failing, true) {
+                            self.tell(ShellEvent::CannotAccept { why: Detail::of(error) });
+                        }
                         tokio::time::sleep(Duration::from_millis(100)).await;
                     }
                 },
@@ -196,7 +202,7 @@ impl Entrance {
         drop(fillers);
         close_queued(listener);
         if let Err(error) = SockRef::from(listener).listen(BACKLOG) {
-            warn!(controller = %self.controller.address(), %error, "few connections can wait to be accepted");
+            self.tell(ShellEvent::ShortQueue { why: Detail::of(error) });
         }
         self.tell(ShellEvent::TakesAgain);
     }

@@ -8,6 +8,7 @@ use r6_proto::address::Address;
 use tokio::sync::broadcast::{self, error::RecvError};
 
 use super::Connection;
+use crate::event::Event;
 use crate::{Pushed, Snapshot};
 
 /// As [`crate::Subscription`]. As an iterator it waits for the next values, and ends when the handle is closed.
@@ -57,21 +58,27 @@ impl Iterator for Subscription {
     }
 }
 
-/// What happens on the connection without being asked for ([`crate::Robot::pushed`]). As an iterator it waits for the next,
-/// passes over what was missed, and ends when the handle is closed.
-pub struct PushedReceiver {
-    receiver: broadcast::Receiver<Pushed>,
+/// What [`crate::Robot::pushed`] gives.
+pub type PushedReceiver = Receiver<Pushed>;
+
+/// What [`crate::Robot::events`] gives.
+pub type EventReceiver = Receiver<Event>;
+
+/// What happens without being asked for. As an iterator it waits for the next, passes over what was missed, and ends when the handle
+/// is closed.
+pub struct Receiver<T> {
+    receiver: broadcast::Receiver<T>,
     connection: Arc<Connection>,
 }
 
-impl fmt::Debug for PushedReceiver {
+impl<T> fmt::Debug for Receiver<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("PushedReceiver").finish_non_exhaustive()
+        f.debug_struct("Receiver").finish_non_exhaustive()
     }
 }
 
-impl PushedReceiver {
-    pub(super) fn new(receiver: broadcast::Receiver<Pushed>, connection: Arc<Connection>) -> Self {
+impl<T: Clone> Receiver<T> {
+    pub(super) fn new(receiver: broadcast::Receiver<T>, connection: Arc<Connection>) -> Self {
         Self { receiver, connection }
     }
 
@@ -79,7 +86,7 @@ impl PushedReceiver {
     ///
     /// # Errors
     /// `Lagged(n)`: so many were missed, the next call goes on behind them. `Closed`: the handle is closed.
-    pub fn recv(&mut self) -> Result<Pushed, RecvError> {
+    pub fn recv(&mut self) -> Result<T, RecvError> {
         let Self { receiver, connection } = self;
         connection.runner.block_on(next(receiver, connection))
     }
@@ -88,7 +95,7 @@ impl PushedReceiver {
     ///
     /// # Errors
     /// As [`Self::recv`].
-    pub fn recv_within(&mut self, time: Duration) -> Result<Option<Pushed>, RecvError> {
+    pub fn recv_within(&mut self, time: Duration) -> Result<Option<T>, RecvError> {
         let Self { receiver, connection } = self;
         match connection.runner.block_on(connection.robot.within(time, next(receiver, connection))) {
             Ok(pushed) => pushed.map(Some),
@@ -98,10 +105,10 @@ impl PushedReceiver {
 }
 
 /// What happens next, or the end of the handle. The sender may outlive that: a subscription keeps it.
-async fn next(
-    receiver: &mut broadcast::Receiver<Pushed>,
+async fn next<T: Clone>(
+    receiver: &mut broadcast::Receiver<T>,
     connection: &Connection,
-) -> Result<Pushed, RecvError> {
+) -> Result<T, RecvError> {
     tokio::select! {
         biased;
         pushed = receiver.recv() => pushed,
@@ -109,10 +116,10 @@ async fn next(
     }
 }
 
-impl Iterator for PushedReceiver {
-    type Item = Pushed;
+impl<T: Clone> Iterator for Receiver<T> {
+    type Item = T;
 
-    fn next(&mut self) -> Option<Pushed> {
+    fn next(&mut self) -> Option<T> {
         loop {
             match self.recv() {
                 Ok(pushed) => return Some(pushed),

@@ -175,7 +175,6 @@ impl StdHand {
     ) -> Result<(Robot, Arc<Self>), RequestError> {
         let target = Tcp::parse(address)?;
         let stream = line::dial_within(&system, &target, settings.connect_timeout)?;
-        tracing::info!(controller = %target, "connected");
         let (driven, hand) = Self::start(target, stream, &settings, Which::First, system)?;
         Ok((Robot::on(driven, settings), hand))
     }
@@ -618,7 +617,6 @@ impl Hand for StdHand {
                 Ok(Ok(made)) => made?,
                 Ok(Err(_)) | Err(_) => return Err(over),
             };
-            tracing::info!(controller = %self.target, "second connection");
             let system = Arc::clone(&self.system);
             let which = Which::Second(expected);
             let (driven, _hand) = Self::start(self.target.clone(), stream, &settings, which, system)?;

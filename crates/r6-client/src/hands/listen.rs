@@ -65,7 +65,7 @@ impl Listen {
     fn is_meant(&self, peer: SocketAddr) -> bool {
         let meant = self.only_from.is_none_or(|only| only == peer.ip());
         if !meant {
-            tracing::warn!(%peer, "a connection of somebody else was closed");
+            crate::Event::StrangerClosed { peer }.log("");
         }
         meant
     }

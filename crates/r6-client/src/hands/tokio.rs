@@ -346,7 +346,6 @@ impl Hand for TokioHand {
             let made = made.await;
             let _inside = self.runtime.enter();
             let stream = made?;
-            tracing::info!(controller = self.dial.name(), "second connection");
             let once = Dialer::new(Once::new(self.dial.name()));
             Ok(Self::start(Arc::new(once), stream, &settings, expected, self.clock))
         })
@@ -373,7 +372,6 @@ impl Robot {
     pub async fn connect_with<C: Connect>(target: C, settings: RobotSettings) -> Result<Self, RequestError> {
         let dialer = Dialer::new(target);
         let stream = dialer.connect(settings.connect_timeout).await?;
-        tracing::info!(controller = dialer.name(), "connected");
         let driven = TokioHand::start(Arc::new(dialer), Box::new(stream), &settings, None, Clock::start());
         Ok(Self::on(driven, settings))
     }

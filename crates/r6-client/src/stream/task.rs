@@ -12,6 +12,7 @@ use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, oneshot, watch};
 
 use crate::done::{Done, EndProof, WaitOptions};
 use crate::error::{NotSent, RequestError};
+use crate::event::Event;
 use crate::evidence::rest::Rest;
 use crate::evidence::{About, Observation, Sample};
 use crate::job::{Terms, Work};
@@ -181,12 +182,8 @@ impl Task {
         self.publish(true);
         let progress = *self.progress.borrow();
         let dropped = matches!(ended.try_recv(), Err(TryRecvError::Closed));
-        if dropped && !asked_to_stop && cause != Cause::Released {
-            // Its handle is gone: nobody may ever ask.
-            tracing::warn!(%cause, ?progress, "a motion whose handle was dropped did not come to its end");
-        } else {
-            tracing::info!(%cause, ?progress, "the motion did not come to its end");
-        }
+        let dropped = dropped && !asked_to_stop && cause != Cause::Released;
+        self.robot.hub().happened(Event::MotionEnded { cause: cause.clone(), progress, dropped });
         let stop = self.robot.stop_after(&cause, stop, progress).await;
         Ended { stopped_as_asked: asked_to_stop, result: Err(MotionError { cause, progress, stop }) }
     }
@@ -313,7 +310,7 @@ impl Task {
         self.publish(false);
         let rests = judged?;
         if let Some(skipped) = self.path.skipped() {
-            tracing::warn!(?skipped, "steps are gone from the list that the arm cannot have made");
+            self.robot.hub().happened(Event::StepsNotMade { steps: skipped });
             return Err(Cause::NotSeen);
         }
         let proof = self.path.end(sample, true).filter(|_| rests);

@@ -8,6 +8,7 @@ mod camera;
 mod connection;
 mod doubted;
 mod driving;
+mod events;
 mod following;
 mod identity;
 mod listening;

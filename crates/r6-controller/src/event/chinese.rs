@@ -311,6 +311,9 @@ fn shell(f: &mut fmt::Formatter<'_>, event: &ShellEvent) -> fmt::Result {
         ShellEvent::GivesNoAnswer => f.write_str("连接请求得不到应答"),
         ShellEvent::DoesNotServe { why } => write!(f, "可以建立连接，但不提供服务：{why}"),
         ShellEvent::TakesAgain => f.write_str("重新接受连接"),
+        ShellEvent::CannotAccept { why } => write!(f, "无法接受连接：{why}；将继续尝试"),
+        ShellEvent::AcceptsAgain => f.write_str("又可以接受连接"),
+        ShellEvent::ShortQueue { why } => write!(f, "只有少量连接可以排队等待接受：{why}"),
         ShellEvent::CannotListen { address, why } => {
             write!(f, "无法重新监听 {address}：{why}；将继续尝试")
         }

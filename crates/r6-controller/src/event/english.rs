@@ -228,6 +228,11 @@ fn shell(f: &mut fmt::Formatter<'_>, event: &ShellEvent) -> fmt::Result {
             write!(f, "connections are not served, but they are made: {why}")
         }
         ShellEvent::TakesAgain => f.write_str("connections are taken again"),
+        ShellEvent::CannotAccept { why } => {
+            write!(f, "a connection cannot be accepted: {why}; it is tried until it can")
+        }
+        ShellEvent::AcceptsAgain => f.write_str("connections can be accepted again"),
+        ShellEvent::ShortQueue { why } => write!(f, "few connections can wait to be accepted: {why}"),
         ShellEvent::CannotListen { address, why } => {
             write!(f, "cannot listen on {address} again: {why}; it is tried until it can")
         }

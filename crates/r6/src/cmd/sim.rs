@@ -7,7 +7,8 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use r6_controller::{Language, Level, LogEntry, StartState};
+use r6_controller::{Level, LogEntry, StartState};
+use r6_proto::Language;
 use r6_sim::{Camera, Clock, ControllerHandle, SimSettings, Simulation};
 use serde::Serialize;
 use tokio::sync::broadcast;

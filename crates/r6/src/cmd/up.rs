@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 use crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
-use r6_controller::Language;
+use r6_proto::Language;
 use r6_sim::panel::DEFAULT_PORT;
 use r6_sim::{ControllerHandle, SimError, SimSettings, Simulation};
 use tokio::sync::broadcast::error::TryRecvError;

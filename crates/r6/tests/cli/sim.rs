@@ -328,6 +328,34 @@ fn the_log_is_json_for_machines() {
     assert!(set["at_s"].as_f64().is_some_and(|at| at >= 0.0), "{set}");
 }
 
+/// The next event of this kind.
+fn event(sim: &mut Running, kind: &str) -> serde_json::Value {
+    loop {
+        let event = sim.event().unwrap_or_else(|| panic!("no {kind}"));
+        if event["what"] == kind || event["event"] == kind {
+            return event;
+        }
+    }
+}
+
+#[test]
+fn connections_that_cannot_be_accepted_are_told_once() {
+    let mut sim = Running::start_with_few_files(24, &["sim", "--listen", "127.0.0.1:0", "--log", "json"]);
+    let listening = event(&mut sim, "listening");
+    let address = listening["controller"].as_str().unwrap();
+    let connect = || std::net::TcpStream::connect(address).unwrap();
+    let connections: Vec<_> = (0..24).map(|_| connect()).collect();
+    let cannot = event(&mut sim, "cannot_accept");
+    assert_eq!(cannot["level"], "warning", "{cannot}");
+    assert!(cannot["text"].as_str().unwrap().contains("os error 24"), "{cannot}");
+    // It is tried every 100 ms.
+    std::thread::sleep(std::time::Duration::from_millis(350));
+    drop(connections);
+    let _served = connect();
+    let next = event(&mut sim, "shell");
+    assert_eq!(next["what"], "accepts_again", "{next}");
+}
+
 #[test]
 fn the_log_speaks_chinese() {
     let mut sim = Running::start(&["sim", "--listen", "127.0.0.1:0", "--lang", "zh"]);

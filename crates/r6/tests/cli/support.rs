@@ -113,6 +113,14 @@ impl Running {
         Self::of(command(args).stderr(Stdio::null()).stdout(out))
     }
 
+    /// Starts r6 with so many files that it may have open.
+    pub fn start_with_few_files(files: u32, args: &[&str]) -> Self {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("ulimit -n {files}; exec \"$R6\" \"$@\""), "sh"]).args(args);
+        shell.env("R6", env!("CARGO_BIN_EXE_r6")).env("TOKIO_WORKER_THREADS", "2").env_remove("RUST_LOG");
+        Self::of(shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).current_dir(root()))
+    }
+
     fn of(command: &mut Command) -> Self {
         let mut child = command.spawn().unwrap();
         let out = child.stdout.take().map(BufReader::new);
