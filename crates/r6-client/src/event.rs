@@ -14,7 +14,7 @@ use crate::error::NotSent;
 use crate::identity::Identity;
 use crate::progress::Progress;
 use crate::pushed::LostReason;
-use crate::stream::Cause;
+use crate::stream::error::Cause;
 
 /// The longest text that is quoted within an event: names of robots and system errors come from elsewhere.
 const MAX_CHARS: usize = 400;

@@ -106,14 +106,16 @@ fn a_path_dependency_without_a_rule_is_reported() {
 }
 
 /// What the brain of the client may name besides [`PURE_STD`]: futures and what they wait for, but nothing that carries bytes or time.
-const BRAIN: [&str; 13] = [
+const BRAIN: [&str; 15] = [
     "std::future",
     "std::io::ErrorKind",
+    "std::net::SocketAddr",
     "std::panic",
     "std::pin",
     "std::slice",
     "std::sync::Mutex",
     "std::sync::MutexGuard",
+    "std::sync::OnceLock",
     "std::sync::PoisonError",
     "std::sync::atomic",
     "std::task",
