@@ -100,8 +100,8 @@ fn parse() -> Result<(Cli, ArgMatches), Box<clap::Error>> {
 /// Begins to log, and does what the command line asks for.
 fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     hint::remember(cli.robot.address(), robot_typed);
-    if robot_typed && matches!(cli.subcommand, Subcommands::Panel(_)) {
-        return Err(cmd::panel::no_robot(cli.robot.address()));
+    if robot_typed && let Some(refused) = asks_no_robot(&cli.subcommand, cli.robot.address()) {
+        return Err(refused);
     }
     let has_screen = matches!(&cli.subcommand, Subcommands::Up(args) if args.has_screen());
     let logs = logs::begin(&cli.logs, has_screen)
@@ -109,6 +109,42 @@ fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     let ended = run(cli);
     logs.flush();
     ended
+}
+
+/// Why `--robot` on the command line makes no sense for this subcommand. `None` where it does.
+///
+/// A person who writes `r6 -r ADDR up` may think that the screen is about the robot at ADDR.
+fn asks_no_robot(subcommand: &Subcommands, robot: &str) -> Option<Failure> {
+    let (name, advice) = match subcommand {
+        Subcommands::Panel(_) => return Some(cmd::panel::no_robot(robot)),
+        Subcommands::Up(_) => (
+            "up",
+            format!(
+                "`r6 up --listen {robot}` starts it there; `r6 -r {robot} status` shows a robot that is there"
+            ),
+        ),
+        Subcommands::Sim(_) => {
+            ("sim", format!("`r6 sim --listen {robot}` starts a virtual controller there"))
+        }
+        Subcommands::Discover(_) => {
+            ("discover", format!("write the addresses as arguments: `r6 discover {robot}`"))
+        }
+        Subcommands::Plot(_) => ("plot", "leave --robot out".to_owned()),
+        Subcommands::Alarm(_) => ("alarm", "leave --robot out".to_owned()),
+        Subcommands::Inspect(_) => ("inspect", "leave --robot out".to_owned()),
+        Subcommands::Completions(_) => ("completions", "leave --robot out".to_owned()),
+        Subcommands::Status(_)
+        | Subcommands::Query(_)
+        | Subcommands::Watch(_)
+        | Subcommands::Command(_)
+        | Subcommands::Move(_)
+        | Subcommands::Run(_)
+        | Subcommands::Stop(_) => return None,
+    };
+    Some(
+        Failure::usage(format!("`r6 {name}` asks no robot, so --robot {robot} means nothing here"))
+            .advise(advice),
+    )
 }
 
 /// What the parser has to say: help on stdout, or what is wrong with the command line.

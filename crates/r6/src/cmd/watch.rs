@@ -1,7 +1,7 @@
 //! `r6 watch`: reads values again and again.
 
 use std::io::Write;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use clap::Args;
 use crossterm::{cursor, queue, terminal};
@@ -22,8 +22,8 @@ use crate::words::AddressWord;
 #[command(
     arg_required_else_help = true,
     after_help = "\
-On a terminal one table is refreshed in place; elsewhere there is one line for each reading, with \
---json one object. A reading that fails is reported, and watching goes on; with \
+On a terminal one table is refreshed in place. Elsewhere there is one line for each reading, with its \
+time (UTC) and the values under a heading that has their units; with --json one object. A reading that fails is reported, and watching goes on; with \
 --times the exit code is then that of the last failure, mostly 3. A value that the controller does not \
 have is shown as `-`, and the exit code is then 1. If stdout cannot be written, watching ends \
 with exit code 1.
@@ -156,12 +156,10 @@ impl View {
             }
             Self::Lines { headed } => {
                 if !*headed {
-                    let names: Vec<_> =
-                        result.rows().iter().map(|(address, _)| address.to_string()).collect();
-                    output::line(names.join("  "));
+                    output::line(readings::heading_line(result));
                     *headed = true;
                 }
-                output::line(readings::values_line(result));
+                output::line(readings::values_line(SystemTime::now(), result));
             }
         }
     }

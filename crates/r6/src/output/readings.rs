@@ -20,11 +20,22 @@ pub fn table(result: &QueryResult) -> Table {
     table
 }
 
-/// One line: only the values, in the order asked.
-pub fn values_line(result: &QueryResult) -> String {
+/// The heading of [`values_line`]: `time`, then each address with its unit in brackets.
+pub fn heading_line(result: &QueryResult) -> String {
+    let mut words = vec!["time".to_owned()];
+    words.extend(result.rows().iter().map(|(address, _)| match unit(*address) {
+        "" => address.to_string(),
+        unit => format!("{address} [{unit}]"),
+    }));
+    words.join("  ")
+}
+
+/// One line: when the values came (UTC, RFC 3339 with milliseconds), then the values in the order asked.
+pub fn values_line(at: SystemTime, result: &QueryResult) -> String {
+    let mut words = vec![humantime::format_rfc3339_millis(at).to_string()];
     let values = result.rows().iter().map(|(address, value)| value_text(*address, value));
-    let values: Vec<_> = values.map(|value| printable(&value).to_string()).collect();
-    values.join("  ")
+    words.extend(values.map(|value| printable(&value).to_string()));
+    words.join("  ")
 }
 
 /// A value as people read it; `-` where there is none.

@@ -21,7 +21,7 @@ fn where_nothing_ever_answered_the_others_have_to_be_closed() {
     let profile = TempFile::new("one.toml", "base = \"hc1\"\nname = \"one\"\nmax_connections = 1\n");
     let robot = Robot::start(&["--profile", profile.path()]);
     let mut watching = Running::start(&["-r", robot.address(), "watch", "axis-0", "--every", "100ms"]);
-    assert_eq!(watching.line(), "axis-0");
+    assert_eq!(watching.line(), "time  axis-0 [deg or mm]");
     for (args, code) in [
         (&["status"][..], 3),
         (&["query", "axis-0"], 3),

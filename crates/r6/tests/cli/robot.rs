@@ -116,8 +116,10 @@ fn watching_ends_by_count_or_by_signal() {
     assert_eq!(samples[2]["values"], serde_json::json!({"axis-0": 0.0, "isMoving": false}));
     assert!(samples[0]["unix_ms"].as_u64() <= samples[2]["unix_ms"].as_u64());
     let mut watch = Running::start(&["-r", robot.address(), "watch", "axis-0", "--every", "10ms"]);
-    assert_eq!(watch.line(), "axis-0");
-    assert_eq!(watch.line(), "0.000");
+    assert_eq!(watch.line(), "time  axis-0 [deg or mm]");
+    let line = watch.line();
+    let (time, value) = line.split_once("  ").unwrap();
+    assert!(humantime::parse_rfc3339(time).is_ok() && time.ends_with('Z') && value == "0.000", "{line}");
     assert_eq!(watch.end("INT"), Some(0));
 }
 
@@ -262,7 +264,8 @@ fn watching_a_robot_that_goes_away_is_not_code_0() {
     let robot = Robot::start(&[]);
     let watch = ["-r", robot.address(), "watch", "axis-0", "--every", "200ms", "--times", "2"];
     let mut watch = Running::start_with_pipes(&watch);
-    assert_eq!((watch.line().as_str(), watch.line().as_str()), ("axis-0", "0.000"));
+    assert_eq!(watch.line(), "time  axis-0 [deg or mm]");
+    assert!(watch.line().ends_with("Z  0.000"));
     drop(robot);
     assert_eq!(watch.code(), Some(3));
 }
@@ -277,6 +280,21 @@ fn advice_is_for_the_robot_that_was_asked() {
         "{status}"
     );
     assert!(status.contains("turn the key to auto at its panel"), "{status}");
+}
+
+#[test]
+fn a_robot_is_not_named_where_none_is_asked() {
+    for (args, advice) in [
+        (&["-r", "192.168.1.10", "up"][..], "`r6 up --listen 192.168.1.10`"),
+        (&["-r", "192.168.1.10", "up"], "`r6 -r 192.168.1.10 status`"),
+        (&["sim", "--robot", "10.0.0.7:9761"], "`r6 sim --listen 10.0.0.7:9761`"),
+        (&["-r", "10.0.0.7", "discover", "127.0.0.1:9"], "`r6 discover 10.0.0.7`"),
+        (&["-r", "10.0.0.7", "alarm", "27"], "leave --robot out"),
+    ] {
+        let outcome = r6(args);
+        assert_eq!((outcome.code, outcome.out.as_str()), (2, ""), "{outcome:?}");
+        assert!(outcome.err.contains("asks no robot") && outcome.err.contains(advice), "{}", outcome.err);
+    }
 }
 
 #[test]

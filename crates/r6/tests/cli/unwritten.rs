@@ -5,7 +5,7 @@ use std::io::Write;
 use r6_sim::Clock;
 
 use crate::streaming::{Cell, MANY_LOOKS, through, wave};
-use crate::support::{Robot, Running, TempFile, broken, full, r6_onto, shell};
+use crate::support::{Robot, Running, TempFile, broken, full, r6, r6_onto, shell};
 
 /// What a pipe holds on Linux before it is full, bytes.
 const PIPE_BYTES: usize = 65_536;
@@ -183,7 +183,7 @@ fn watching_for_a_reader_that_does_not_read_can_be_ended() {
     let watch = ["-r", &cell.address, "watch", "axis-0", "--every", "1ms"];
     let running = Running::start_with_stdout(&watch, writer);
     // Nobody else connects. It has taken over the signals by then. Every look starts a program that asks no robot.
-    let mut looks = (0..MANY_LOOKS).map(|_| cell.r6(&["alarm", "1"]).code);
+    let mut looks = (0..MANY_LOOKS).map(|_| r6(&["alarm", "1"]).code);
     assert!(looks.any(|code| code == 0 && cell.controller.handle().snapshot().connections > 0));
     assert_eq!(running.end("INT"), Some(0));
 }
