@@ -54,6 +54,8 @@ pub enum Action {
         #[cfg_attr(feature = "openapi", schema(default = 10.0, maximum = 100.0))]
         speed_percent: f64,
     },
+    /// Removes the points of cameras that no program has used yet.
+    ClearPoints {},
     /// Chooses another program.
     SwitchProgram {
         /// Its name.
@@ -156,6 +158,16 @@ pub struct Snapshot {
     pub program: String,
     /// The programs there are.
     pub programs: Vec<String>,
+    /// The step of the program whose turn it is; absent where no step is left.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step: Option<Step>,
+    /// Whether the machine takes instructions: every condition of `status` is met, and the program is in its step that waits for
+    /// remote commands.
+    pub ready: bool,
+    /// What keeps it from taking instructions, in the order in which to deal with it.
+    pub not_ready: Vec<String>,
+    /// The points of cameras that no program has used yet.
+    pub camera_points: Vec<CameraPoints>,
     /// How many instructions are left in the list.
     pub list_length: usize,
     /// The arm's axes, J1 first.
@@ -179,6 +191,31 @@ pub struct Snapshot {
     pub m_on: Vec<String>,
     /// How many connections of the remote protocol are served.
     pub connections: usize,
+}
+
+/// A step of a program.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Step {
+    /// The program it stands in: the one in use, or one that it calls.
+    pub program: String,
+    /// Its number, from 1.
+    pub number: usize,
+    /// How many steps that program has.
+    pub steps: usize,
+    /// What it does, in English.
+    #[cfg_attr(feature = "openapi", schema(example = "wait until X010 is on"))]
+    pub text: String,
+}
+
+/// The points of one camera that no program has used yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct CameraPoints {
+    /// The camera's number (`camID`).
+    pub camera: i64,
+    /// How many points wait.
+    pub points: usize,
 }
 
 /// One axis.

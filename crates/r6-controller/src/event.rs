@@ -222,6 +222,20 @@ pub enum Event {
         /// As which it speaks.
         speaks_as: i64,
     },
+    /// A camera sent points (`AddPoints`).
+    PointsTaken {
+        /// The camera.
+        camera: i64,
+        /// How many it sent.
+        points: usize,
+        /// How many points of all cameras wait for a program now.
+        waiting: usize,
+    },
+    /// The points that waited for a program were removed at the panel.
+    PointsCleared {
+        /// How many.
+        points: usize,
+    },
     /// Points of cameras are lost from now on: nobody uses them.
     PointsLost {
         /// How many wait.
@@ -575,6 +589,8 @@ impl Event {
             | Self::LateListTaken { .. }
             | Self::PhotoAnswered { .. }
             | Self::PhotoRequested { .. }
+            | Self::PointsTaken { .. }
+            | Self::PointsCleared { .. }
             | Self::PointsLost { .. }
             | Self::ModeChanged { .. }
             | Self::SingleCycle

@@ -24,6 +24,46 @@ pub struct Io {
     pub eu_outputs: u32,
 }
 
+impl Io {
+    /// The names of the inputs that are on.
+    #[must_use]
+    pub fn inputs_on(&self) -> Vec<String> {
+        let mut on = names_on(PointKind::X, &self.inputs);
+        on.extend(names_on(PointKind::Eux, &[self.eu_inputs]));
+        on
+    }
+
+    /// The names of the outputs that are on.
+    #[must_use]
+    pub fn outputs_on(&self) -> Vec<String> {
+        let mut on = names_on(PointKind::Y, &self.outputs);
+        on.extend(names_on(PointKind::Euy, &[self.eu_outputs]));
+        on
+    }
+
+    /// The names of the M points that are on.
+    #[must_use]
+    pub fn m_on(&self) -> Vec<String> {
+        names_on(PointKind::M, &self.m)
+    }
+
+    /// The names of all points that are on: inputs, outputs, M.
+    #[must_use]
+    pub fn names_on(&self) -> Vec<String> {
+        [self.inputs_on(), self.outputs_on(), self.m_on()].concat()
+    }
+}
+
+/// The names of the points of one kind that are on, board by board.
+fn names_on(kind: PointKind, words: &[u32]) -> Vec<String> {
+    let boards = (0_u8..).zip(words);
+    let points = boards.flat_map(|(board, word)| (0..32_u8).map(move |point| (board, point, word >> point)));
+    points
+        .filter(|(_, _, bits)| bits & 1 == 1)
+        .map(|(board, point, _)| IoPoint { kind, board, point }.to_string())
+        .collect()
+}
+
 /// One point that can be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutputPoint {
@@ -161,5 +201,22 @@ impl Io {
                 );
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_that_are_on_have_names() {
+        assert_eq!(names_on(PointKind::Y, &[1 | 1 << 31, 0, 2]), ["Y010", "Y047", "Y2.011"]);
+        let io = Io {
+            inputs: [2, 0, 0, 0, 0, 0, 0, 0],
+            eu_outputs: 1,
+            m: [0, 1, 0, 0, 0, 0, 0, 0],
+            ..Io::default()
+        };
+        assert_eq!(io.names_on(), ["X011", "EUY010", "M1.010"]);
     }
 }

@@ -40,4 +40,4 @@ pub use r6_proto::OperationMode;
 pub use saved::{SavedError, SavedState};
 pub use scenario::Scenario;
 pub use settings::ControllerSettings;
-pub use snapshot::ControllerSnapshot;
+pub use snapshot::{ControllerSnapshot, ProgramStep};

@@ -418,6 +418,8 @@ impl Machine {
             }
             self.cameras.points.push_back((cam_id, *point));
         }
+        let (points, waiting) = (points.len(), self.cameras.points.len());
+        self.note(Event::PointsTaken { camera: cam_id, points, waiting });
         // A camera that goes on and on is no news.
         if loses && !self.cameras.loses_points {
             self.note(Event::PointsLost { limit: MAX_POINTS });
@@ -425,6 +427,14 @@ impl Machine {
         self.cameras.loses_points =
             loses || (self.cameras.loses_points && self.cameras.points.len() >= MAX_POINTS);
         self.points_have_come();
+    }
+
+    /// Removes the points that no program has used yet.
+    pub(crate) fn clear_points(&mut self) {
+        let points = self.cameras.points.len();
+        self.cameras.points.clear();
+        self.cameras.loses_points = false;
+        self.note(Event::PointsCleared { points });
     }
 
     /// The points of the cameras that no program has used yet, oldest first: camera and point.

@@ -55,6 +55,8 @@ pub enum PanelAction {
         /// How fast, percent of the axis's full speed, times the global speed: above 0, at most 100.
         percent: f64,
     },
+    /// Removes the points of cameras that no program has used yet.
+    ClearPoints,
     /// Chooses another program (mold).
     SwitchProgram(String),
     /// Loads a program, in place of one with the same name.
@@ -81,6 +83,7 @@ impl PanelAction {
             | Self::RaiseAlarm(_)
             | Self::Home
             | Self::Jog { .. }
+            | Self::ClearPoints
             | Self::SwitchProgram(_)
             | Self::LoadProgram { .. } => false,
         }

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Cell, assert_near};
-use r6_controller::{ControllerSettings, Profile, RobotModel, StartState};
+use r6_controller::{ControllerSettings, Event, PanelAction, Profile, RobotModel, StartState};
 use serde_json::json;
 
 const PHOTO: &str = r#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":0}"#;
@@ -202,6 +202,49 @@ fn points(cell: &mut Cell, camera: u32, found: &[(u32, f64)]) -> String {
         .map(|(model, y)| json!({"ModelID": model, "X": 400.0, "Y": y, "Z": 450.0, "Angel": 90.0, "Rel": 0}))
         .collect();
     cell.ask(json!({"dsID": "www.hc-system.com.cam", "reqType": "AddPoints", "dsData": [{"camID": camera, "data": data}]}).to_string())
+}
+
+#[test]
+fn the_snapshot_tells_the_step_whose_turn_it_is() {
+    let mut cell = running(&format!(
+        "{}[[step]]\ndo=\"wait\"\npoint=\"X011\"\n[[step]]\ndo=\"call\"\nprogram=\"remote\"",
+        axis_move(20.0, "")
+    ));
+    let step = |cell: &mut Cell| {
+        let step = cell.controller.snapshot(cell.now).step.unwrap();
+        (step.program, step.number, step.steps, step.text)
+    };
+    cell.pass(0.1);
+    assert_eq!(step(&mut cell), ("test".to_owned(), 1, 3, "axis move".to_owned()));
+    cell.pass(10.0);
+    assert_eq!(step(&mut cell), ("test".to_owned(), 2, 3, "wait until X011 is on".to_owned()));
+    assert!(!cell.controller.snapshot(cell.now).is_ready(), "mode 7, and no list is taken");
+    cell.controller.operate(cell.now, &PanelAction::SetInput { board: 0, point: 1, on: true }).unwrap();
+    cell.pass(0.1);
+    assert_eq!(step(&mut cell), ("remote".to_owned(), 1, 1, "wait for remote commands".to_owned()));
+    assert!(cell.controller.snapshot(cell.now).is_ready());
+}
+
+#[test]
+fn points_of_cameras_are_told_shown_and_removed() {
+    let mut cell = running("[[step]]\ndo=\"remote\"");
+    points(&mut cell, 2, &[(1, 70.0), (1, 71.0)]);
+    points(&mut cell, 0, &[(1, 70.0)]);
+    assert_eq!(cell.controller.snapshot(cell.now).points, [(0, 1), (2, 2)]);
+    cell.controller.operate(cell.now, &PanelAction::ClearPoints).unwrap();
+    assert_eq!(cell.controller.snapshot(cell.now).points, []);
+    let log = std::iter::from_fn(|| cell.controller.poll_log()).map(|entry| entry.event);
+    let about_points =
+        |event: &Event| matches!(event, Event::PointsTaken { .. } | Event::PointsCleared { .. });
+    let told: Vec<_> = log.filter(about_points).collect();
+    assert_eq!(
+        told,
+        [
+            Event::PointsTaken { camera: 2, points: 2, waiting: 2 },
+            Event::PointsTaken { camera: 0, points: 1, waiting: 3 },
+            Event::PointsCleared { points: 3 },
+        ]
+    );
 }
 
 const TOOL_DOWN: &str = "[[step]]\ndo=\"axis-move\"\nto=[0,10,-20,0,-80,0]\nspeed=100\n";

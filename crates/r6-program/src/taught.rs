@@ -5,6 +5,7 @@
 //! registers, jumps and calls.
 
 mod read;
+mod words;
 
 use r6_proto::RegisterIndex;
 use r6_proto::io_point::IoPoint;

@@ -70,6 +70,30 @@ async fn controllers_are_numbered_and_shown() {
 }
 
 #[tokio::test]
+async fn the_state_tells_whether_it_takes_instructions_and_what_it_waits_for() {
+    let simulation = start().await;
+    let (_, state) = get(&simulation, "/v1/controllers/1").await;
+    assert_eq!((&state["ready"], &state["not_ready"]), (&json!(true), &json!([])));
+    let remote = json!({"program": "remote", "number": 1, "steps": 1, "text": "wait for remote commands"});
+    assert_eq!(state["step"], remote);
+    let (_, state) = act(&simulation, &json!({"do": "emergency_stop"})).await;
+    assert_eq!(state["ready"], json!(false));
+    let reason = state["not_ready"][0].as_str().unwrap();
+    assert!(reason.contains("emergency stop"), "{reason}");
+    for action in [
+        json!({"do": "release_emergency_stop"}),
+        json!({"do": "clear_alarm"}),
+        json!({"do": "switch_program", "program": "register-move"}),
+        json!({"do": "press", "button": "start"}),
+    ] {
+        assert_eq!(act(&simulation, &action).await.0, 200, "{action}");
+    }
+    let (_, state) = get(&simulation, "/v1/controllers/1").await;
+    assert_eq!(state["ready"], json!(false), "a program that waits for registers takes no list: {state}");
+    assert!(state["step"]["text"].as_str().unwrap().starts_with("wait until"), "{state}");
+}
+
+#[tokio::test]
 async fn every_action_does_something() {
     let simulation = start().await;
     // What is done, and what the machine shows right after it.
@@ -91,6 +115,7 @@ async fn every_action_does_something() {
         (json!({"do": "emergency_stop"}), "emergency_stop", json!(true)),
         (json!({"do": "release_emergency_stop"}), "emergency_stop", json!(false)),
         (json!({"do": "clear_alarm"}), "alarm", json!(0)),
+        (json!({"do": "clear_points"}), "camera_points", json!([])),
         (json!({"do": "jog", "axis": "J1", "by": 150.0, "speed_percent": 1.0}), "moving", json!(true)),
     ];
     for (action, field, wanted) in steps {

@@ -129,6 +129,7 @@ pub fn class_of_deed(action: &PanelAction) -> Option<Class> {
         | PanelAction::Press(_)
         | PanelAction::ReleaseEmergencyStop
         | PanelAction::ClearAlarm
+        | PanelAction::ClearPoints
         | PanelAction::Jog { .. }
         | PanelAction::SwitchProgram(_)
         | PanelAction::SetInput { .. }

@@ -54,6 +54,7 @@ impl Machine {
             PanelAction::RaiseAlarm(alarm) => self.raise(*alarm, AlarmCause::Panel),
             PanelAction::Home => self.home_by_hand()?,
             PanelAction::Jog { axis, by, percent } => self.jog(*axis, *by, *percent)?,
+            PanelAction::ClearPoints => self.clear_points(),
             PanelAction::SwitchProgram(name) => {
                 self.switch_mold(name).map_err(|reason| Refused::Program { reason })?;
             }

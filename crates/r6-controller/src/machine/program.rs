@@ -22,6 +22,7 @@ use crate::io::OutputPoint;
 use crate::profile::IdleSingleCycle;
 use crate::program::{Change, Condition, Program, Step};
 use crate::saved::MAX_COUNTERS;
+use crate::snapshot::ProgramStep;
 
 /// How deep programs may call one another.
 pub const MAX_CALLS: usize = 16;
@@ -448,6 +449,20 @@ impl Machine {
             Some(place) => said(place),
             None => format!("instruction {} (action {action})", self.steps().position() + 1),
         }
+    }
+
+    /// The step whose turn it is, for people. The instructions of a program's own list are fetched ahead of the arm: while some
+    /// are left, the first of them is the present step.
+    pub(crate) fn present_step(&self) -> Option<ProgramStep> {
+        let fetched = self.program.places.front().filter(|_| !self.program.remote);
+        let place = fetched.or_else(|| self.program.place())?;
+        let step = place.program.steps().get(place.step)?;
+        Some(ProgramStep {
+            program: place.program.name().to_owned(),
+            number: place.step + 1,
+            steps: place.program.steps().len(),
+            text: step.to_string(),
+        })
     }
 
     /// A camera that a program asks for a photo.

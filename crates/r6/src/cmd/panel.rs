@@ -39,6 +39,7 @@ Examples:
   r6 panel alarm 850
   r6 panel clear
   r6 panel program register-move
+  r6 panel clear-points                         what cameras sent and no program took
   r6 panel load cell.toml                       then: program cell, button start
   r6 panel --panel 127.0.0.1:9771 --controller 2 status --json"
 )]
@@ -123,6 +124,8 @@ Examples:
     },
     /// Move all axes to 0, where the machine is homed; in manual
     Home,
+    /// Remove the points of cameras that no program has used yet
+    ClearPoints,
     /// Choose another program
     Program {
         /// Its name
@@ -269,6 +272,7 @@ impl What {
             Self::Clear => Action::ClearAlarm {},
             Self::Jog { axis, by, speed } => Action::Jog { axis, by, speed_percent: speed },
             Self::Home => Action::Home {},
+            Self::ClearPoints => Action::ClearPoints {},
             Self::Program { name } => Action::SwitchProgram { program: name },
         }))
     }

@@ -7,7 +7,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use r6_controller::{Level, LogEntry, StartState};
+use r6_controller::{ControllerSnapshot, Level, LogEntry, StartState};
 use r6_proto::Language;
 use r6_sim::{Camera, Clock, ControllerHandle, SimSettings, Simulation};
 use serde::Serialize;
@@ -16,8 +16,8 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::task::JoinSet;
 
 use crate::exit::{Exit, Failure};
-use crate::output;
 use crate::output::queue::{LineQueue, WhenFull};
+use crate::output::{self, alarm};
 use crate::signals::Ending;
 use crate::units;
 
@@ -241,7 +241,26 @@ impl CellArgs {
 /// Starts the controllers.
 pub async fn start(settings: SimSettings) -> Result<Simulation, Failure> {
     crate::limits::open_as_many_files_as_allowed();
-    Simulation::start(settings).await.map_err(Failure::usage)
+    let simulation = Simulation::start(settings).await.map_err(Failure::usage)?;
+    for controller in simulation.controllers() {
+        if let Some(told) = alarm_at_start(&controller.snapshot(), controller.address()) {
+            output::note(told);
+        }
+    }
+    Ok(simulation)
+}
+
+/// What to say of a controller that has an alarm as soon as it is switched on: its program's first step cannot be carried out.
+fn alarm_at_start(state: &ControllerSnapshot, address: SocketAddr) -> Option<String> {
+    let code = i64::from(state.alarm);
+    (code != 0).then(|| {
+        format!(
+            "r6: {address}: program `{}` ended at once with alarm {}; {}",
+            state.program,
+            alarm::short(code),
+            alarm::advice(code)
+        )
+    })
 }
 
 /// The line that tells where the panel is.

@@ -14,13 +14,19 @@ pub fn text(state: &Snapshot) -> String {
     table.row([&"emergency stop", &if state.emergency_stop { "PRESSED" } else { "released" }]);
     table.row([&"homed", &yes_no(state.homed)]);
     table.row([&"moving", &yes_no(state.moving)]);
+    table.row([&"ready", &ready(state)]);
     table.row([&"program", &format!("{} (of {})", state.program, state.programs.join(", "))]);
+    if let Some(step) = &state.step {
+        table
+            .row([&"step", &format!("{} of {} in {}: {}", step.number, step.steps, step.program, step.text)]);
+    }
     table.row([&"list", &state.list_length]);
     table.row([&"global speed", &format!("{:.1} %", state.global_speed_percent)]);
     table.row([&"cycle", &format!("{:.1} s, last {:.1} s", state.cycle_seconds, state.last_cycle_seconds)]);
     table.row([&"inputs on", &points(&state.inputs_on)]);
     table.row([&"outputs on", &points(&state.outputs_on)]);
     table.row([&"M on", &points(&state.m_on)]);
+    table.row([&"camera points", &camera_points(state)]);
     table.row([&"connections", &state.connections]);
     format!(
         "{}, firmware {}, controller {} at {}, a virtual controller\n\n{table}\n\n{}",
@@ -45,6 +51,22 @@ fn alarm(state: &Snapshot) -> String {
         Some(text) => format!("{} ({text})", state.alarm),
         None => "none".to_owned(),
     }
+}
+
+fn ready(state: &Snapshot) -> String {
+    match state.not_ready.first() {
+        None => "READY".to_owned(),
+        Some(reason) => format!("NOT READY: {reason}"),
+    }
+}
+
+fn camera_points(state: &Snapshot) -> String {
+    let counts: Vec<_> = state
+        .camera_points
+        .iter()
+        .map(|waiting| format!("camera {}: {}", waiting.camera, waiting.points))
+        .collect();
+    if counts.is_empty() { "none wait".to_owned() } else { counts.join(", ") }
 }
 
 fn points(names: &[String]) -> String {

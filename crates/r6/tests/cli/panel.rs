@@ -82,9 +82,16 @@ fn inputs_alarms_and_programs_show_in_the_status() {
     assert_eq!(r6(&["-r", &cell.robot, "query", "input-1", "--json"]).json()["values"]["input-1"], 2);
     cell.done(&["input", "X1.011", "off"]);
     let text = cell.done(&["status"]).out;
-    for part in
-        ["a virtual controller", "alarm           135 (J6: positive soft limit)", "EUX010", "J6", "340"]
-    {
+    for part in [
+        "a virtual controller",
+        "alarm           135 (J6: positive soft limit)",
+        "EUX010",
+        "J6",
+        "340",
+        "NOT READY: alarm 135",
+        "1 of 4 in register-move: wait until M011 goes on",
+        "camera points   none wait",
+    ] {
         assert!(text.contains(part), "{part} in\n{text}");
     }
     assert!(!text.contains("X1.011"), "{text}");

@@ -390,3 +390,12 @@ fn a_state_that_cannot_be_written_is_told_and_is_no_good_end() {
         assert_eq!(std::fs::read_to_string(&kept).unwrap(), before);
     }
 }
+
+#[test]
+fn a_program_that_alarms_at_its_first_step_says_so_at_once() {
+    let file = TempFile::new("far.toml", "[[step]]\ndo = \"axis-move\"\nto = [400]\nspeed = 50\n");
+    let mut sim = Running::start_with_pipes(&["sim", "--listen", "127.0.0.1:0", "--program", file.path()]);
+    let mut told = String::new();
+    sim.close_stdin().read_line(&mut told).unwrap();
+    assert!(told.contains("ended at once with alarm 130 (J1: positive soft limit); "), "{told}");
+}
