@@ -38,6 +38,7 @@ use std::time::Duration;
 
 use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
+use r6_proto::io_point::IoPoint;
 use r6_proto::message::{Command, Instruction, PhotoAnswer};
 use tokio::runtime::Handle;
 
@@ -50,6 +51,7 @@ pub use self::watch::{EventReceiver, PushedReceiver, Receiver, Subscription};
 use crate::error::RequestError;
 use crate::hands::blocking::StdHand;
 use crate::hands::connect::Connect;
+use crate::units::Pose;
 use crate::{
     Accepted, CameraSet, Cause, Closed, Done, Envelope, Identity, LinkQuality, Motion, MotionError,
     NotSubscribed, QueryResult, RobotSettings, RunOptions, Status, StopReport, WaitError, WaitOptions,
@@ -220,6 +222,38 @@ impl Robot {
     /// As there.
     pub fn command(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
         self.runner().block_on(self.robot.command(command))
+    }
+
+    /// As [`crate::Robot::start`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn start(&self) -> Result<Accepted, RequestError> {
+        self.runner().block_on(self.robot.start())
+    }
+
+    /// As [`crate::Robot::set_output`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn set_output(&self, point: IoPoint, on: bool) -> Result<Accepted, RequestError> {
+        self.runner().block_on(self.robot.set_output(point, on))
+    }
+
+    /// As [`crate::Robot::is_on`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn is_on(&self, point: IoPoint) -> Result<Option<bool>, RequestError> {
+        self.runner().block_on(self.robot.is_on(point))
+    }
+
+    /// As [`crate::Robot::pose`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn pose(&self) -> Result<Option<Pose>, RequestError> {
+        self.runner().block_on(self.robot.pose())
     }
 
     /// As [`crate::Robot::stop`].

@@ -47,6 +47,7 @@ mod motions;
 mod moves;
 mod observe;
 mod path;
+mod pendant;
 mod poll_plan;
 mod progress;
 mod pushed;
@@ -85,9 +86,9 @@ pub use moves::{MAX_STEPS, Motion, StepError};
 pub use path::place::Missed;
 pub use pushed::{LostReason, Pushed};
 pub use query::{NoReading, QueryResult};
-pub use r6_proto::io_point::PairMask;
+pub use r6_proto::io_point::{IoPoint, PairMask, PointKind};
 pub use r6_proto::message::instruction::{
-    BlendLevel, BoardOutput, Instruction, OutputBoard, OutputKind, WaitCondition, WaitSource,
+    BlendLevel, BoardOutput, Instruction, OutputBoard, OutputKind, WaitCondition, WaitSource, WrongPoint,
 };
 pub use r6_proto::message::{PhotoAnswer, Point, Reading};
 pub use r6_proto::{Address, AxisIndex, AxisMask, Command, OperationMode, RegisterIndex};

@@ -2,12 +2,14 @@
 
 pub(crate) mod step_error;
 
+use std::ops::{Bound, RangeBounds};
 use std::time::Duration;
 
 use r6_proto::axis::AxisMask;
+use r6_proto::io_point::{IoPoint, PointKind};
 use r6_proto::message::instruction::{
     Action, BlendLevel, BoardOutput, CurveMove, Instruction, Manner, Move, Output, OutputKind, PathSpeed,
-    StopOnSignal, Wait, WaitCondition, WaitSource, Workbench,
+    StopOnSignal, Wait, WaitCondition, WaitSource, Workbench, WrongPoint,
 };
 
 pub use crate::moves::step_error::StepError;
@@ -26,24 +28,25 @@ pub const MAX_STEPS: usize = 100_000;
 /// ```
 /// use std::time::Duration;
 /// use r6_client::units::{AxisPosition, Degrees, Millimetres, Percent, Pose};
-/// use r6_client::{Motion, OutputKind, WaitCondition, WaitSource};
+/// use r6_client::{IoPoint, Motion, WaitCondition};
 ///
 /// let fast = Percent::new(50.0)?;
 /// let slow = Percent::new(5.0)?;
 /// let above = Pose::new([500.0, 0.0, 300.0].map(Millimetres), [180.0, 0.0, 0.0].map(Degrees));
 /// let part = Pose::position([500.0, 0.0, 200.0].map(Millimetres));
+/// let (gripper, closed): (IoPoint, IoPoint) = ("Y012".parse()?, "X014".parse()?);
 /// let pick = Motion::new()
 ///     .axis_move(AxisPosition::degrees([0.0, 0.0, 0.0, 0.0, 45.0, 0.0]), fast)
 ///     .blend(3)
 ///     .linear_move(above, fast)
 ///     .linear_move(part, slow)
-///     .set_output(OutputKind::Y, 2, true)
-///     .wait_for(WaitSource::Input { board: 0, point: 4 }, WaitCondition::On, Some(Duration::from_secs(2)))
+///     .set_output(gripper, true)
+///     .wait_for(closed, WaitCondition::On, Some(Duration::from_secs(2)))
 ///     .linear_move(above, fast);
 /// assert_eq!(pick.instructions()?.len(), 6);
 ///
-/// let wrong = Motion::new().axis_move(AxisPosition::degrees([0.0]), fast).set_output(OutputKind::Y, 40, true);
-/// assert_eq!(wrong.instructions().unwrap_err().to_string(), "step 2: `point` has to be a point from 0 to 32");
+/// let wrong = Motion::new().axis_move(AxisPosition::degrees([0.0]), fast).set_output(closed, true);
+/// assert_eq!(wrong.instructions().unwrap_err().to_string(), "step 2: `point` has to be an output: Y, M or EUY");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -141,27 +144,30 @@ impl Motion {
         self.instruct(Action::PathSpeed(PathSpeed { in_use: true, speed: Some(speed.value()) }))
     }
 
-    /// Sets an output, point 0 to 32 (action 200).
+    /// Sets an output of the first board (action 200): Y, M or EUY by its name on the pendant.
     #[must_use]
-    pub fn set_output(self, kind: OutputKind, point: u8, on: bool) -> Self {
-        self.instruct(Action::Output(Output { kind, point, on, delay: 0.0 }))
+    pub fn set_output(self, point: IoPoint, on: bool) -> Self {
+        self.named(OutputKind::of(point), |(kind, point)| {
+            Action::Output(Output { kind, point, on, delay: 0.0 })
+        })
     }
 
-    /// Sets output Y for a time, in steps of a millisecond, then sets it back (action 200, timed).
+    /// Sets an output Y of the first board for a time, in steps of a millisecond, then sets it back (action 200, timed).
     #[must_use]
-    pub fn pulse_output(self, point: u8, on: bool, time: Duration) -> Self {
-        self.instruct(Action::Output(Output {
-            kind: OutputKind::TimedY,
-            point,
-            on,
-            delay: time.as_secs_f64(),
-        }))
+    pub fn pulse_output(self, point: IoPoint, on: bool, time: Duration) -> Self {
+        let output = match OutputKind::of(point) {
+            Ok((OutputKind::Y, number)) => Ok(number),
+            Ok(_) => Err(WrongPoint::HasNoPulse(point)),
+            Err(wrong) => Err(wrong),
+        };
+        let delay = time.as_secs_f64();
+        self.named(output, |point| Action::Output(Output { kind: OutputKind::TimedY, point, on, delay }))
     }
 
-    /// Sets many outputs of a board at once (action 204).
+    /// Sets many outputs of a board at once (action 204): Y or M, the first two boards of each.
     #[must_use]
-    pub fn set_board(self, outputs: BoardOutput) -> Self {
-        self.instruct(Action::BoardOutput(outputs))
+    pub fn set_board(self, points: impl IntoIterator<Item = (IoPoint, bool)>) -> Self {
+        self.named(BoardOutput::of(points), Action::BoardOutput)
     }
 
     /// Waits for a time, with the arm at rest (action 100): at most a day, in steps of 0.1 s (manual 6.1.3). Other times are refused.
@@ -175,21 +181,22 @@ impl Motion {
         }))
     }
 
-    /// Waits for a signal, with the arm at rest: for so long at most, in steps of 0.1 s, or, without a limit, for ever (action 100).
+    /// Waits for a signal, with the arm at rest (action 100): an input X of boards 0 to 4, an M point of boards 0 to 2, or EUX. For so
+    /// long at most, in steps of 0.1 s, or, without a limit, for ever.
     #[must_use]
-    pub fn wait_for(self, source: WaitSource, condition: WaitCondition, limit: Option<Duration>) -> Self {
-        self.instruct(Action::Wait(Wait {
-            source,
-            condition,
-            limit: limit.unwrap_or_default().as_secs_f64(),
-            unlimited: limit.is_none(),
-        }))
+    pub fn wait_for(self, point: IoPoint, condition: WaitCondition, limit: Option<Duration>) -> Self {
+        let (unlimited, limit) = (limit.is_none(), limit.unwrap_or_default().as_secs_f64());
+        self.named(WaitSource::of(point), |source| Action::Wait(Wait { source, condition, limit, unlimited }))
     }
 
-    /// Lets an input, 0 to 31, stop the motion from here on when it takes a state (action 52).
+    /// Lets an input of the first board stop the motion from here on when it takes a state (action 52).
     #[must_use]
-    pub fn stop_on_input(self, input: u8, on: bool) -> Self {
-        self.instruct(Action::StopOnSignal(StopOnSignal { in_use: true, input, on }))
+    pub fn stop_on_input(self, point: IoPoint, on: bool) -> Self {
+        let input = match point {
+            IoPoint { kind: PointKind::X, board: 0, point } => Ok(point),
+            other => Err(WrongPoint::StopsNoMove(other)),
+        };
+        self.named(input, |input| Action::StopOnSignal(StopOnSignal { in_use: true, input, on }))
     }
 
     /// Changes the workbench (action 800).
@@ -249,6 +256,38 @@ impl Motion {
         }
     }
 
+    /// A part of the motion, its steps counted from 0: `motion.part(2..5)`. Each step keeps what it had: a path speed that was set
+    /// before the part is not in it. What is wrong with the motion is wrong with each part of it.
+    #[must_use]
+    pub fn part(&self, steps: impl RangeBounds<usize>) -> Self {
+        let end = match steps.end_bound() {
+            Bound::Included(last) => last.saturating_add(1),
+            Bound::Excluded(end) => *end,
+            Bound::Unbounded => usize::MAX,
+        };
+        let begin = match steps.start_bound() {
+            Bound::Included(first) => *first,
+            Bound::Excluded(before) => before.saturating_add(1),
+            Bound::Unbounded => 0,
+        };
+        let (begin, end) = (begin.min(self.len()), end.min(self.len()));
+        let kept = || self.steps.iter().zip(&self.units).take(end).skip(begin);
+        let starts = self.frame_starts.iter().filter(|start| (begin..end).contains(*start));
+        let before = self.steps.iter().take(begin);
+        Self {
+            steps: kept().map(|(step, _)| *step).collect(),
+            units: kept().map(|(_, units)| *units).collect(),
+            path_speed: before.chain(kept().map(|(step, _)| step)).fold(false, |set, step| {
+                match step.action {
+                    Action::PathSpeed(speed) => speed.in_use,
+                    _ => set,
+                }
+            }),
+            frame_starts: starts.map(|start| start - begin).collect(),
+            wrong: self.wrong,
+        }
+    }
+
     /// How many steps there are.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -280,6 +319,21 @@ impl Motion {
     /// The steps, counted from 0 and in order, that begin a frame of their own.
     pub(crate) fn frame_starts(&self) -> &[usize] {
         &self.frame_starts
+    }
+
+    /// Adds a step about a point that was named, or keeps why the instruction cannot have this point.
+    fn named<P>(self, point: Result<P, WrongPoint>, step: impl FnOnce(P) -> Action) -> Self {
+        match point {
+            Ok(point) => self.instruct(step(point)),
+            Err(wrong) => self.wrong_step("point", wrong.wanted()),
+        }
+    }
+
+    /// Keeps what is wrong with the step that would have come next.
+    fn wrong_step(mut self, field: &'static str, wanted: &'static str) -> Self {
+        let step = self.steps.len() + 1;
+        self.wrong.get_or_insert(StepError { step, field, wanted, nearest: None });
+        self
     }
 
     fn instruct(self, action: Action) -> Self {
@@ -374,7 +428,7 @@ mod tests {
     fn the_first_mistake_is_told_with_its_step_and_field() {
         let place = Pose::position([Millimetres(1.0); 3]);
         let pose = Pose::new([Millimetres(1.0); 3], [Degrees(0.0); 3]);
-        let kept = WaitSource::M { board: 3, point: 0 };
+        let [kept, m, y, x] = ["M3.010", "M011", "Y011", "X1.010"].map(|name| name.parse().unwrap());
         let day = Duration::from_secs(86_401);
         for (motion, expected) in [
             (step().blend(10), (1, "smooth")),
@@ -383,11 +437,14 @@ mod tests {
             (step().delay(day), (1, "delay")),
             (step().delay(Duration::from_millis(1250)), (1, "delay")),
             (step().wait(Duration::from_millis(30)), (2, "limit")),
-            (step().pulse_output(1, true, Duration::from_micros(500)), (2, "delay")),
+            (step().pulse_output(y, true, Duration::from_micros(500)), (2, "delay")),
+            (step().pulse_output(m, true, Duration::from_secs(1)), (2, "point")),
             (step().wait(day), (2, "limit")),
-            (step().wait_for(kept, WaitCondition::On, None), (2, "type")),
-            (step().set_output(OutputKind::M, 33, true).blend(10), (2, "point")),
-            (step().stop_on_input(32, true), (2, "ioNumber")),
+            (step().wait_for(kept, WaitCondition::On, None), (2, "point")),
+            (step().wait_for(y, WaitCondition::On, None), (2, "point")),
+            (step().set_output(x, true).blend(10), (2, "point")),
+            (step().set_board([(y, true), (m, true)]), (2, "point")),
+            (step().stop_on_input(x, true), (2, "point")),
             (step().linear_move_at_path_speed(pose), (2, "speed")),
             (step().curve_move(place, pose, slow()), (2, "ckStatus")),
             (Motion::new().axis_move(AxisPosition::none(), slow()), (1, "ckStatus")),
@@ -413,6 +470,21 @@ mod tests {
         let both = once.begin_frame().extend(&step().begin_frame().extend(&step()));
         assert_eq!((both.len(), both.frame_starts()), (4, &[2, 3][..]));
         assert!(step().extend(&round).repeats());
+    }
+
+    #[test]
+    fn a_part_has_its_steps_as_they_were() {
+        let pose = Pose::position([Millimetres(1.0); 3]);
+        let speed = MillimetresPerSecond::new(100).unwrap();
+        let whole = step().begin_frame().path_speed(speed).linear_move_at_path_speed(pose).blend(3);
+        assert_eq!(whole.part(..), whole);
+        let last = whole.part(2..);
+        assert_eq!((last.len(), last.frame_starts()), (1, &[][..]));
+        assert_eq!(last.clone().linear_move_at_path_speed(pose).instructions().unwrap().len(), 2);
+        assert_eq!(whole.part(1..=1).frame_starts(), [0]);
+        assert_eq!(whole.part(0..1).instructions().unwrap(), step().instructions().unwrap());
+        assert!(whole.part(7..9).is_empty() && whole.part(2..1).is_empty());
+        assert!(step().blend(10).part(0..0).instructions().is_err(), "a wrong motion has no right part");
     }
 
     #[test]

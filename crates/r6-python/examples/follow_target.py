@@ -29,7 +29,7 @@ def target(middle: float, time: float) -> r6.AxisPosition:
 
 async def main(address: str) -> None:
     """Follows, then waits until the arm stands. Whatever goes wrong, the arm is stopped."""
-    async with await r6.AsyncRobot.connect(address) as robot:
+    async with r6.AsyncRobot.connect(address) as robot:
         middle = float((await robot.status()).axes[0])
         loop = asyncio.get_running_loop()
         begun = loop.time()

@@ -22,7 +22,7 @@ with addresses() as (address,), r6.Robot.connect(address) as robot:
     except r6.R6Error as error:
         print("not taken:", error)
 
-    # Counted from 0 here; on the pendant a point has its number plus 8, in octal: this is Y013.
-    robot.set_output(board=0, point=3, on=True)
-    print("outputs that are on:", [f"Y{point + 8:03o}" for point in np.flatnonzero(robot.outputs())])
-    robot.set_output(board=0, point=3, on=False)
+    # Points go by their names on the pendant.
+    robot.set_output("Y013", True)
+    print("Y013 is on:", robot.is_on("Y013"))
+    robot.set_output("Y013", False)

@@ -27,8 +27,8 @@ async def swing(robot: r6.AsyncRobot, angle: float) -> r6.Done:
 
 async def main(left_address: str, right_address: str) -> None:
     """Both at once."""
-    async with await r6.AsyncRobot.connect(left_address) as left:
-        async with await r6.AsyncRobot.connect(right_address) as right:
+    async with r6.AsyncRobot.connect(left_address) as left:
+        async with r6.AsyncRobot.connect(right_address) as right:
             swings = [asyncio.create_task(swing(left, 20)), asyncio.create_task(swing(right, -20))]
             try:
                 ends = await asyncio.gather(*swings)

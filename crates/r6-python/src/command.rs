@@ -8,6 +8,7 @@ use r6_proto::message::Command as Sent;
 use r6_proto::{CommandName, RegisterIndex};
 
 use crate::pickling::Reduced;
+use crate::points::for_command;
 use crate::units::{Given, Percent};
 
 /// A command with its arguments.
@@ -65,8 +66,9 @@ impl Command {
     }
 
     #[staticmethod]
-    fn modify_output(board: u8, point: u8, on: bool) -> Self {
-        Self(Sent::ModifyOutput { board, point, on })
+    fn modify_output(point: &str, on: bool) -> PyResult<Self> {
+        let (board, point) = for_command(point)?;
+        Ok(Self(Sent::ModifyOutput { board, point, on }))
     }
 
     #[staticmethod]

@@ -74,6 +74,8 @@ mod _r6 {
     #[pymodule_export]
     use crate::pickling::remade;
     #[pymodule_export]
+    use crate::points::word_of;
+    #[pymodule_export]
     use crate::process::tasks;
     #[pymodule_export]
     use crate::program::Program;

@@ -108,7 +108,7 @@ impl Command {
                 made("modify_counter", (*id,).into_pyobject(py))
             }
             Sent::ModifyOutput { board, point, on } => {
-                made("modify_output", (*board, *point, *on).into_pyobject(py))
+                made("typed", ("modifyOutput", *board, *point, *on).into_pyobject(py))
             }
             Sent::ClearAlarmRunNext => made("clear_alarm_run_next", none()),
             Sent::ClearAlarmContinue => made("clear_alarm_continue", none()),

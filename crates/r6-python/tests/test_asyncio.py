@@ -24,7 +24,7 @@ Test = Callable[[r6.AsyncRobot], Awaitable[None]]
 
 def with_robot(controller: r6.Simulator, test: Test, settings: r6.RobotSettings | None = None) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(controller.address, settings) as robot:
+        async with r6.AsyncRobot.connect(controller.address, settings) as robot:
             await test(robot)
 
     asyncio.run(main())
@@ -58,7 +58,7 @@ def test_reading_and_writing(virtual_controller: r6.Simulator) -> None:
         assert (await robot.read_registers(800, 2)).tolist() == [5, 6]
         await robot.set_counter(2, current=9)
         assert (await robot.counter(2)).current == 9
-        await robot.set_output(0, 1, True)
+        await robot.set_output("Y011", True)
         assert (await robot.outputs())[1] and not (await robot.inputs()).any()
         await robot.set_global_speed(r6.Percent(60))
         assert (await robot.clear_list()).after > 0
@@ -280,7 +280,7 @@ def test_a_query_needs_no_other_thread(virtual_controller: r6.Simulator) -> None
     loop = CountingLoop()
 
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             await robot.query("curMode")
             alone, longest = 0, 0
             for _ in range(2000):
@@ -409,3 +409,20 @@ def test_two_loops_one_after_the_other(virtual_controller: r6.Simulator) -> None
         return value
 
     assert asyncio.run(use(asyncio.run(connect()))) == 7
+
+
+def test_a_connection_is_awaited_or_entered(virtual_controller: r6.Simulator) -> None:
+    async def main() -> None:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
+            assert await robot.is_on("Y010") is False
+            await robot.set_output("Y010", True)
+            assert (await robot.pose()).turn is not None
+        task = asyncio.create_task(r6.AsyncRobot.connect(virtual_controller.address))
+        second = await task
+        assert await second.is_on("Y010")
+        await second.close()
+        host, _, port = virtual_controller.address.partition(":")
+        third = await r6.AsyncRobot.connect(host, int(port))
+        await third.close()
+
+    asyncio.run(main())

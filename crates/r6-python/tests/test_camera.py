@@ -274,7 +274,7 @@ def test_photos_are_served_through_asyncio(virtual_controller: r6.Simulator) -> 
         raise Blurred(cam_id)
 
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             assert (await robot.status()).is_ready
             serving = asyncio.create_task(robot.serve_photos(look))
             # A request that comes before the serving has begun is not seen.

@@ -109,7 +109,7 @@ async def serve(robot: r6.AsyncRobot, number: int) -> None:
 
 
 async def connect(robot: r6.AsyncRobot, number: int) -> None:
-    async with await r6.AsyncRobot.connect(robot.address) as other:
+    async with r6.AsyncRobot.connect(robot.address) as other:
         await other.status()
 
 
@@ -164,7 +164,7 @@ def test_k1_a_cancelled_task_leaves_all_in_order(
     witness = Witness(relay, virtual_controller)
 
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(relay.address) as robot:
+        async with r6.AsyncRobot.connect(relay.address) as robot:
             await robot.status()
             number = 0
             for turns, after in [(turns, 0.0) for turns in TURNS] + [(0, after) for after in TIMES]:
@@ -185,7 +185,7 @@ def test_k1_what_is_cancelled_before_it_begins_never_leaves(
     witness = Witness(relay, virtual_controller)
 
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(relay.address) as robot:
+        async with r6.AsyncRobot.connect(relay.address) as robot:
             await robot.status()
             await cancel(CALLS[name], robot, 5, 0, 0.0)
             await asyncio.wait_for(settled(robot, 0), 60)

@@ -76,7 +76,7 @@ def test_closing_through_asyncio_waits_for_a_stop_whose_task_was_cancelled(
     cable: Relay, virtual_controller: Controller
 ) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(cable.address, r6.RobotSettings(reply_timeout=60)) as robot:
+        async with r6.AsyncRobot.connect(cable.address, r6.RobotSettings(reply_timeout=60)) as robot:
             handle = await robot.run(endless())
             assert await handle.step(1).started()
             cable.answers.clear()
@@ -154,7 +154,7 @@ finally:
 import asyncio, sys, r6
 {PATH}
 async def main():
-    async with await r6.AsyncRobot.connect(sys.argv[1], {PATIENT}) as robot:
+    async with r6.AsyncRobot.connect(sys.argv[1], {PATIENT}) as robot:
         async with await robot.run(r6.Motion().axis_path(path, r6.Percent(5)), r6.RunOptions(room=16)) as moving:
             await moving.step(1).started()
             print("moving", flush=True)

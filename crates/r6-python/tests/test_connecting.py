@@ -50,7 +50,7 @@ def test_it_dials_through_asyncio_too() -> None:
     async def main() -> None:
         listen = r6.Listen("127.0.0.1:0")
         with r6.Simulator(cameras=[listen.address]):
-            async with await r6.AsyncRobot.connect(listen) as robot:
+            async with r6.AsyncRobot.connect(listen) as robot:
                 assert (await robot.status()).is_ready
 
     asyncio.run(main())

@@ -171,7 +171,7 @@ def test_a_second_connection_leaves_no_task_in_the_engine(
     controller = hostile({"deaf": [{"connection": 1, "at": 0.5}]})
 
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(controller.address) as robot:
+        async with r6.AsyncRobot.connect(controller.address) as robot:
             await robot.status()
             await asyncio.sleep(1)
             before = _r6.tasks()

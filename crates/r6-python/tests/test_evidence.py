@@ -122,7 +122,7 @@ def test_closing_through_asyncio_warns_of_a_motion_that_it_cuts_short(virtual_co
         await robot.close()
 
     async def block() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             await robot.stop()
             virtual_controller.press("start")
             await (await robot.run(endless())).step(1).started()

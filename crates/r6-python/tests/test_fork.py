@@ -99,7 +99,7 @@ def child(number):
         asyncio.run(again())
 
 async def again():
-    async with await r6.AsyncRobot.connect(address) as mine:
+    async with r6.AsyncRobot.connect(address) as mine:
         await mine.query("curMode")
 """
 

@@ -143,7 +143,7 @@ with r6.Robot.connect(address) as robot, robot.follow(options) as following:
     "asyncio run": f"""
 {PATH}
 async def main():
-    async with await r6.AsyncRobot.connect(address) as robot:
+    async with r6.AsyncRobot.connect(address) as robot:
         async with await robot.run(r6.Motion().axis_path(path, r6.Percent(5))) as moving:
             await moving.step(1).started()
             waits()
@@ -152,7 +152,7 @@ asyncio.run(main())
     "asyncio follow": """
 options = r6.FollowOptions(speed=r6.Percent(0.1), largest_step=r6.Degrees(90), fresh_within=3600)
 async def main():
-    async with await r6.AsyncRobot.connect(address) as robot:
+    async with r6.AsyncRobot.connect(address) as robot:
         async with robot.follow(options) as following:
             following.target(r6.AxisPosition.degrees([80]))
             while not (await robot.status()).moving:
@@ -201,7 +201,7 @@ def test_a_task_that_is_cancelled_at_the_end_of_a_block_stops_the_arm(
     block: Callable[[r6.AsyncRobot, asyncio.Event], Awaitable[None]], virtual_controller: Controller
 ) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             waits = asyncio.Event()
 
             async def called() -> BaseException:
@@ -224,7 +224,7 @@ def test_a_task_group_that_cancels_a_motion_leaves_a_line_on_the_arm(
     virtual_controller: Controller, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             waits = asyncio.Event()
 
             async def fails() -> None:
@@ -258,7 +258,7 @@ def test_a_run_that_is_cancelled_as_it_returns_stops_the_arm(when: Literal["earl
     """Its result is there, and the task has not had its turn."""
 
     async def main(loop: Loop) -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             await robot.status()
             virtual_controller.log()
             running = asyncio.ensure_future(robot.run(endless()))
@@ -282,7 +282,7 @@ def test_a_run_that_is_cancelled_after_any_reply_has_an_owner(virtual_controller
 
     async def main(loop: Loop) -> None:
         for reply in range(1, 20):
-            async with await r6.AsyncRobot.connect(relay.address) as robot:
+            async with r6.AsyncRobot.connect(relay.address) as robot:
                 await robot.status()
                 virtual_controller.log()
                 running = asyncio.ensure_future(robot.run(endless()))
@@ -313,7 +313,7 @@ def test_a_run_that_is_cancelled_after_any_reply_has_an_owner(virtual_controller
 @pytest.mark.parametrize("turns", range(0, 60, 3))
 def test_a_run_that_is_cancelled_after_any_turn_has_an_owner(turns: int, virtual_controller: Controller) -> None:
     async def main(loop: Loop) -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             await robot.status()
             virtual_controller.log()
             running = asyncio.ensure_future(robot.run(endless()))

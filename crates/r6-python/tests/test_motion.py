@@ -70,8 +70,8 @@ def test_the_end_is_waited_for_so_long(virtual_robot: r6.Robot) -> None:
 def test_outputs_of_a_board_are_set_at_once(
     virtual_robot: r6.Robot, virtual_controller: r6.Simulator
 ) -> None:
-    virtual_robot.set_output(0, 2, True)
-    virtual_robot.set_output(0, 3, True)
+    virtual_robot.set_output("Y012", True)
+    virtual_robot.set_output("Y013", True)
     motion = r6.Motion().set_board({"Y010": True, "Y012": False, "Y047": True}).set_board({"M1.011": True})
     frames = [json.loads(frame) for frame in virtual_robot.dry_run(motion)]
     steps = [step for frame in frames for step in frame["instructions"]]
@@ -107,7 +107,7 @@ def test_a_dry_run_shows_the_frames(virtual_robot: r6.Robot) -> None:
         .linear_move_at_path_speed(r6.Pose.mm_deg([500, 0, 400]))
         .pulse_output("Y010", True, 0.2)
         .workbench(1)
-        .stop_on_input(3, True)
+        .stop_on_input("X013", True)
     )
     motion.extend(motion)
     assert len(motion) == 18
@@ -352,7 +352,7 @@ def test_a_guard_reckons_with_frames_inputs_and_units(virtual_robot: r6.Robot) -
     def to(motion: r6.Motion, angle: float) -> r6.Motion:
         return motion.axis_move(r6.AxisPosition.degrees([angle]), r6.Percent(1))
 
-    watched = to(to(r6.Motion(), 0).stop_on_input(3, True), 25)
+    watched = to(to(r6.Motion(), 0).stop_on_input("X013", True), 25)
     small.check_motion(watched)
     with pytest.raises(r6.OutsideEnvelope, match="cannot be told") as cut:
         small.check_motion(to(watched, 50))
@@ -437,3 +437,22 @@ def test_a_stop_overtakes_another_thread_that_waits(virtual_robot: r6.Robot) -> 
     assert virtual_robot.stop().confirmed
     thread.join(10)
     assert causes == ["stopped_here"]
+
+
+def test_a_motion_is_cut_like_a_list(virtual_robot: r6.Robot) -> None:
+    motion = r6.Motion().axis_path([[1], [2], [3], [4]], r6.Percent(50))
+    assert [len(part) for part in (motion[1:3], motion[-1], motion[:], motion[9:], motion[0])] == [2, 1, 4, 0, 1]
+    assert frames(virtual_robot, motion[1:3]) == frames(virtual_robot, r6.Motion().axis_path([[2], [3]], r6.Percent(50)))
+    with pytest.raises(IndexError, match="4 steps"):
+        motion[4]
+    with pytest.raises(TypeError, match="without leaving steps out"):
+        motion[::2]
+    with pytest.raises(TypeError, match=r"motion\[2:5\]"):
+        motion["1"]  # type: ignore[index]
+
+
+def frames(robot: r6.Robot, motion: r6.Motion) -> list[dict[str, object]]:
+    found = [json.loads(frame) for frame in robot.dry_run(motion)]
+    for frame in found:
+        del frame["packID"]
+    return found

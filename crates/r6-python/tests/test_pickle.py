@@ -128,7 +128,7 @@ COMMANDS: list[r6.Command] = [
     r6.Command.switch_mold("部件"),
     r6.Command.modify_counter(3, current=5),
     r6.Command.modify_counter(3, target=0),
-    r6.Command.modify_output(4, 31, True),
+    r6.Command.modify_output("M047", True),
     r6.Command.clear_alarm_run_next(),
     r6.Command.clear_alarm_continue(),
     r6.Command.modify_stack(1, [1.5, 2, 3], [4, 5, 6]),

@@ -106,7 +106,7 @@ def test_closing_ends_the_waiting_of_another_thread(virtual_robot: r6.Robot) -> 
 
 def test_closing_ends_the_waiting_of_another_task(virtual_controller: r6.Simulator) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             state = robot.subscribe("curMode", every=3600)
             while (await state.latest())["curMode"].quality == "not_read":
                 await state.next(timeout=10)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Generator, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,12 +20,14 @@ from ._r6 import (
     Listen,
     Motion,
     Percent,
+    Pose,
     RobotCore,
     RobotSettings,
     RunOptions,
     discovering,
+    word_of,
 )
-from ._robot import connected, counter, cut_short, points, whole
+from ._robot import WORLD, connected, counter, cut_short, point_name, points, pose, target, whole
 from ._types import (
     Accepted,
     Counter,
@@ -47,6 +49,46 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
+_R = TypeVar("_R", bound="AsyncRobot")
+
+
+class Connecting(Coroutine[Any, Any, _R]):
+    """What ``AsyncRobot.connect`` returns: a coroutine, which ``async with`` can also enter. It closes the robot at its end."""
+
+    def __init__(self, connecting: Coroutine[Any, Any, _R]) -> None:
+        """``AsyncRobot.connect`` makes it."""
+        self._connecting = connecting
+        self._robot: _R | None = None
+
+    def __await__(self) -> Generator[Any, None, _R]:
+        return self._connecting.__await__()
+
+    def send(self, value: Any, /) -> Any:
+        """As that of a coroutine."""
+        return self._connecting.send(value)
+
+    def throw(self, *error: Any) -> Any:
+        """As that of a coroutine."""
+        return self._connecting.throw(*error)
+
+    def close(self) -> None:
+        """As that of a coroutine."""
+        self._connecting.close()
+
+    async def __aenter__(self) -> _R:
+        self._robot = await self._connecting
+        return self._robot
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._robot is not None:
+            await self._robot.__aexit__(kind, error, traceback)
+
+
 class AsyncRobot:
     """A handle on one controller, over one connection: ``Robot`` for asyncio.
 
@@ -54,7 +96,7 @@ class AsyncRobot:
     yet, except for a stop and a pause, which the call itself begins. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
     ``identity``, ``accept_identity``, ``guard``, ``with_guard``, ``follow``.
 
-    >>> async with await AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
+    >>> async with AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
     ...     print((await robot.status()).axes)
     """
 
@@ -63,9 +105,16 @@ class AsyncRobot:
         self._core = connected(core)
 
     @classmethod
-    async def connect(cls, address: str | Listen, settings: RobotSettings | None = None) -> Self:
-        """As ``Robot.connect``."""
-        return cls(await run(RobotCore.connect_async(address, settings)))
+    def connect(
+        cls, address: str | Listen, port: int | RobotSettings | None = None, settings: RobotSettings | None = None
+    ) -> Connecting[Self]:
+        """As ``Robot.connect``. Write ``robot = await AsyncRobot.connect(...)`` or ``async with AsyncRobot.connect(...) as robot:``."""
+        where, how = target(address, port, settings)
+
+        async def connect() -> Self:
+            return cls(await run(RobotCore.connect_async(where, how)))
+
+        return Connecting(connect())
 
     @property
     def address(self) -> str:
@@ -103,6 +152,14 @@ class AsyncRobot:
         """As ``Robot.command``."""
         return await run(self._core.command(command))
 
+    async def pose(self) -> Pose:
+        """As ``Robot.pose``."""
+        return pose(await self.query(*WORLD))
+
+    async def start(self) -> Accepted:
+        """As ``Robot.start``."""
+        return await self.command(Command.start_button())
+
     def pause(self) -> Coroutine[Any, Any, Accepted]:
         """As ``Robot.pause``; sent by the call, so that cancelling its task, however early, does not take it back."""
         return run_at_once(self._core.command(Command.action_pause()))
@@ -115,9 +172,14 @@ class AsyncRobot:
         """As ``Robot.set_global_speed``."""
         return await self.command(Command.modify_gspd(speed))
 
-    async def set_output(self, board: int, point: int, on: bool) -> Accepted:
+    async def set_output(self, point: str, on: bool) -> Accepted:
         """As ``Robot.set_output``."""
-        return await self.command(Command.modify_output(board, point, on))
+        return await self.command(Command.modify_output(point_name(point), on))
+
+    async def is_on(self, point: str) -> bool:
+        """As ``Robot.is_on``."""
+        address, bit = word_of(point_name(point))
+        return bool((await self.query(address)).integer(address) >> bit & 1)
 
     async def inputs(self, board: int = 0) -> npt.NDArray[np.bool_]:
         """As ``Robot.inputs``: shape (32,)."""

@@ -481,8 +481,8 @@ class Motion:
         """Waits for a time, seconds, with the arm at rest (action 100)."""
     def wait_for(self, point: str, condition: Wait = "on", *, limit: float | None = None) -> Motion:
         """Waits for ``"X010"``, M or EUX, with the arm at rest: for ``limit`` seconds at most, else for ever (action 100)."""
-    def stop_on_input(self, input: int, on: bool) -> Motion:
-        """Lets an input, 0 to 31, stop the motion from here on when it takes a state (action 52)."""
+    def stop_on_input(self, point: str, on: bool) -> Motion:
+        """Lets an input of the first board, ``"X010"`` to ``"X047"``, stop the motion from here on when it takes a state (action 52)."""
     def workbench(self, number: int) -> Motion:
         """Changes the workbench (action 800)."""
     def extend(self, other: Motion) -> Motion:
@@ -494,6 +494,8 @@ class Motion:
     @property
     def repeats(self) -> bool:
         """Whether a step stays in the controller's list, so that the motion never ends by itself."""
+    def __getitem__(self, wanted: int | slice) -> Motion:
+        """A step, or steps that follow one another, as a motion of its own: ``motion[2]``, ``motion[2:5]``."""
     def __len__(self) -> int:
         """How many steps there are."""
     def __copy__(self) -> Motion: ...
@@ -701,8 +703,8 @@ class Command:
     def modify_counter(id: int, *, current: int | None = None, target: int | None = None) -> Command:
         """Changes a counter; ``None`` keeps what it has."""
     @staticmethod
-    def modify_output(board: int, point: int, on: bool) -> Command:
-        """Sets one output: board 0–3, 4–6 M, 7 EU; point 0–31. A cell may start a motion by it."""
+    def modify_output(point: str, on: bool) -> Command:
+        """Sets one output by its name: Y on boards 0 to 3, M on boards 0 to 2, EUY. A cell may start a motion by it."""
     @staticmethod
     def clear_alarm_run_next() -> Command:
         """Clears the alarm and runs the next step."""
@@ -818,6 +820,9 @@ class Simulator:
 
 def discovering(addresses: Sequence[str], settings: RobotSettings | None = None) -> Operation[list[Discovered]]:
     """For ``discover`` and ``async_discover``."""
+
+def word_of(name: str) -> tuple[str, int]:
+    """The query address of the word that a point is a bit of, and which bit: ``("input-0", 2)`` for X012."""
 
 def to_thousandths(value: float) -> int:
     """Degrees or millimetres as a register has them where a program takes positions from registers: times 1000, the nearest

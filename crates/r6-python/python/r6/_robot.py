@@ -19,10 +19,12 @@ from ._r6 import (
     Listen,
     Motion,
     Percent,
+    Pose,
     RobotCore,
     RobotSettings,
     RunOptions,
     discovering,
+    word_of,
 )
 from ._subscription import PushedEvents, Subscription
 from ._types import (
@@ -67,14 +69,16 @@ class Robot:
         self._core = connected(core)
 
     @classmethod
-    def connect(cls, address: str | Listen, settings: RobotSettings | None = None) -> Self:
+    def connect(
+        cls, address: str | Listen, port: int | RobotSettings | None = None, settings: RobotSettings | None = None
+    ) -> Self:
         """Connects to ``host`` or ``host:port``, port 9760 where none is given; or waits for a controller that dials
         (``Listen``). Nothing is sent.
 
         Errors: ``InvalidRequest`` if the text is no address, ``NotSent`` if no connection can be made within
         ``RobotSettings.connect_timeout``.
         """
-        return cls(RobotCore.connect(address, settings).wait())
+        return cls(RobotCore.connect(*target(address, port, settings)).wait())
 
     @property
     def address(self) -> str:
@@ -130,6 +134,20 @@ class Robot:
         """Sends a command. It is never sent twice by itself. Errors: ``RequestError``."""
         return self._core.command(command).wait()
 
+    def pose(self) -> Pose:
+        """The pose of the tool in use, in the work frame in use: mm and degrees.
+
+        Errors: ``NoReading``; ``RequestError``.
+        """
+        return pose(self.query(*WORLD))
+
+    def start(self) -> Accepted:
+        """Presses start (``startButton``): the program runs, and the arm may move. "ok" comes before anything runs.
+
+        Errors: ``RequestError``.
+        """
+        return self.command(Command.start_button())
+
     def pause(self) -> Accepted:
         """Pauses the motion, ahead of all that waits (``actionPause``). Errors: ``RequestError``."""
         return self.command(Command.action_pause())
@@ -142,10 +160,21 @@ class Robot:
         """Sets the global speed, which multiplies every move. Errors: ``RequestError``."""
         return self.command(Command.modify_gspd(speed))
 
-    def set_output(self, board: int, point: int, on: bool) -> Accepted:
-        """Sets an output: board 0–3, 4–6 M, 7 EU; point 0–31. A cell may start a motion by it. Errors:
-        ``RequestError``."""
-        return self.command(Command.modify_output(board, point, on))
+    def set_output(self, point: str, on: bool) -> Accepted:
+        """Sets an output by its name on the pendant: ``robot.set_output("Y010", True)``. Y on boards 0 to 3 (``Y1.010``), M on
+        boards 0 to 2, EUY. A cell may start a motion by it.
+
+        Errors: ``ValueError`` for a point that no command sets; ``RequestError``.
+        """
+        return self.command(Command.modify_output(point_name(point), on))
+
+    def is_on(self, point: str) -> bool:
+        """Whether an input, output or M point is on: ``robot.is_on("X010")``.
+
+        Errors: ``ValueError`` for EU points, which no query address tells; ``NoReading``; ``RequestError``.
+        """
+        address, bit = word_of(point_name(point))
+        return bool(self.query(address).integer(address) >> bit & 1)
 
     def inputs(self, board: int = 0) -> npt.NDArray[np.bool_]:
         """The 32 inputs of a board: shape (32,). Errors: ``NoReading``; ``RequestError``."""
@@ -365,6 +394,22 @@ def discover(addresses: Sequence[str], settings: RobotSettings | None = None) ->
     return discovering(addresses, settings).wait()
 
 
+def target(
+    address: str | Listen, port: int | RobotSettings | None, settings: RobotSettings | None
+) -> tuple[str | Listen, RobotSettings | None]:
+    """Where to connect, and how: ``connect("host", 9760)``, ``connect("host:9760")``, ``connect("host", settings)``."""
+    if isinstance(port, RobotSettings):
+        if settings is not None:
+            raise TypeError("the settings were given twice")
+        return address, port
+    if port is None:
+        return address, settings
+    if isinstance(port, bool) or not isinstance(port, int) or not isinstance(address, str):
+        raise TypeError(f'write connect("192.168.1.10", 9760) or connect("192.168.1.10:9760"), not {address!r}, {port!r}')
+    bare = f"[{address}]" if ":" in address and not address.startswith("[") else address
+    return f"{bare}:{port}", settings
+
+
 def cut_short(motion: str | None) -> None:
     """Warns of a motion that closing ended, in the line that closes."""
     if motion is not None:
@@ -381,6 +426,21 @@ def connected(core: RobotCore) -> RobotCore:
 def points(word: int) -> npt.NDArray[np.bool_]:
     """The 32 points of a word, the first one first: shape (32,)."""
     return (word >> np.arange(32, dtype=np.int64) & 1).astype(np.bool_)
+
+
+WORLD = tuple(f"world-{component}" for component in range(6))
+
+
+def pose(result: QueryResult) -> Pose:
+    """The pose that was asked for."""
+    return Pose.mm_deg([result.decimal(component) for component in WORLD])
+
+
+def point_name(point: str) -> str:
+    """The name of a point; ``TypeError`` with what to write for a number."""
+    if not isinstance(point, str):
+        raise TypeError(f'a point goes by its name on the pendant, such as "Y010" or "X1.012", not {point!r}')
+    return point
 
 
 def counter(result: QueryResult, id: int) -> Counter:
