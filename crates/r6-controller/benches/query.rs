@@ -53,7 +53,7 @@ fn query(random: &mut Random, number: usize) -> Vec<u8> {
     frame.to_string().into_bytes()
 }
 
-/// A controller on a clock of its own, with one connection.
+/// A controller on its own clock, with one connection.
 struct Cell {
     controller: Controller,
     id: ConnectionId,

@@ -246,8 +246,8 @@ fn an_edge_stops_each_move_during_which_it_comes() {
     assert_eq!(cell.query(&["RemoteCmdLen", "isMoving", "curAlarm"]), [json!("0"), json!("0"), json!("0")]);
 }
 
-/// Whether the watch of one list still stops a move of the next: of an appended one, and of one that replaced
-/// the list.
+/// Whether the watch of one list still stops a move of the next list, if that is appended and if it replaces
+/// the first.
 fn outlives(settings: &str) -> [bool; 2] {
     [false, true].map(|replaces| {
         let mut cell = cell(settings);

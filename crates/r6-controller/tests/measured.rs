@@ -9,7 +9,7 @@ use common::{Cell, assert_near, axis_move, linear_move};
 use r6_controller::{ControllerSettings, Profile, RobotModel, StartState};
 use serde_json::{Value, json};
 
-/// How often the original observer of unit A looked, seconds.
+/// The polling interval of the original observer of unit A, in seconds.
 const POLL: f64 = 1.0 / 15.0;
 
 /// It stopped its clock when the arm had rested for this long, in seconds; the wait is part of its figures.

@@ -151,7 +151,7 @@ fn crossed_replies_with_the_same_numbers() {
     }
 }
 
-/// A scenario cannot move the arm by hand.
+/// C8: a scenario that presses no start moves nothing while the arm rests.
 #[test]
 fn a_scenario_moves_nothing_by_itself_at_rest() {
     let mut world = World::with(crate::scenario("C8-io"), 0, "remote", false);
