@@ -179,9 +179,9 @@ impl Controller {
         self.cameras.expect(cam_id);
     }
 
-    /// Takes a connection that the shell opened to a camera. It is always served: the profile's limit counts
-    /// accepted connections only. It gets the photo requests for this camera; with `None`, the requests for
-    /// every camera without a connection of its own.
+    /// Takes a connection that the shell opened to a camera. It is served even beyond the profile's limit,
+    /// which counts accepted connections only. It gets the photo requests for this camera; with `None`, the
+    /// requests for every camera without a connection of its own.
     pub fn connect_camera(&mut self, now: Instant, cam_id: Option<i64>) -> ConnectionId {
         self.advance(now);
         let id = self.next_id();

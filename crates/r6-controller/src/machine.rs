@@ -174,7 +174,7 @@ pub struct Machine {
     pub(crate) cameras: CameraQueues,
     pub(crate) watchdog: Watchdog,
     /// How often it was switched on again after a power cut. The change counters of the saved values then
-    /// start anew.
+    /// start from 0.
     pub(crate) starts: u64,
     /// The source of all random values, from the seed.
     pub(crate) random: Random,

@@ -71,7 +71,7 @@ pub enum Activity {
 /// What a program can wait for, besides inputs and M points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Awaited {
-    /// The answer to a photo request, and how many tries are left.
+    /// The answer to a photo request, and how many tries are left, this one included.
     Photo(Photo, u32),
     /// A point of a camera.
     Point,
