@@ -1,4 +1,5 @@
-//! What goes over the HTTP panel of virtual controllers. Units stand in the names; points and axes are called as on the pendant.
+//! The types of the HTTP panel of virtual controllers. Field names contain units; points and axes have their
+//! names on the pendant.
 
 use serde::{Deserialize, Serialize};
 
@@ -49,7 +50,8 @@ pub enum Action {
         /// How far, degrees, or mm where the axis slides; below 0 the other way.
         #[cfg_attr(feature = "openapi", schema(example = 10.0))]
         by: f64,
-        /// How fast, percent of the axis's full speed, times the global speed: above 0, at most 100; 10 if left out.
+        /// How fast, in percent of the axis's full speed, times the global speed: above 0, at most 100; 10 if
+        /// it is missing.
         #[serde(default = "usual_speed")]
         #[cfg_attr(feature = "openapi", schema(default = 10.0, maximum = 100.0))]
         speed_percent: f64,
@@ -64,7 +66,7 @@ pub enum Action {
     },
 }
 
-/// How fast a move by hand is unless told, percent.
+/// The default speed of a move by hand, in percent.
 fn usual_speed() -> f64 {
     10.0
 }
@@ -74,15 +76,15 @@ fn usual_speed() -> f64 {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Button {
-    /// The program runs.
+    /// Runs the program.
     Start,
-    /// The program ends with its cycle; a second press ends it at once. Ends a move by hand.
+    /// Ends the program with its cycle; a second press ends it at once. Ends a move by hand.
     Stop,
-    /// The motion rests; start goes on from there. Ends a move by hand.
+    /// Brings the motion to rest; start resumes it. Ends a move by hand.
     Pause,
-    /// The program runs to the end of its pass.
+    /// Runs the program to the end of its pass.
     SingleCycle,
-    /// The program runs one step.
+    /// Runs one step of the program.
     SingleStep,
 }
 
@@ -145,7 +147,7 @@ pub struct Snapshot {
     pub mode_name: String,
     /// The alarm, 0 for none (`curAlarm`).
     pub alarm: u32,
-    /// What the alarm means; absent while there is none.
+    /// What the alarm means; absent without an alarm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alarm_text: Option<String>,
     /// Whether the emergency stop is pressed.

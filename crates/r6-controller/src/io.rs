@@ -87,7 +87,7 @@ impl OutputPoint {
         }
     }
 
-    /// The point of this name; `None` for an input.
+    /// The point with this name; `None` for an input.
     #[must_use]
     pub fn named(name: IoPoint) -> Option<Self> {
         let IoPoint { kind, board, point } = name;
@@ -110,7 +110,8 @@ impl OutputPoint {
         IoPoint { kind, board, point }
     }
 
-    /// Output point 32 of action 200 is the first one of the next board.
+    /// The same point, with its number within its board: point 32 of action 200 is the first point of the
+    /// next board.
     #[must_use]
     pub fn on_first_boards(self) -> Self {
         match self {
@@ -131,20 +132,20 @@ fn write(word: &mut u32, point: u8, on: bool) {
 }
 
 impl Io {
-    /// The word of one board; 0 for a board that is not there.
+    /// The word of one board; 0 for a board that does not exist.
     #[must_use]
     pub fn word(words: &[u32; BOARDS], board: u8) -> u32 {
         words.get(usize::from(board)).copied().unwrap_or(0)
     }
 
-    /// Sets an input: what a person or a machine in the cell does.
+    /// Sets an input, as an operator or a machine in the cell does.
     pub fn set_input(&mut self, board: u8, point: u8, on: bool) {
         if let Some(word) = self.inputs.get_mut(usize::from(board)) {
             write(word, point, on);
         }
     }
 
-    /// Sets an input of the EU board: what a person or a machine in the cell does.
+    /// Sets an input of the EU board, as an operator or a machine in the cell does.
     pub fn set_eu_input(&mut self, point: u8, on: bool) {
         write(&mut self.eu_inputs, point, on);
     }
@@ -177,7 +178,7 @@ impl Io {
         bit(Self::word(&self.inputs, 0), point)
     }
 
-    /// The level of what a wait watches; `None` where it watches only time.
+    /// The level of the point that a wait watches; `None` for a wait for time only.
     #[must_use]
     pub fn level(&self, source: WaitSource) -> Option<bool> {
         match source {

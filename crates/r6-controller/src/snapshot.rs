@@ -1,4 +1,4 @@
-//! What a person would see standing at the machine.
+//! The state of the machine that an operator can see.
 
 use std::collections::BTreeMap;
 
@@ -13,9 +13,9 @@ use r6_proto::OperationMode;
 /// A virtual controller at one point in time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControllerSnapshot {
-    /// What `version` answers.
+    /// The value of `version`.
     pub version: String,
-    /// What `machineName` answers.
+    /// The value of `machineName`.
     pub machine_name: String,
     /// The profile's name.
     pub profile: String,
@@ -33,7 +33,7 @@ pub struct ControllerSnapshot {
     pub moving: bool,
     /// The program in use.
     pub program: String,
-    /// The programs there are.
+    /// The names of the programs.
     pub programs: Vec<String>,
     /// The step of the program whose turn it is; `None` where no step is left.
     pub step: Option<ProgramStep>,
@@ -45,7 +45,7 @@ pub struct ControllerSnapshot {
     pub points: Vec<(i64, usize)>,
     /// How many instructions are left in the list.
     pub list_length: usize,
-    /// Axis positions, degrees, or mm where an axis slides.
+    /// Axis positions in degrees, or mm on a linear axis.
     pub axes: [f64; AXES],
     /// Soft limits of the arm's axes, in the same units: lowest, highest.
     pub axis_limits: Vec<(f64, f64)>,
@@ -53,11 +53,11 @@ pub struct ControllerSnapshot {
     pub axis_motions: Vec<AxisMotion>,
     /// X, Y, Z in mm, U, V, W in degrees, of the tool in use in the work frame in use.
     pub world: [f64; 6],
-    /// Global speed, percent.
+    /// Global speed in percent.
     pub global_speed_percent: f64,
-    /// Time of the present cycle, seconds.
+    /// Time of the current cycle in seconds.
     pub cycle_seconds: f64,
-    /// Time of the last cycle that ended, seconds.
+    /// Time of the last finished cycle in seconds.
     pub last_cycle_seconds: f64,
     /// Inputs, outputs and M points, 32 to a word.
     pub io: Io,

@@ -1,4 +1,5 @@
-//! Events in Simplified Chinese. The words of the wire and of scenario files stay as they are: people look for them.
+//! Events in Simplified Chinese. Words of the wire and of scenario files are not translated, because people
+//! search for them.
 
 use std::fmt;
 

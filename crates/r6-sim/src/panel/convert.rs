@@ -1,4 +1,4 @@
-//! Between what goes over HTTP and what the controller knows: the one place where the two meet.
+//! Converts between the types of HTTP and those of the controller. No other module does.
 
 use std::cell::RefCell;
 
@@ -13,7 +13,7 @@ use r6_proto::io_point::{IoPoint, PointKind};
 
 use crate::handle::ControllerHandle;
 
-/// What a person wants to do; the error says in words which name is wrong.
+/// Converts an action; the error says which name is wrong.
 pub(super) fn action(action: Action) -> Result<PanelAction, String> {
     Ok(match action {
         Action::SetInput { point, on } => input(&point, on)?,
@@ -60,19 +60,19 @@ fn axis_named(name: &str) -> Result<AxisIndex, String> {
         .ok_or_else(|| format!("`{name}` is no axis: there are J1 to J8"))
 }
 
-/// What is told of something that the machine refuses.
+/// The answer for an action that the machine refuses.
 pub(super) fn refused(refused: Refused) -> Refusal {
     let (status, code) = status_and_code(&refused);
     Refusal::new(status, code, refused.to_string())
 }
 
-/// The word for programs for what a machine refuses.
+/// The code for an action that the machine refuses.
 #[must_use]
 pub fn code(refused: &Refused) -> Code {
     status_and_code(refused).1
 }
 
-/// 409 where the machine could do it, but not now; 422 where it never could.
+/// 409 if the machine could do it, but not now; 422 if it never could.
 fn status_and_code(refused: &Refused) -> (StatusCode, Code) {
     match refused {
         Refused::PowerOff => (StatusCode::CONFLICT, Code::PowerOff),
@@ -96,13 +96,13 @@ fn status_and_code(refused: &Refused) -> (StatusCode, Code) {
     }
 }
 
-/// A controller in the list of all.
+/// A controller as an entry of the list.
 pub(super) fn controller(number: usize, controller: &ControllerHandle) -> panel::Controller {
     let machine_name = controller.snapshot().machine_name;
     panel::Controller { number, address: controller.address().to_string(), machine_name }
 }
 
-/// The state as the controller tells it over its port.
+/// The state as read over the controller's port.
 pub(super) fn status(controller: &ControllerHandle) -> Status {
     let robot = controller.address().to_string();
     controller.look(|controller, now| {
@@ -111,7 +111,7 @@ pub(super) fn status(controller: &ControllerHandle) -> Status {
     })
 }
 
-/// What a person would see at the machine.
+/// The state of the machine that an operator can see.
 pub(super) fn snapshot(number: usize, controller: &ControllerHandle) -> Snapshot {
     let state = controller.snapshot();
     Snapshot {
