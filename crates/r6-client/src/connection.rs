@@ -5,7 +5,7 @@
 //!                 ┌────────────── lost ──────────────┐
 //!                 ▼                                  │
 //!  (made) ──▶    Up ◀──connected── Connecting ◀──over── Backoff ◀──a query or a stop waits── Down
-//!                 │                     └────────not_connected: all who waited are told────────▲
+//!                 │                     └────────not_connected: all waiting calls fail─────────▲
 //!               close
 //!                 ▼
 //!              Closing ──goodbye said, or half a second──▶ Closed ◀──close── (Down, Backoff, Connecting)

@@ -7,9 +7,9 @@
 //! [`r6_proto::client::ClientSession`] knows the protocol.
 //!
 //! Errors are sorted by what the caller must do ([`RequestError`]): change the request, send it again, read
-//! why the controller refused it, or find out whether it was carried out. This crate repeats queries and
-//! nothing else. "ok" means accepted, not done: the state of the arm shows whether it moved
-//! ([`Robot::wait_until_done`], [`Robot::stop`]).
+//! why the controller refused it, or find out whether it was carried out. This crate repeats only queries,
+//! and the commands of [`Robot::stop`]. "ok" means accepted, not done: the state of the arm shows whether it
+//! moved ([`Robot::wait_until_done`], [`Robot::stop`]).
 //!
 //! To read values repeatedly, subscribe to them ([`Robot::subscribe`]): one poller reads them for all clones.
 //! After a reconnect, the client first reads the identity of the robot. It sends no command to a robot other

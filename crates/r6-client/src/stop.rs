@@ -4,8 +4,8 @@
 //! A stop is an errand ([`crate::errands`]): once begun, it runs to its end even if its caller is dropped.
 //!
 //! ```text
-//!  actionStop sent ─▶ watch over this connection (stop/halt.rs) ─proved─▶ clear list ─▶ wait for doubts ─▶ report
-//!        └─ nothing for 300 ms ─▶ the same over a second connection ─proved─▲  (frames still unanswered)
+//!  actionStop ─▶ watch over this connection (stop/halt.rs) ─proved─▶ clear list ─▶ wait out doubts ─▶ report
+//!    └─ nothing for 300 ms ─▶ the same over a second connection ─proved─▲    (frames still unanswered)
 //! ```
 //!
 //! `evidence/standstill.rs` says what proves a standstill.
