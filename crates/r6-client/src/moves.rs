@@ -1,4 +1,4 @@
-//! Motions: moves, outputs and waits in their order, checked while they are put together.
+//! Motions: moves, outputs and waits in order, checked while they are put together.
 
 pub(crate) mod step_error;
 
@@ -17,13 +17,14 @@ use crate::path::encoded_bytes;
 use crate::units::position::AxisUnits;
 use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose};
 
-/// Steps of one motion at most: hours of moves, and some tens of megabytes.
+/// The largest number of steps of a motion: hours of moves, and some tens of megabytes.
 pub const MAX_STEPS: usize = 100_000;
 
-/// Moves, outputs and waits in their order: what [`crate::Robot::run`] sends.
+/// Moves, outputs and waits in order, for [`crate::Robot::run`].
 ///
-/// Every step runs once, unless the motion repeats ([`Self::repeat`]). What is wrong is kept until [`Self::instructions`] tells it,
-/// so that a motion can be written as one chain; [`crate::Robot::run`] sends nothing of it then.
+/// Every step runs once, unless the motion repeats ([`Self::repeat`]). An error is kept until
+/// [`Self::instructions`] returns it, so that a motion can be written as one chain. [`crate::Robot::run`]
+/// sends nothing of a wrong motion.
 ///
 /// ```
 /// use std::time::Duration;
@@ -52,7 +53,7 @@ pub const MAX_STEPS: usize = 100_000;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
     steps: Vec<Instruction>,
-    /// In which unit the axes of each step were told.
+    /// The unit in which the axes of each step were given.
     units: Vec<AxisUnits>,
     /// Whether a path speed is set for the steps to come.
     path_speed: bool,
@@ -68,7 +69,7 @@ impl Motion {
         Self::default()
     }
 
-    /// The axes go to this position, all arriving together (action 4).
+    /// Moves the axes to this position; all arrive together (action 4).
     #[must_use]
     pub fn axis_move(self, to: AxisPosition, speed: Percent) -> Self {
         let manner = manner(to.mask(), Some(speed));
@@ -80,14 +81,14 @@ impl Motion {
         self.push(step, to.units()).check(named, "ckStatus", "a mask with one axis at least")
     }
 
-    /// The tool goes straight to a pose (action 10). 100 % are 2000 mm/s (reported, unit B).
+    /// Moves the tool straight to a pose (action 10). 100 % are 2000 mm/s (reported, unit B).
     #[must_use]
     pub fn linear_move(self, to: Pose, speed: Percent) -> Self {
         let manner = manner(to.mask(), Some(speed));
         self.instruct(Action::LinearMove(Move { target: to.coordinates(), manner }))
     }
 
-    /// The same at the speed that [`Self::path_speed`] set.
+    /// Moves the tool straight to a pose at the speed that [`Self::path_speed`] set.
     #[must_use]
     pub fn linear_move_at_path_speed(self, to: Pose) -> Self {
         let set = self.path_speed;
@@ -95,9 +96,10 @@ impl Motion {
             .check(set, "speed", "given, or set by a path speed before")
     }
 
-    /// The tool goes through a middle pose to an end (action 17).
+    /// Moves the tool through a middle pose to an end (action 17).
     ///
-    /// A controller was seen to say ok to a curve without a linear move before it, and not to go there (reported).
+    /// A controller was seen to accept a curve without a linear move before it, and not to go there
+    /// (reported).
     #[must_use]
     pub fn curve_move(self, through: Pose, to: Pose, speed: Percent) -> Self {
         let manner = manner(to.mask().and(through.mask()), Some(speed));
@@ -110,7 +112,7 @@ impl Motion {
         .check(same, "ckStatus", "the same for both poses: give the turn of both, or of neither")
     }
 
-    /// Rounds the corner after the last step, a move: 0 stops there, 9 rounds most.
+    /// Rounds the corner after the last step, which has to be a move: 0 stops there, 9 rounds most.
     #[must_use]
     pub fn blend(self, level: u8) -> Self {
         const WANTED: &str = "a blend level from 0 to 9, after a move";
@@ -120,25 +122,26 @@ impl Motion {
         }
     }
 
-    /// Waits before the last step, a move: at most a day, in steps of 0.1 s (manual 6.1.1). Other times are refused.
+    /// Waits before the last step, which has to be a move: at most a day, in steps of 0.1 s (manual 6.1.1).
+    /// Other times are refused.
     #[must_use]
     pub fn delay(self, time: Duration) -> Self {
         self.modify("delay", "a time to wait, after a move", |manner| manner.delay = Some(time.as_secs_f64()))
     }
 
-    /// Makes the last step, a move, with this tool frame.
+    /// Makes the last step with this tool frame. The step has to be a move.
     #[must_use]
     pub fn tool(self, number: u32) -> Self {
         self.modify("tool", "a tool number, after a move", |manner| manner.tool = Some(number))
     }
 
-    /// Makes the last step, a move, in this work frame.
+    /// Makes the last step in this work frame. The step has to be a move.
     #[must_use]
     pub fn work_frame(self, number: u32) -> Self {
         self.modify("coord", "a number of a work frame, after a move", |manner| manner.coord = Some(number))
     }
 
-    /// Sets the speed of later moves along a path that bring none of their own (action 51).
+    /// Sets the speed of later moves along a path that have no speed of their own (action 51).
     #[must_use]
     pub fn path_speed(self, speed: MillimetresPerSecond) -> Self {
         self.instruct(Action::PathSpeed(PathSpeed { in_use: true, speed: Some(speed.value()) }))
@@ -170,7 +173,8 @@ impl Motion {
         self.named(BoardOutput::of(points), Action::BoardOutput)
     }
 
-    /// Waits for a time, with the arm at rest (action 100): at most a day, in steps of 0.1 s (manual 6.1.3). Other times are refused.
+    /// Waits for a time, with the arm at rest (action 100): at most a day, in steps of 0.1 s (manual 6.1.3).
+    /// Other times are refused.
     #[must_use]
     pub fn wait(self, time: Duration) -> Self {
         self.instruct(Action::Wait(Wait {
@@ -181,15 +185,15 @@ impl Motion {
         }))
     }
 
-    /// Waits for a signal, with the arm at rest (action 100): an input X of boards 0 to 4, an M point of boards 0 to 2, or EUX. For so
-    /// long at most, in steps of 0.1 s, or, without a limit, for ever.
+    /// Waits for a signal, with the arm at rest (action 100): at most for `limit`, in steps of 0.1 s, or for
+    /// ever without a limit.
     #[must_use]
     pub fn wait_for(self, point: IoPoint, condition: WaitCondition, limit: Option<Duration>) -> Self {
         let (unlimited, limit) = (limit.is_none(), limit.unwrap_or_default().as_secs_f64());
         self.named(WaitSource::of(point), |source| Action::Wait(Wait { source, condition, limit, unlimited }))
     }
 
-    /// Lets an input of the first board stop the motion from here on when it takes a state (action 52).
+    /// From here on, lets an input, 0 to 31, stop the motion when it takes this state (action 52).
     #[must_use]
     pub fn stop_on_input(self, point: IoPoint, on: bool) -> Self {
         let input = match point {
@@ -205,45 +209,47 @@ impl Motion {
         self.instruct(Action::Workbench(Workbench { id }))
     }
 
-    /// Any other step. It has to be one-shot: a step that stays in the list ([`Self::repeat`], [`Self::of_list`]) never ends.
+    /// Adds any other step. It has to be one-shot: a step that stays in the list ([`Self::repeat`],
+    /// [`Self::of_list`]) never ends.
     #[must_use]
     pub fn instruction(self, instruction: Instruction) -> Self {
         let wanted = "1: a step that stays in the list never ends";
         self.push(instruction, AxisUnits::default()).check(instruction.oneshot, "oneshot", wanted)
     }
 
-    /// A motion of these instructions as they are: those that are not one-shot stay in the controller's list, as by [`Self::repeat`].
+    /// A motion of these instructions unchanged: those that are not one-shot stay in the controller's list,
+    /// as with [`Self::repeat`].
     #[must_use]
     pub fn of_list(instructions: impl IntoIterator<Item = Instruction>) -> Self {
         instructions.into_iter().fold(Self::new(), |motion, step| motion.push(step, AxisUnits::default()))
     }
 
-    /// Lets every step so far stay in the controller's list (`oneshot` 0): behind the last one the list starts over, until the arm is
-    /// stopped or the list is cleared.
+    /// Makes every step so far stay in the controller's list (`oneshot` 0). After the last step the list
+    /// starts over, until the arm is stopped or the list is cleared.
     ///
-    /// Such a motion has to fit into the list as a whole ([`crate::RunOptions::room`]), and no [`crate::Done`] ends it: its handle tells why
-    /// it no longer runs. It goes on when this program dies, too. An [`crate::Envelope`] checks the step from the last target back to
-    /// the first, too.
+    /// Such a motion has to fit into the list as a whole ([`crate::RunOptions::room`]). It never ends with a
+    /// [`crate::Done`]: its handle says why it no longer runs. It continues even if this program dies. An
+    /// [`crate::Envelope`] also checks the step from the last target back to the first.
     #[must_use]
     pub fn repeat(mut self) -> Self {
         self.steps.iter_mut().for_each(|step| step.oneshot = false);
         self
     }
 
-    /// Whether a step stays in the controller's list, so that the motion never ends by itself.
+    /// Whether a step stays in the controller's list, so that the motion never ends without a stop.
     #[must_use]
     pub fn repeats(&self) -> bool {
         self.steps.iter().any(|step| !step.oneshot)
     }
 
-    /// Lets the next step begin a frame of its own, whatever would still fit into the one before.
+    /// Makes the next step begin a frame of its own, even if it would fit into the one before.
     #[must_use]
     pub fn begin_frame(mut self) -> Self {
         self.frame_starts.push(self.steps.len());
         self
     }
 
-    /// The steps of another motion behind these. They stay in the list if they do there.
+    /// Appends the steps of another motion. Steps that stay in the list there stay here, too.
     #[must_use]
     pub fn extend(mut self, other: &Self) -> Self {
         let before = self.steps.len();
@@ -311,7 +317,7 @@ impl Motion {
         }
     }
 
-    /// In which unit the axes of each step were told, as many as there are steps.
+    /// The unit in which the axes of each step were given; as many as there are steps.
     pub(crate) fn units(&self) -> &[AxisUnits] {
         &self.units
     }
@@ -352,7 +358,7 @@ impl Motion {
         self.encoded()
     }
 
-    /// Keeps what is wrong with the last step; what was wrong before stays.
+    /// Records an error in the last step, unless an earlier one is recorded.
     fn check(mut self, right: bool, field: &'static str, wanted: &'static str) -> Self {
         if !right {
             let step = self.steps.len();
@@ -361,7 +367,7 @@ impl Motion {
         self
     }
 
-    /// Keeps why the last step cannot be sent, if it cannot; what was wrong before stays.
+    /// Records why the last step cannot be sent, if it cannot, unless an earlier error is recorded.
     fn encoded(mut self) -> Self {
         if let Some(Err(error)) = self.steps.last().map(encoded_bytes) {
             self.wrong.get_or_insert(StepError::of(self.steps.len(), &error));
@@ -369,7 +375,7 @@ impl Motion {
         self
     }
 
-    /// Changes how the last step moves, if it is a move.
+    /// Changes how the last step moves; records an error if it is not a move.
     fn modify(mut self, field: &'static str, wanted: &'static str, change: impl FnOnce(&mut Manner)) -> Self {
         let manner = match self.steps.last_mut().map(|step| &mut step.action) {
             Some(Action::AxisMove(step) | Action::LinearMove(step)) => Some(&mut step.manner),
@@ -395,7 +401,7 @@ impl Motion {
     }
 }
 
-/// A list of instructions as a motion.
+/// Collects instructions into a motion.
 impl FromIterator<Instruction> for Motion {
     fn from_iter<I: IntoIterator<Item = Instruction>>(instructions: I) -> Self {
         instructions.into_iter().fold(Self::new(), Self::instruction)
