@@ -1,4 +1,4 @@
-//! Input and output points by their names on the pendant, as steps of a motion have them.
+//! Input and output points by their names on the pendant, as the steps of a motion use them.
 
 use std::collections::HashMap;
 
@@ -7,15 +7,15 @@ use pyo3::prelude::*;
 use r6_client::{BoardOutput, OutputBoard, OutputKind, WaitSource};
 use r6_proto::io_point::{IoPoint, PairMask, PointKind};
 
-/// Points in each of the two masks of action 204.
+/// The number of points in each of the two masks of action 204.
 const HALF: u8 = 16;
 
-/// A point by its name on the pendant.
+/// Reads the name of a point on the pendant.
 pub fn named(name: &str) -> PyResult<IoPoint> {
     name.parse::<IoPoint>().map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
-/// An output of action 200: it has the first board alone.
+/// Reads an output of action 200, which only has the first board.
 pub fn output(name: &str) -> PyResult<(OutputKind, u8)> {
     let IoPoint { kind, board, point } = named(name)?;
     let kind = match kind {
@@ -32,7 +32,7 @@ pub fn output(name: &str) -> PyResult<(OutputKind, u8)> {
     Ok((kind, point))
 }
 
-/// Outputs of action 204: many of one board, which is Y0, Y1, M0 or M1.
+/// Reads outputs of action 204: several outputs of one board, which is Y0, Y1, M0 or M1.
 pub fn outputs(points: HashMap<String, bool>) -> PyResult<BoardOutput> {
     let mut found: Option<BoardOutput> = None;
     for (name, on) in points {
@@ -59,7 +59,7 @@ pub fn outputs(points: HashMap<String, bool>) -> PyResult<BoardOutput> {
     found.ok_or_else(|| PyValueError::new_err("no point was named"))
 }
 
-/// What a wait can wait for.
+/// Reads a point that a wait can wait for.
 pub fn source(name: &str) -> PyResult<WaitSource> {
     let IoPoint { kind, board, point } = named(name)?;
     match kind {
