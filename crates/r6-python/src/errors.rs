@@ -153,7 +153,7 @@ impl Raise for RequestError {
     }
 }
 
-/// The values below and above one that the wire cannot carry.
+/// The values below and above a value that the wire cannot carry.
 fn nearest_of(error: &Invalid) -> Option<(f64, f64)> {
     match error {
         Invalid::Value(error) => error.nearest.map(both),
