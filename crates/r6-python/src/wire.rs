@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!  thread of the event loop:  begins a call and writes its request at once; reads when its selector says so
-//!  the engine's keeper:       timeouts, heartbeats, stops, streams, a new connection; it also reads bytes that
-//!                             the event loop has left for 2 ms
+//!  the engine's keeper:       timeouts, heartbeats, stops, streams, a new connection; it also reads bytes
+//!                             that the event loop has left for 2 ms
 //! ```
 //!
 //! So a query needs one thread. A program that holds the interpreter, or has closed its event loop, delays
