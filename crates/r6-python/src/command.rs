@@ -1,4 +1,4 @@
-//! `Command`: a command with its arguments, in the units of people.
+//! `Command`: a command with its arguments, in everyday units.
 
 use std::borrow::Cow;
 
@@ -159,7 +159,7 @@ impl Command {
     }
 }
 
-/// An argument as a person types it; `True` and `False` are `1` and `0` there.
+/// An argument as typed on the command line; `True` and `False` are `1` and `0` there.
 fn typed_word(argument: &Bound<'_, PyAny>) -> PyResult<String> {
     match argument.extract::<bool>() {
         Ok(flag) => Ok(u8::from(flag).to_string()),

@@ -1,4 +1,4 @@
-//! `Motion`: moves, outputs and waits in their order.
+//! `Motion`: moves, outputs and waits in order.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,8 @@ use crate::pickling::not_pickled;
 use crate::points::{awaited, output, outputs, pulsed, stopping};
 use crate::units::{AxisPosition, Given, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg};
 
-/// Moves, outputs and waits in their order. Each method adds a step, or changes the last one, and returns the motion.
+/// Moves, outputs and waits in order. Each method adds a step, or changes the last one, and returns the
+/// motion.
 #[pyclass(module = "r6._r6")]
 #[derive(Clone, Default)]
 pub struct Motion(pub r6_client::Motion);
@@ -22,7 +23,8 @@ pub struct Motion(pub r6_client::Motion);
 type Chain<'py> = PyResult<PyRefMut<'py, Motion>>;
 
 impl Motion {
-    /// Adds to the motion. A step that is wrong raises at once, and spoils the motion: nothing of it is ever sent.
+    /// Adds to the motion. A wrong step raises at once and makes the motion unusable: no part of it is ever
+    /// sent.
     fn add<'py>(
         mut slf: PyRefMut<'py, Self>,
         add: impl FnOnce(r6_client::Motion) -> r6_client::Motion,

@@ -1,4 +1,4 @@
-//! Input and output points by their names on the pendant.
+//! Input and output points by their names on the pendant, as the steps of a motion use them.
 
 use std::collections::HashMap;
 
@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use r6_client::{BoardOutput, IoPoint, OutputKind, PointKind, WaitSource, WrongPoint};
 
-/// A point by its name on the pendant.
+/// Reads the name of a point on the pendant.
 pub fn named(name: &str) -> PyResult<IoPoint> {
     name.parse::<IoPoint>().map_err(|error| PyValueError::new_err(error.to_string()))
 }

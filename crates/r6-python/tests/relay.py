@@ -1,4 +1,4 @@
-"""A cable that can be pulled: a TCP relay."""
+"""A cable that can be disconnected: a TCP relay."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 
 class Relay:
-    """Carries bytes between whoever connects to it and the port that ``target`` names at that moment."""
+    """Carries bytes between its clients and the port that ``target`` names at that moment."""
 
     def __init__(self) -> None:
         self.target = 0
@@ -32,14 +32,14 @@ class Relay:
         return f"127.0.0.1:{self._listener.getsockname()[1]}"
 
     def cut(self) -> None:
-        """Ends all connections; new ones are carried again."""
+        """Ends all connections; new ones work again."""
         with self._lock:
             sockets, self._sockets = self._sockets, []
         for end in sockets:
             shut(end)
 
     def close(self) -> None:
-        """Ends it."""
+        """Ends the relay."""
         self.answers.set()
         shut(self._listener)
         self._listener.close()
@@ -68,7 +68,8 @@ class Relay:
 
 
 def carry(source: socket.socket, sink: socket.socket, seen: Callable[[bytes], None]) -> None:
-    """One direction, until either end is gone; shows what it carries before it hands it on."""
+    """Carries one direction until either end is gone. Calls ``seen`` with the bytes before it passes them
+    on."""
     with source:
         try:
             while data := source.recv(4096):

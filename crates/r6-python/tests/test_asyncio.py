@@ -166,7 +166,7 @@ async def given(controller: r6.Simulator, command: str) -> None:
 
 @pytest.mark.parametrize("turns", range(3))
 def test_a_stop_that_is_cancelled_early_is_sent(turns: int, virtual_controller: r6.Simulator) -> None:
-    """Before the task has its first turn, and soon after."""
+    """Cancelled before the first turn of the task, and soon after."""
 
     async def test(robot: r6.AsyncRobot) -> None:
         handle = await robot.run(endless())
@@ -210,7 +210,7 @@ SILENT = '[[fault]]\nfault = "silence"\n'
 
 @pytest.mark.virtual_controller(scenario=SILENT)
 def test_a_cancelled_request_is_dropped(virtual_controller: r6.Simulator) -> None:
-    """Nobody answers, so a request that was not dropped would be waited for."""
+    """There is no answer, so a request that was not dropped would still be waited for."""
 
     async def test(robot: r6.AsyncRobot) -> None:
         first = asyncio.create_task(robot.query("curMode"))
@@ -265,7 +265,7 @@ def test_tasks_cancelled_at_random_leave_the_others_their_own_values(
 
 
 class CountingLoop(asyncio.SelectorEventLoop):
-    """Counts what comes from other threads."""
+    """Counts the calls from other threads."""
 
     from_others = 0
 
@@ -275,8 +275,9 @@ class CountingLoop(asyncio.SelectorEventLoop):
 
 
 def test_a_query_needs_no_other_thread(virtual_controller: r6.Simulator) -> None:
-    """Another thread helps out where this process does not get its turn within 2 ms, so a busy machine may disturb some queries. A
-    hundred in a row that need none are found all the same, and not where one in ten goes to another thread."""
+    """Another thread helps if this process does not get its turn within 2 ms, so a busy machine may disturb
+    some queries. The test looks for a hundred in a row without help. It would not find them if one query
+    in ten went to another thread."""
     loop = CountingLoop()
 
     async def main() -> None:
@@ -299,7 +300,7 @@ def test_a_query_needs_no_other_thread(virtual_controller: r6.Simulator) -> None
 
 
 def test_an_event_loop_that_is_held_up_holds_up_no_heartbeat(tmp_path: Path) -> None:
-    """Also while a query waits whose reply the event loop would read."""
+    """The same while a query waits whose reply the event loop would read."""
     profile = tmp_path / "short.toml"
     profile.write_text('base = "hc1"\nheartbeat_timeout_ms = 1000\n')
 

@@ -1,4 +1,4 @@
-"""Following a target that moves."""
+"""Following a moving target."""
 
 import asyncio
 import time
@@ -21,7 +21,7 @@ def steps(controller: r6.Simulator) -> int:
 def hold(
     following: r6.Following, target: float, controller: r6.Simulator, until: float | None = None
 ) -> None:
-    """Tells the same target until the arm is there, or where it is said to go."""
+    """Sends the same target until the arm is there, or at ``until``."""
     end = target if until is None else until
     while abs(controller.snapshot().axes[0] - end) > 0.01:
         following.target(j1(target))

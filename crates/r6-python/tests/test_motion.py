@@ -1,4 +1,4 @@
-"""Motions: put together, run, followed, stopped."""
+"""Motions: built, run, followed, stopped."""
 
 import json
 import math
@@ -161,7 +161,7 @@ def test_linear_moves_end_at_their_pose(virtual_robot: r6.Robot) -> None:
     assert np.allclose(done.pose[:3], targets[-1, :3], atol=0.01)
     back = r6.Pose.mm_deg(pose[:3])
     through = r6.Pose.mm_deg(pose[:3] + [0, 10, 0])
-    # A curve without a line before it in its list is accepted and not executed, on real controllers too.
+    # The controller accepts a curve without a line before it and does not execute it, as real ones do.
     with pytest.raises(r6.MotionError, match="Y is at"):
         virtual_robot.run(r6.Motion().curve_move(through, back, FAST)).finished()
     virtual_robot.command(r6.Command.start_button())
@@ -192,7 +192,7 @@ def test_a_stop_within_a_block_ends_it_without_an_error(
         assert handle.stop().confirmed
     assert handle.progress.ended and not virtual_controller.snapshot().moving
     virtual_robot.command(r6.Command.start_button())
-    # A stop that this handle did not ask for is told.
+    # A stop that this handle did not ask for raises an error.
     with pytest.raises(r6.MotionError) as failed:
         with virtual_robot.run(endless()) as handle:
             assert handle.step(1).started()
@@ -295,7 +295,7 @@ def test_closing_stops_a_motion_that_is_to_be_stopped_when_dropped(
             robot.close()
     else:
         del handle
-        # It depends on which comes first whether closing or the drop has ended the motion.
+        # Closing or the drop ends the motion, whichever comes first.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", r6.MotionCutShort)
             robot.close()

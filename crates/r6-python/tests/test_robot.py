@@ -1,4 +1,4 @@
-"""What is read and written besides motions."""
+"""Reading and writing besides motions."""
 
 import json
 import threading
@@ -47,7 +47,7 @@ def test_an_unknown_address_names_the_nearest(virtual_robot: r6.Robot) -> None:
 def test_a_status_has_positions_as_arrays(virtual_robot: r6.Robot) -> None:
     status = virtual_robot.status()
     assert status.is_ready and status.unmet == () and status.homed and status.alarm == 0
-    # All that can be read is met; that the program waits for instructions is nothing that can be read.
+    # All readable conditions are met. No value says that the program waits for instructions.
     assert status.unproved == ("remote_step",)
     assert status.axes.shape == status.pose.shape == (6,) and status.axes.dtype == np.float64
     assert virtual_robot.firmware() == status.firmware
@@ -63,7 +63,7 @@ def test_a_status_is_the_json_that_the_command_line_prints(
 ) -> None:
     told = virtual_robot.status().to_dict()
     assert told.pop("robot") == virtual_controller.address
-    # The tests of the command line and of the panel compare theirs with the same file.
+    # The tests of the command line and of the panel use the same file.
     assert told == json.loads((WORKSPACE / "crates/r6-api/tests/status.json").read_text())
 
 
@@ -236,7 +236,7 @@ def test_settings_are_checked() -> None:
 
 
 def test_an_address_is_no_robot() -> None:
-    """What many type first says what to type."""
+    """The error for an address, which many users pass, says what to write."""
     for robot, wanted in ((r6.Robot, "Robot.connect('10.0.0.1')"), (r6.AsyncRobot, "await AsyncRobot.connect('10.0.0.1')")):
         with pytest.raises(TypeError) as failed:
             robot("10.0.0.1")  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""A robot, from asyncio: the same names as in ``Robot``, which documents them."""
+"""A robot for asyncio: the same names as in ``Robot``, which documents them."""
 
 from __future__ import annotations
 
@@ -90,11 +90,12 @@ class Connecting(Coroutine[Any, Any, _R]):
 
 
 class AsyncRobot:
-    """A handle on one controller, over one connection: ``Robot`` for asyncio.
+    """A handle of one controller, over one connection: ``Robot`` for asyncio.
 
-    Many tasks, and many event loops, may use one handle. Cancelling a call takes its request back if it has not left
-    yet, except for a stop and a pause, which the call itself begins. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
-    ``identity``, ``accept_identity``, ``guard``, ``with_guard``, ``follow``.
+    Many tasks, and many event loops, may use one handle. Cancelling a call withdraws its request if it has
+    not left yet. A stop and a pause cannot be withdrawn, because the call itself begins them. Calls that
+    do not wait are no coroutines: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``, ``identity``,
+    ``accept_identity``, ``guard``, ``with_guard``, ``follow``.
 
     >>> async with AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
     ...     print((await robot.status()).axes)
@@ -161,7 +162,8 @@ class AsyncRobot:
         return await self.command(Command.start_button())
 
     def pause(self) -> Coroutine[Any, Any, Accepted]:
-        """As ``Robot.pause``; sent by the call, so that cancelling its task, however early, does not take it back."""
+        """As ``Robot.pause``. The call itself sends it, so that cancelling its task, however early, does not
+        withdraw it."""
         return run_at_once(self._core.command(Command.action_pause()))
 
     async def clear_alarm(self) -> Accepted:
@@ -210,7 +212,8 @@ class AsyncRobot:
         await run(self._core.write_registers(first, whole(values), savable=savable, verify=verify))
 
     async def run(self, motion: Motion, options: RunOptions | None = None) -> AsyncMotionHandle:
-        """As ``Robot.run``. A task that is cancelled before it has the handle ends once the arm is stopped."""
+        """As ``Robot.run``. If the task is cancelled before it has the handle, it ends once the arm is
+        stopped."""
         starting = self._core.run(motion, options)
         try:
             await run(starting.operation)
@@ -246,7 +249,8 @@ class AsyncRobot:
         return await run(self._core.wait_until_done(timeout, interval, settle, start_within, idle_mode))
 
     def stop(self) -> Coroutine[Any, Any, StopReport]:
-        """As ``Robot.stop``. The call begins it. Cancelling its task, however early, ends the waiting and not the stop."""
+        """As ``Robot.stop``. The call itself begins it. Cancelling its task, however early, ends the wait and
+        not the stop."""
         return run_at_once(self._core.stop())
 
     async def clear_list(self) -> Accepted:
@@ -270,8 +274,9 @@ class AsyncRobot:
         return await run(self._core.add_points(cam_id, points))
 
     async def serve_photos(self, look: Callable[[int], Awaitable[Shot]]) -> PhotosEnded:
-        """As ``Robot.serve_photos``, with a ``look`` that is awaited: ``asyncio.to_thread`` makes one of a function that takes
-        its time. When the serving ends while it looks, by a stop or a lost connection, ``look`` is cancelled."""
+        """As ``Robot.serve_photos``, with an awaitable ``look``. For a slow function, make one with
+        ``asyncio.to_thread``. If a stop or a lost connection ends the serving while it looks, ``look`` is
+        cancelled."""
         serving = self._core.serve_photos()
         coming = asyncio.ensure_future(run(serving.next()))
         try:
@@ -279,7 +284,7 @@ class AsyncRobot:
                 coming = asyncio.ensure_future(run(serving.next()))
                 looking = asyncio.ensure_future(look(asked))
                 try:
-                    # The next to come is another request once this one is answered; before, it is the end.
+                    # `coming` is the end of the serving, because no other request comes before this one is answered.
                     await asyncio.wait({looking, coming}, return_when=asyncio.FIRST_COMPLETED)
                     if looking.done():
                         serving.answer(looking.result())

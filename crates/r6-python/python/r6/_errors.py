@@ -7,20 +7,20 @@
     │   ├── InvalidRequest    it cannot be sent as it is: the caller has to change it (also a ValueError)
     │   │   └── OutsideEnvelope   the guard refused it
     │   ├── NotSent           nothing reached the controller: sending again is safe
-    │   ├── Refused           the controller understood and said no
+    │   ├── Refused           the controller understood and refused
     │   └── OutcomeUnknown    it left and no usable reply came: the controller may have acted
     ├── MotionError           a motion did not come to its end
     │   └── NotReady          the machine is not ready; nothing was sent
-    ├── WaitError             waiting for the end of a motion ended without it
+    ├── WaitError             a wait for the end of a motion failed
     ├── StepError             a step of a motion is wrong (also a ValueError)
-    ├── NotTaken              a register that was written has another value
+    ├── NotTaken              a register has another value than the written one
     ├── NoReading             an address has no value (also a LookupError)
     ├── UnknownAddress        there is no such address (also a ValueError)
     ├── OutOfRange            a unit does not allow the number (also a ValueError)
     ├── NotSubscribed         there is no subscription (also a ValueError)
-    ├── FileError             a file that a person wrote is wrong (also a ValueError)
+    ├── FileError             a file written by a person is wrong (also a ValueError)
     ├── SimulatorError        a virtual controller could not be started
-    └── PanelRefused          a person at the virtual machine could not do that
+    └── PanelRefused          the virtual machine refused an operator's action
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 class R6Error(Exception):
     """The root of all errors of this package. The text says what was wrong, where, and what to do.
 
-    It can be pickled and copied, with its attributes, its notes, and the error of this package that is its ``__cause__``.
+    It can be pickled and copied, with its attributes, its notes, and its ``__cause__`` if that is an error
+    of this package.
     """
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -57,9 +58,11 @@ class RequestError(R6Error):
 
 
 class InvalidRequest(RequestError, ValueError):
-    """The request cannot be sent as it is: the caller has to change it. Nothing was sent, and the same again fails again.
+    """The request cannot be sent as it is: the caller has to change it. Nothing was sent, and the same
+    request fails again.
 
-    ``reason`` is one of ``bad_address``, ``value`` (the wire cannot carry it), ``too_long``, ``outside_envelope``.
+    ``reason`` is one of ``bad_address``, ``value`` (the wire cannot carry it), ``too_long``,
+    ``outside_envelope``.
     """
 
     nearest: tuple[float, float] | None = None
@@ -69,8 +72,9 @@ class InvalidRequest(RequestError, ValueError):
 class NotSent(RequestError):
     """Nothing reached the controller: sending again is safe.
 
-    ``reason`` is one of ``unreachable``, ``connect_timed_out``, ``disconnected``, ``state_not_read``, ``another_robot``,
-    ``unidentified``, ``overtaken`` (a stop was asked for before it left), ``busy``, ``no_room``, ``closed``, ``no_engine``.
+    ``reason`` is one of ``unreachable``, ``connect_timed_out``, ``disconnected``, ``state_not_read``,
+    ``another_robot``, ``unidentified``, ``overtaken`` (a stop came before the request left), ``busy``,
+    ``no_room``, ``closed``, ``no_engine``.
     """
 
     expected: Identity | None = None
@@ -80,7 +84,7 @@ class NotSent(RequestError):
 
 
 class OutsideEnvelope(InvalidRequest):
-    """A step goes beyond the envelope of the guard. Nothing of its list was sent."""
+    """A step exceeds the envelope of the guard. Nothing of its list was sent."""
 
     step: int = 0
     """The step, counted from 1."""
@@ -93,14 +97,15 @@ class OutsideEnvelope(InvalidRequest):
 
 
 class Refused(RequestError):
-    """The controller understood and said no. ``reason`` is what it says, if it says anything."""
+    """The controller understood and refused. ``reason`` is the controller's reason, if it gives one."""
 
 
 class OutcomeUnknown(RequestError):
     """The request left and no usable reply came back: the controller may have acted.
 
-    A motion is never sent again then. ``reason`` is one of ``timed_out``, ``connection_lost``, ``unreadable``,
-    ``unclear``, ``another_robot`` (a query was answered by another robot: its values are not handed out).
+    A motion is never sent again then. ``reason`` is one of ``timed_out``, ``connection_lost``,
+    ``unreadable``, ``unclear``, ``another_robot`` (another robot answered a query: its values are not
+    returned).
     """
 
     request: str = ""
@@ -116,7 +121,7 @@ class OutcomeUnknown(RequestError):
 class MotionError(R6Error):
     """A motion did not come to its end: why, what became of its steps, and what became of the arm.
 
-    Where a request, a step or the guard was the cause, that error is ``__cause__``.
+    If a request, a step or the guard was the cause, that error is ``__cause__``.
     """
 
     cause: str = ""
@@ -149,7 +154,7 @@ class NotReady(MotionError):
 
 
 class WaitError(R6Error):
-    """Waiting ended without the motion having ended as it should."""
+    """The wait ended, but the motion did not end as it should."""
 
     cause: Literal[
         "alarm_raised", "stopped", "restarted", "timed_out", "request", "another_connection", "motion"
@@ -180,7 +185,7 @@ class StepError(R6Error, ValueError):
 
 
 class NotTaken(R6Error):
-    """A register was written, the controller said ok, and the register has another value."""
+    """A register was written, the controller answered ok, and the register has another value."""
 
     register: int = 0
     """The register."""
@@ -191,7 +196,7 @@ class NotTaken(R6Error):
 
 
 class NoReading(R6Error, LookupError):
-    """An address has no value: the controller does not support it, or what it sent cannot be one."""
+    """An address has no value: the controller does not support it, or it sent something that is no value."""
 
 
 class UnknownAddress(R6Error, ValueError):
@@ -214,7 +219,8 @@ class NotSubscribed(R6Error, ValueError):
 
 
 class FileError(R6Error, ValueError):
-    """A file that a person wrote is wrong. The text has a line for each mistake: ``FILE:LINE:COLUMN: what``, and what to do about it."""
+    """A file written by a person is wrong. The text has a line for each mistake, ``FILE:LINE:COLUMN: what``,
+    and the advice."""
 
     mistakes: tuple[Mistake, ...] = ()
     """All of them that are listed, in the order of their places: twenty at most."""
@@ -225,7 +231,8 @@ class FileError(R6Error, ValueError):
 class SimulatorError(R6Error):
     """A virtual controller could not be started; nothing is left running.
 
-    Where a profile, program or scenario is wrong, the text has a line for each mistake: ``FILE:LINE:COLUMN: what``.
+    If a profile, program or scenario is wrong, the text has a line for each mistake: ``FILE:LINE:COLUMN:
+    what``.
     """
 
     mistakes: tuple[Mistake, ...] = ()
@@ -235,20 +242,22 @@ class SimulatorError(R6Error):
 
 
 class PanelRefused(R6Error):
-    """The virtual machine did not do what a person wanted of it; nothing has changed."""
+    """The virtual machine refused an operator's action; nothing has changed."""
 
     code: str = ""
     """A word that does not change: ``"emergency_stop"``, ``"alarm"``, ``"not_auto"``, …"""
 
 
 class MotionCutShort(RuntimeWarning):
-    """``Robot.close`` ended a motion that was still being streamed. The text says which steps were not sent, and what the arm does.
+    """``Robot.close`` ended a motion that was still being streamed. The text says which steps were not sent,
+    and what the arm does.
 
-    To make it an error: ``warnings.simplefilter("error", r6.MotionCutShort)``. The connection is closed before it is raised.
+    To make it an error: ``warnings.simplefilter("error", r6.MotionCutShort)``. The connection is closed
+    before it is raised.
     """
 
 
-# Tracebacks name them as they are imported.
+# Makes tracebacks show the classes under the name that users import.
 for _error in [value for value in list(globals().values()) if isinstance(value, type)]:
     _error.__module__ = "r6"
 del _error

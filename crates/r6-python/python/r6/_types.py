@@ -1,4 +1,5 @@
-"""What is read from a robot. Times are seconds, lengths mm, angles degrees; positions are float64 arrays."""
+"""Values that are read from a robot. Times are seconds, lengths mm, angles degrees; positions are float64
+arrays."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ Wait: TypeAlias = Literal["on", "off", "rising", "falling"]
 
 
 class OperationMode(IntEnum):
-    """``curMode``. A controller may send a number that is none of these: modes are plain ``int`` everywhere."""
+    """``curMode``. A controller may send another number, so modes are plain ``int`` everywhere."""
 
     NONE = 0
     MANUAL = 1
@@ -64,9 +65,9 @@ is the first), flag, list of texts, or counter."""
 
 
 class QueryResult(Mapping[str, Reading]):
-    """The values of some addresses under the names they were asked for by: only those that have one.
+    """The values of some addresses, under the names of the query. It has only addresses with a value.
 
-    Values that took several frames to read are not of one instant.
+    Values that took several frames to read are not from the same instant.
     """
 
     __slots__ = ("_values", "missing", "took")
@@ -82,7 +83,7 @@ class QueryResult(Mapping[str, Reading]):
         self.took = took
 
     def __getitem__(self, address: str) -> Reading:
-        """The value; ``NoReading`` if it has none or was not asked for."""
+        """The value; ``NoReading`` if there is no value or it was not asked for."""
         try:
             return self._values[address]
         except KeyError:
@@ -99,32 +100,32 @@ class QueryResult(Mapping[str, Reading]):
         return len(self._values)
 
     def get(self, address: str, default: Any = None) -> Any:
-        """The value, or the default if it has none."""
+        """The value, or the default if there is no value."""
         return self._values.get(address, default)
 
     def number(self, address: str) -> float:
-        """A number, in the unit of its address; ``NoReading`` if there is none."""
+        """A number, in the unit of its address; ``NoReading`` if there is no number."""
         value = self[address]
         if isinstance(value, (int, float)):
             return float(value)
         raise NoReading(f"{address}: {value!r} is no number")
 
     def integer(self, address: str) -> int:
-        """A whole number, 32 points, or a flag as 0 and 1; ``NoReading`` if there is none."""
+        """A whole number, 32 points, or a flag as 0 and 1; ``NoReading`` if there is no such value."""
         value = self[address]
         if isinstance(value, int):
             return int(value)
         raise NoReading(f"{address}: {value!r} is no whole number")
 
     def text(self, address: str) -> str:
-        """A text; ``NoReading`` if there is none."""
+        """A text; ``NoReading`` if there is no text."""
         value = self[address]
         if isinstance(value, str):
             return value
         raise NoReading(f"{address}: {value!r} is no text")
 
     def array(self, *addresses: str) -> Floats:
-        """The numbers of these addresses, in their order: shape (n,), NaN where there is none."""
+        """The numbers of these addresses, in order: shape (n,), NaN for a missing number."""
         return np.array([_number(self._values.get(address)) for address in addresses], np.float64)
 
     def __repr__(self) -> str:
@@ -137,7 +138,7 @@ def _number(reading: Reading | None) -> float:
 
 @dataclass(frozen=True)
 class Unmet:
-    """A condition that has to hold before instructions are sent, and does not. As text it says what to do."""
+    """An unmet condition for sending instructions. As text it says what to do."""
 
     kind: Literal["mode", "alarm", "not_homed", "moving", "leftover_list", "unknown"]
     value: int | None
@@ -152,7 +153,8 @@ class Unmet:
 
 @dataclass(frozen=True, eq=False)
 class Status:
-    """The state of a machine. ``None`` where the controller has no such value or sent one that cannot be read."""
+    """The state of a machine. ``None`` if the controller has no such value or sent one that cannot be
+    read."""
 
     firmware: str | None
     machine_name: str | None
@@ -183,8 +185,9 @@ class Status:
     _told: str = field(default="", repr=False)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as ``r6 status --json`` (without ``--remote-program``) prints and the panel gives, for ``json.dumps``; the keys are in
-        docs/COMMAND_LINE.md. It tells what was read, whatever was replaced in this object since.
+        """The output of ``r6 status --json`` (without ``--remote-program``) and of the panel, for
+        ``json.dumps``. The keys are in docs/COMMAND_LINE.md. It shows what was read, even if fields of
+        this object were replaced since.
 
         Errors: ``ValueError`` for a status that was not read from a robot.
         """
@@ -195,13 +198,14 @@ class Status:
 
     @property
     def is_ready(self) -> bool:
-        """Whether nothing that can be read keeps the machine from taking instructions. It is no proof that it takes them: see ``unproved``."""
+        """Whether no readable value keeps the machine from taking instructions. It does not prove that the
+        machine takes them: see ``unproved``."""
         return not self.unmet
 
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """The arm stands, without alarm, and as far as the controller tells its list is done."""
+    """The arm stands without alarm, and its list is done as far as the controller reports."""
 
     axes: Floats
     """J1 to J6: shape (6,), degrees, or mm where an axis slides, which no address tells; NaN where not known."""
@@ -223,7 +227,7 @@ class Done:
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A target was followed until it ended, and the arm stands."""
+    """A target was followed to the end, and the arm stands."""
 
     steps: int
     """Steps that were made."""
@@ -246,7 +250,7 @@ class Accepted:
 
 @dataclass(frozen=True)
 class StopReport:
-    """What became of a stop. As text it says so."""
+    """The result of a stop. As text it says the result."""
 
     confirmed: bool
     """Whether it is proved that the arm stands. If not, use the emergency stop."""
@@ -282,7 +286,7 @@ class StopReport:
 
 @dataclass(frozen=True)
 class Latency:
-    """How long the last replies took, seconds: at most 1024 of the last minute."""
+    """How long recent replies took, seconds: at most 1024 of the last minute."""
 
     count: int
     p50: float
@@ -293,7 +297,7 @@ class Latency:
 
 @dataclass(frozen=True)
 class LinkQuality:
-    """How good the connection is; counts since ``connect``, over all connections."""
+    """The quality of the connection; counts since ``connect``, over all connections."""
 
     state: Literal["alive", "unknown", "suspect", "dead"]
     """Only a reply says that a controller lives; an open socket proves nothing."""
@@ -317,7 +321,7 @@ class LinkQuality:
 
 @dataclass(frozen=True)
 class Identity:
-    """What a controller says of itself. There is no serial number on the wire."""
+    """The identity that a controller reports. The wire has no serial number."""
 
     firmware: str | None
     machine_name: str | None
@@ -326,7 +330,7 @@ class Identity:
 
 @dataclass(frozen=True)
 class Mistake:
-    """One mistake of a file that a person wrote."""
+    """One mistake of a file written by a person."""
 
     line: int | None
     """Counted from 1; ``None`` if the whole file is meant."""
@@ -340,7 +344,7 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Discovered:
-    """What was found at one address."""
+    """The result of the search at one address."""
 
     address: str
     """As it was given."""
@@ -379,7 +383,7 @@ class PhotosEnded:
 
 @dataclass(frozen=True)
 class Stray:
-    """A frame that answers nothing that waits."""
+    """A frame that does not answer any waiting request."""
 
     text: str
     frame: bytes
@@ -395,14 +399,14 @@ class Garbled:
 
 @dataclass(frozen=True)
 class ConnectionLost:
-    """The connection ended. A query or a stop makes a new one."""
+    """The connection ended. A query or a stop reconnects."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Reconnected:
-    """The connection was made anew, and the controller has said who it is and in what state."""
+    """The client has reconnected, and has read the controller's identity and state."""
 
     identity: Identity
     another: bool
@@ -414,7 +418,7 @@ class Reconnected:
 
 @dataclass(frozen=True)
 class Missed:
-    """Nobody read these events in time; they are gone."""
+    """Events that were dropped because they were not read in time."""
 
     count: int
 
@@ -425,7 +429,7 @@ Event: TypeAlias = Union[Photo, Stray, Garbled, ConnectionLost, Reconnected, Mis
 
 @dataclass(frozen=True)
 class Value:
-    """The last value of an address, and what it is worth."""
+    """The last value of an address, and its quality."""
 
     address: str
     reading: Reading | None
@@ -438,7 +442,8 @@ class Value:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The values of a subscription at one moment, in the order of its addresses; each has its own age."""
+    """The values of a subscription at one moment, in the order of its addresses. Each value has its own
+    age."""
 
     values: tuple[Value, ...]
     failure: RequestError | None
@@ -452,26 +457,28 @@ class Snapshot:
         raise KeyError(address)
 
     def fresh(self, address: str) -> Reading | None:
-        """What was read, if it is fresh: the only values to act on."""
+        """The reading if it is fresh. Act only on fresh values."""
         value = self[address]
         return value.reading if value.quality == "fresh" else None
 
     def array(self) -> Floats:
-        """The numbers that are fresh, in the order of the addresses: shape (n,), NaN for all others."""
+        """The fresh numbers, in the order of the addresses: shape (n,), NaN for all others."""
         return np.array([_number(self.fresh(value.address)) for value in self.values], np.float64)
 
     def ages(self) -> Floats:
-        """How old the values are, seconds, in the order of the addresses: shape (n,), NaN where there is none."""
+        """The ages of the values, seconds, in the order of the addresses: shape (n,), NaN for a missing
+        value."""
         ages = [float("nan") if value.age is None else value.age for value in self.values]
         return np.array(ages, np.float64)
 
 
 @dataclass(frozen=True)
 class Point:
-    """What a camera found, for ``add_points``: mm and degrees.
+    """A part that a camera found, for ``add_points``: mm and degrees.
 
-    What is ``None`` is left out of the frame: the tool keeps it. The manual always has all six; what a shipped controller does with
-    a point that lacks one is not known, so give all of them where the wrist matters.
+    A field that is ``None`` is left out of the frame: the tool keeps its value. The manual always has all
+    six fields. It is not known what a real controller does with a point without one, so give all of them
+    if the wrist matters.
     """
 
     x: float
@@ -495,7 +502,7 @@ which is answered with ``ret`` 0; ``"not_mine"`` if another program is this came
 
 @dataclass(frozen=True)
 class Alarm:
-    """What an alarm means."""
+    """The meaning of an alarm."""
 
     code: int
     text: str
@@ -532,7 +539,7 @@ class AddressInfo:
 
 @dataclass(frozen=True)
 class LogLine:
-    """What happened on a virtual controller."""
+    """An event of a virtual controller."""
 
     at: float | None
     """Seconds since it was switched on."""
@@ -547,7 +554,7 @@ class LogLine:
 
 @dataclass(frozen=True, eq=False)
 class MachineState:
-    """What a person would see at a virtual machine."""
+    """The state of a virtual machine, as an operator sees it."""
 
     firmware: str
     machine_name: str

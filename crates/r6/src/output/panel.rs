@@ -1,11 +1,11 @@
-//! What a person sees at a virtual machine, as text.
+//! What an operator sees at a virtual machine, as text.
 
 use r6_api::panel::{Axis, Snapshot};
 use r6_proto::printable;
 
 use crate::output::table::Table;
 
-/// Everything.
+/// The whole state.
 pub fn text(state: &Snapshot) -> String {
     let yes_no = |flag| if flag { "yes" } else { "no" };
     let mut table = Table::new();
@@ -38,7 +38,7 @@ pub fn text(state: &Snapshot) -> String {
     )
 }
 
-/// What matters after something was done, in one line.
+/// The result of an action, in one line.
 pub fn summary(state: &Snapshot) -> String {
     let motion = if state.moving { "moving" } else { "at rest" };
     let pressed = if state.emergency_stop { ", EMERGENCY STOP pressed" } else { "" };
@@ -77,7 +77,7 @@ fn axes(axes: &[Axis]) -> Table {
     let mut table = Table::with_right_columns(&[1, 3, 4]);
     table.row([&"axis", &"position", &"", &"lowest", &"highest"]);
     for axis in axes {
-        // What rounds to zero has no sign.
+        // A value that rounds to zero has no sign.
         let position = if axis.position.abs() < 0.0005 { 0.0 } else { axis.position };
         table.row([
             &axis.name,

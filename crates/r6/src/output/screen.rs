@@ -14,10 +14,10 @@ use ratatui::widgets::{Block, Paragraph};
 
 use crate::output::alarm;
 
-/// Log lines that are kept: more than any terminal is high.
+/// How many log lines are kept: more than any terminal is high.
 const KEPT_LINES: usize = 200;
 
-/// What is shown besides the controller's state.
+/// The content of the screen besides the controller's state.
 #[derive(Debug)]
 pub struct View {
     address: SocketAddr,
@@ -40,13 +40,13 @@ impl View {
     }
 }
 
-/// The terminal while it is drawn on; dropping it gives the terminal back as it was.
+/// The terminal while r6 draws on it. Dropping it restores the terminal.
 pub struct Screen {
     terminal: ratatui::DefaultTerminal,
 }
 
 impl Screen {
-    /// Takes the terminal. A panic gives it back too.
+    /// Takes over the terminal. A panic restores it too.
     pub fn open() -> std::io::Result<Self> {
         Ok(Self { terminal: ratatui::try_init()? })
     }
@@ -152,7 +152,7 @@ fn points_on(state: &ControllerSnapshot) -> String {
 }
 
 fn draw_axes(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
-    // `J1  -155 ` in front of the bar and ` 155  10.000 deg` behind it, and the frame.
+    // The text before the bar is `J1  -155 `, the text after it ` 155  10.000 deg`; the frame is added.
     let width = usize::from(area.width).saturating_sub(35);
     let lines: Vec<_> = AxisIndex::ALL
         .iter()
@@ -175,7 +175,7 @@ fn draw_axes(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
     );
 }
 
-/// A scale from limit to limit with a mark where the axis stands.
+/// A bar from limit to limit with a mark at the position of the axis.
 fn bar(position: f64, lowest: f64, highest: f64, width: usize) -> String {
     let last = width.saturating_sub(1);
     let share = ((position - lowest) / (highest - lowest)).clamp(0.0, 1.0);
@@ -189,7 +189,7 @@ fn bar(position: f64, lowest: f64, highest: f64, width: usize) -> String {
     (0..width).map(|column| if column == at { '█' } else { '·' }).collect()
 }
 
-/// A value as three decimals show it: what rounds to zero has no sign.
+/// Removes the sign of a value that three decimals show as zero.
 fn shown(value: f64) -> f64 {
     if value.abs() < 0.0005 { 0.0 } else { value }
 }

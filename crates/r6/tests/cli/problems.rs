@@ -1,4 +1,4 @@
-//! What programs are told of failures: one JSON object on stdout, the same for every command.
+//! Failures as programs see them: one JSON object on stdout, the same for every command.
 
 use std::net::{TcpListener, TcpStream};
 
@@ -6,14 +6,14 @@ use serde_json::{Value, json};
 
 use crate::support::{Outcome, Robot, TempFile, r6};
 
-/// The problem object of a run that failed: the only document on stdout.
+/// The problem object of a failed run. It must be the only document on stdout.
 fn problem(outcome: &Outcome) -> Value {
     let problem = outcome.json();
     holds(&problem, outcome);
     problem
 }
 
-/// A problem object says as much as the run itself.
+/// Checks that a problem object agrees with the run itself.
 fn holds(problem: &Value, outcome: &Outcome) {
     assert_eq!(problem["exit"], outcome.code, "{outcome:?}");
     assert!(problem["code"].as_str().is_some_and(|code| !code.is_empty()), "{outcome:?}");
@@ -56,7 +56,7 @@ fn a_wrong_command_line_is_a_problem() {
             outcome.err.contains(message.split(": <").next().unwrap()),
             "people are told, too: {outcome:?}"
         );
-        // Without the option stdout is for people.
+        // Without `--json` stdout is for people.
         let without: Vec<_> = args.iter().copied().filter(|arg| *arg != "--json").collect();
         assert_eq!(r6(&without).out, "", "{without:?}");
     }
@@ -64,7 +64,7 @@ fn a_wrong_command_line_is_a_problem() {
 
 #[test]
 fn nobody_there_is_a_problem() {
-    // The near end of a connection: its port is taken, and nobody listens on it.
+    // The local end of a connection: its port is in use, and no program listens on it.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let taken = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
     let address = taken.local_addr().unwrap().to_string();
@@ -132,7 +132,7 @@ fn a_result_that_is_not_all_right_has_its_problem_in_it() {
     let plot = r6(&["plot", wait.path(), "--out", picture.path(), "--json"]);
     holds(&plot.json()["problem"], &plot);
     assert_eq!(plot.json()["problem"]["code"], "not_finished");
-    // What is all right has none.
+    // A run without a failure has no problem object.
     let ready = Robot::start(&[]);
     for args in [&["status"][..], &["query", "axis-0"], &["stop"]] {
         let outcome = ready.r6(&[args, &["--json"]].concat());
