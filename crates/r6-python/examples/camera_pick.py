@@ -37,7 +37,8 @@ point = "X047"
 """
 
 PART = r6.Point(x=20.0, y=10.0, z=-30.0, relative=True)
-"""What the photo shows: a part so far from the tool, mm. A camera of yours tells it here."""
+"""The content of the photo: a part at this distance from the tool, mm. In a cell it comes from your
+camera."""
 
 
 def photo(events: r6.PushedEvents) -> r6.Photo:

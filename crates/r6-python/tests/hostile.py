@@ -13,7 +13,7 @@ from typing_extensions import Self
 
 WORKSPACE = Path(__file__).parents[3]
 BUILT_WITHIN = 280
-"""Seconds: below the limit of one test, which builds it where nothing has built it before."""
+"""Seconds: below the limit of one test, because a test may have to build the program."""
 
 
 def built() -> Path:

@@ -13,14 +13,14 @@ class Relay:
     def __init__(self) -> None:
         self.target = 0
         self.sent = bytearray()
-        """What came from those who connect to it, of all connections."""
+        """The bytes from all clients, of all connections."""
         self.answers = threading.Event()
-        """Replies are held back, on all connections, while it is cleared."""
+        """While it is cleared, replies are held back on all connections."""
         self.answers.set()
         self.connections = 0
-        """All that were ever made to it."""
+        """All connections that were ever made to it."""
         self.before_reply: Callable[[], None] | None = None
-        """Called before each reply is handed on, in a thread of the relay."""
+        """Called before each reply is passed on, in a thread of the relay."""
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._sockets: list[socket.socket] = []
         self._lock = threading.Lock()

@@ -19,7 +19,7 @@ from relay import Relay
 import r6
 
 SLOW = '[[fault]]\nfault = "latency"\nto_controller = 0.1\nto_client = 0.1\n'
-"""The link takes its time, 5 ms each way at 20 times the speed, so that there is something to wait for."""
+"""The link is slow, 5 ms each way at 20 times the speed, so that calls have to wait."""
 
 OPTIONS = r6.RunOptions(frame_instructions=1, room=2, interval=0.02, start_within=0.1, clear_leftover=True)
 STEPS = 4
@@ -134,9 +134,9 @@ CALLS: dict[str, Call] = {
 }
 
 TURNS = (0, 1, 3)
-"""Turns of the event loop before it is cancelled: none is before the call has begun."""
+"""Turns of the event loop before the cancellation: 0 is before the call has begun."""
 TIMES = (0.002, 0.008, 0.015, 0.03, 0.08, 0.2)
-"""Seconds before it is given up: before the request has left, before the reply, in a motion."""
+"""Seconds before the call is given up: before the request has left, before the reply, in a motion."""
 
 
 async def cancel(call: Call, robot: r6.AsyncRobot, number: int, turns: int, after: float) -> None:

@@ -19,7 +19,7 @@ import r6
 Controller = r6.Simulator
 NOTES = sys.version_info >= (3, 11)
 PATIENT = "r6.RobotSettings(reply_timeout=60)"
-"""The replies are held back; a request that times out meanwhile is another matter."""
+"""The replies are held back, and no request must time out in this time."""
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[3]
 FENCE = re.compile(r"^([ \t]*)```python[^\n]*\n(.*?)^\1```[ \t]*$", re.MULTILINE | re.DOTALL)
 
 SCRIPT = "docs/FROM_SOCKETS.md 1"
-"""The script that a page is about. It is no program of this package, and has no types."""
+"""The script that a page is about. It does not use this package, and has no types."""
 
 
 @dataclass
@@ -94,7 +94,7 @@ DID: dict[str, Callable[[str, r6.Simulator], None]] = {
     "crates/r6-python/README.md 2": watch,
     "crates/r6-python/README.md 3": passed,
 }
-"""What each has said, and done to its controller."""
+"""Checks the output of each block, and the state of its controller."""
 
 
 def test_every_block_is_here() -> None:

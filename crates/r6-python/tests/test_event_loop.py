@@ -18,7 +18,7 @@ import r6
 from r6 import _r6
 
 WITHIN = 10.0
-"""Seconds: what takes longer never comes."""
+"""Seconds: what takes longer counts as never."""
 
 
 class Loop:

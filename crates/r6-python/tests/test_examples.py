@@ -20,9 +20,10 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 HOME = [0.0, 0.0, 0.0, 0.0, 30.0, 0.0]
 
 AWAY = [-40.0, 10.0, 5.0, 0.0, -60.0, 15.0]
-"""Where arms stand before examples that go from where they are.
+"""Where arms stand before examples that start at the present position.
 
-Nobody's home: an example that goes somewhere else first swings the arm."""
+No example starts here, so an example that goes elsewhere first swings the arm.
+"""
 
 FROM_WHERE_THEY_ARE = {"stream_path", "two_robots"}
 
@@ -44,7 +45,7 @@ class Seen:
     said: str
     controller: r6.Simulator
     frames: list[dict[str, Any]]
-    """What it sent."""
+    """The frames that it sent."""
 
     @property
     def lists(self) -> list[dict[str, Any]]:
@@ -140,7 +141,7 @@ DID: dict[str, Callable[[Seen], None]] = {
     "registers": registers,
     "camera_pick": camera_pick,
 }
-"""What each has done to the controller that it was given."""
+"""Checks what each example has done to its controller."""
 
 
 def run(name: str, *addresses: str) -> str:

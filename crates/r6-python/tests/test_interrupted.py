@@ -20,7 +20,7 @@ import r6
 
 Controller = r6.Simulator
 NOTES = sys.version_info >= (3, 11)
-"""Whether exceptions have lines below them."""
+"""Whether exceptions have notes."""
 
 
 def start(controller: Controller) -> None:

@@ -50,11 +50,12 @@ class RequestError(R6Error):
     """A request failed. Its class says what may be done next."""
 
     may_send_again: bool = False
-    """Whether the same request may be sent again without knowing more: nothing left and it may get through the next
-    time, or it can do no harm twice (a query, a stop). False of a motion whose outcome is unknown, and of a request that
-    cannot be sent as it is."""
+    """Whether the same request may be sent again without further checks. Either nothing left and it may get
+    through the next time, or it does no harm twice (a query, a stop). False for a motion with an unknown
+    outcome, and for a request that cannot be sent as it is."""
     reason: str | None = None
-    """A word for programs (``"unreachable"``, ``"timed_out"``, …); of ``Refused`` the controller's reason."""
+    """A word for programs (``"unreachable"``, ``"timed_out"``, …); for ``Refused`` the controller's
+    reason."""
 
 
 class InvalidRequest(RequestError, ValueError):
@@ -66,7 +67,7 @@ class InvalidRequest(RequestError, ValueError):
     """
 
     nearest: tuple[float, float] | None = None
-    """The values below and above it that can be sent, where it lies between two steps of the wire."""
+    """The values below and above it that can be sent, if it lies between two steps of the wire."""
 
 
 class NotSent(RequestError):
@@ -78,9 +79,9 @@ class NotSent(RequestError):
     """
 
     expected: Identity | None = None
-    """Which robot was meant, where the reason is ``another_robot``."""
+    """The intended robot, if the reason is ``another_robot``."""
     found: Identity | None = None
-    """Which robot answers there now; hand it to ``accept_identity`` if it is the right one."""
+    """The robot that answers there now. Pass it to ``accept_identity`` if it is the right one."""
 
 
 class OutsideEnvelope(InvalidRequest):
@@ -89,11 +90,12 @@ class OutsideEnvelope(InvalidRequest):
     step: int = 0
     """The step, counted from 1."""
     what: str = ""
-    """What goes beyond: ``"speed"``, ``"J3"``, ``"J3 step"``, ``"J3 unit"``, ``"X"``, ``"distance"``, ``"frame"``, …"""
+    """What exceeds the envelope: ``"speed"``, ``"J3"``, ``"J3 step"``, ``"J3 unit"``, ``"X"``,
+    ``"distance"``, ``"frame"``, …"""
     value: float | None = None
-    """Its value: %, mm/s, degrees or mm. ``None`` where it cannot be told, which counts as beyond."""
+    """Its value: %, mm/s, degrees or mm. ``None`` if it cannot be determined, which counts as a violation."""
     limit: tuple[float, float] = (0.0, 0.0)
-    """The least and the most that is allowed, in the same unit."""
+    """The lowest and the highest allowed value, in the same unit."""
 
 
 class Refused(RequestError):
@@ -111,11 +113,11 @@ class OutcomeUnknown(RequestError):
     request: str = ""
     """The word of the request on the wire: ``"AddRCC"``, ``"query"``, the command's word."""
     effect: Literal["reads", "changes", "moves", "stops"] = "reads"
-    """What it can do to the machine."""
+    """What the request can do to the machine."""
     expected: Identity | None = None
-    """The robot that was meant, where the reason is ``another_robot``."""
+    """The intended robot, if the reason is ``another_robot``."""
     found: Identity | None = None
-    """The robot that answered; give it to ``accept_identity`` if it is the right one."""
+    """The robot that answered. Pass it to ``accept_identity`` if it is the right one."""
 
 
 class MotionError(R6Error):
@@ -125,32 +127,38 @@ class MotionError(R6Error):
     """
 
     cause: str = ""
-    """``step``, ``outside_envelope``, ``not_ready``, ``not_cleared``, ``another_runs``, ``earlier_failed`` (the motion before this one
-    did not come to its end, and nobody has asked what became of it; that is ``__cause__``, told once), ``not_sent``, ``invalid``,
-    ``refused``, ``outcome_unknown``, ``alarm_raised``, ``stopped``, ``restarted`` (the controller was switched off and on),
-    ``stopped_here``, ``dropped``, ``closed``, ``released``, ``not_seen``, ``not_proved``, ``another_list``, ``elsewhere``, ``stalled``,
-    ``unreadable`` or ``abandoned``."""
+    """One of these:
+
+    - ``step``, ``outside_envelope``, ``not_ready``, ``not_cleared``, ``another_runs``
+    - ``earlier_failed``: the motion before this one did not come to its end, and no caller has asked for
+      its result. That error is ``__cause__``, and is reported once.
+    - ``not_sent``, ``invalid``, ``refused``, ``outcome_unknown``, ``alarm_raised``, ``stopped``
+    - ``restarted``: the controller was switched off and on.
+    - ``stopped_here``, ``dropped``, ``closed``, ``released``, ``not_seen``, ``not_proved``,
+      ``another_list``, ``elsewhere``, ``stalled``, ``unreadable``, ``abandoned``
+    """
     progress: Progress
-    """What became of its steps; ``progress.current`` is the one whose turn it was."""
+    """What became of its steps; ``progress.current`` is the step that was running."""
     stop: StopReport | RequestError | None = None
-    """What became of the arm, where it was stopped; the error if that failed: then use the emergency stop."""
+    """What became of the arm, if it was stopped. An error means that the stop failed: use the emergency
+    stop."""
     nothing_left: bool = False
-    """Whether nothing of the motion has left."""
+    """Whether no part of the motion was sent."""
     alarm: int | None = None
-    """The alarm, where that is the cause."""
+    """The alarm, if that is the cause."""
     mode: int | None = None
-    """The mode the controller is in, where the program does not run any more."""
+    """The mode of the controller, if the program no longer runs."""
     list_length: int | None = None
-    """How long the list is, where the cause is ``another_list``."""
+    """The length of the list, if the cause is ``another_list``."""
     _core: object = None
-    """The motion that it is of, for its ``with`` block: another one may pass it on."""
+    """The motion of this error, for its ``with`` block. The block of another motion may pass the error on."""
 
 
 class NotReady(MotionError):
     """The machine is not ready, and nothing was sent."""
 
     unmet: tuple[Unmet, ...] = ()
-    """What is not met, in the order in which it is to be dealt with."""
+    """The unmet conditions, in the order in which to resolve them."""
 
 
 class WaitError(R6Error):
@@ -159,29 +167,33 @@ class WaitError(R6Error):
     cause: Literal[
         "alarm_raised", "stopped", "restarted", "timed_out", "request", "another_connection", "motion"
     ] = "request"
-    """Why. ``motion``: a motion whose end nobody was told did not come to its end; its ``MotionError`` is ``__cause__``.
-    ``restarted``: the connection was lost, and the controller seems to have been switched off and on. ``another_connection``: the
-    instructions were accepted over a connection that is gone. ``request``: a request failed; it is
-    ``__cause__``."""
+    """The cause:
+
+    - ``motion``: a motion did not come to its end, and no caller has asked for its result. Its
+      ``MotionError`` is ``__cause__``.
+    - ``restarted``: the connection was lost, and the controller seems to have been switched off and on.
+    - ``another_connection``: the instructions were accepted over a connection that is gone.
+    - ``request``: a request failed; it is ``__cause__``.
+    """
     alarm: int | None = None
-    """The alarm, where that is the cause."""
+    """The alarm, if that is the cause."""
     mode: int | None = None
-    """The mode the controller is in, where the program does not run."""
+    """The mode of the controller, if the program does not run."""
     list_length: int | None = None
-    """Instructions left in the list when the time was up, where the controller tells."""
+    """Instructions left in the list at the timeout, if the controller reports them."""
 
 
 class StepError(R6Error, ValueError):
     """A step of a motion is wrong. Nothing of the motion was sent, and nothing of it ever will be."""
 
     step: int = 0
-    """The step, counted from 1; 0 where the whole motion is meant."""
+    """The step, counted from 1; 0 for the whole motion."""
     field: str = ""
     """The field, by its name on the wire."""
     wanted: str = ""
-    """What it has to be."""
+    """What the value has to be."""
     nearest: tuple[float, float] | None = None
-    """The values below and above it that can be sent, where it lies between two steps of the wire."""
+    """The values below and above it that can be sent, if it lies between two steps of the wire."""
 
 
 class NotTaken(R6Error):
@@ -190,9 +202,9 @@ class NotTaken(R6Error):
     register: int = 0
     """The register."""
     wrote: int = 0
-    """What was written."""
+    """The written value."""
     found: int | None = None
-    """What it has; ``None`` if it cannot be read."""
+    """The value of the register; ``None`` if it cannot be read."""
 
 
 class NoReading(R6Error, LookupError):
@@ -209,9 +221,9 @@ class OutOfRange(R6Error, ValueError):
     value: float = 0.0
     """The number."""
     wanted: str = ""
-    """What it has to be."""
+    """What the number has to be."""
     nearest: tuple[float, float] | None = None
-    """The numbers below and above it that the unit allows, where it lies between two steps."""
+    """The numbers below and above it that the unit allows, if it lies between two steps."""
 
 
 class NotSubscribed(R6Error, ValueError):
@@ -223,9 +235,9 @@ class FileError(R6Error, ValueError):
     and the advice."""
 
     mistakes: tuple[Mistake, ...] = ()
-    """All of them that are listed, in the order of their places: twenty at most."""
+    """The listed mistakes, in the order of their places: at most twenty."""
     more: int = 0
-    """How many there are besides."""
+    """The number of mistakes that are not listed."""
 
 
 class SimulatorError(R6Error):
@@ -236,16 +248,16 @@ class SimulatorError(R6Error):
     """
 
     mistakes: tuple[Mistake, ...] = ()
-    """The mistakes of that file that are listed: twenty at most."""
+    """The listed mistakes of that file: at most twenty."""
     more: int = 0
-    """How many there are besides."""
+    """The number of mistakes that are not listed."""
 
 
 class PanelRefused(R6Error):
     """The virtual machine refused an operator's action; nothing has changed."""
 
     code: str = ""
-    """A word that does not change: ``"emergency_stop"``, ``"alarm"``, ``"not_auto"``, …"""
+    """A stable word for programs: ``"emergency_stop"``, ``"alarm"``, ``"not_auto"``, …"""
 
 
 class MotionCutShort(RuntimeWarning):
