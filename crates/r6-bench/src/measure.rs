@@ -16,8 +16,8 @@ pub const SLICE: Duration = Duration::from_millis(200);
 /// A contender's slice before anything counts.
 const WARM_UP: Duration = Duration::from_millis(200);
 
-/// Keeps this thread, and every thread and process that it will start, on one core: a wake-up of another core costs more than
-/// what is measured here.
+/// Keeps this thread, and every thread and process that it will start, on one core: a wake-up of another core
+/// costs more than what is measured here.
 pub fn pin() -> io::Result<()> {
     let allowed = rustix::thread::sched_getaffinity(None)?;
     let last = (0..rustix::thread::CpuSet::MAX_CPU).rev().find(|core| allowed.is_set(*core));
@@ -44,8 +44,8 @@ fn told_by(clock: ClockId) -> Duration {
     Duration::new(time.tv_sec.unsigned_abs(), u32::try_from(time.tv_nsec).expect("below a second"))
 }
 
-/// The same for another process on the same core: all its threads (Linux). What `/proc` tells of a thread that runs is as old as the
-/// last tick of the system; while the one that asks runs, none of these does.
+/// The same for another process on the same core: all its threads (Linux). What `/proc` tells of a thread
+/// that runs is as old as the last tick of the system; while the one that asks runs, none of these does.
 pub fn processor_time_of(process: u32) -> Duration {
     let main = Path::new("/proc").join(process.to_string());
     assert!(ran(&main).is_some(), "{}/schedstat does not tell how long the process ran", main.display());
@@ -90,7 +90,8 @@ impl Slice {
     }
 }
 
-/// A contender: it runs for one slice and gives its figures, the smaller the better. All contenders give the same ones.
+/// A contender: it runs for one slice and gives its figures, the smaller the better. All contenders give the
+/// same ones.
 pub type Contender<'c> = Box<dyn FnMut() -> Vec<f64> + 'c>;
 
 /// A contender that does one thing again and again; its figures are the percentiles 50 and 99.
@@ -128,10 +129,11 @@ impl Ratio {
     }
 }
 
-/// Lets contenders take turns. The first is the floor: what comes back is, for each of the others, the ratio of each of
-/// its figures to the floor's in the same round.
+/// Lets contenders take turns. The first is the floor: what comes back is, for each of the others, the ratio
+/// of each of its figures to the floor's in the same round.
 ///
-/// Rounds in which the floor's first figure is more than 15 % off its own median are thrown away: something else ran.
+/// Rounds in which the floor's first figure is more than 15 % off its own median are thrown away: something
+/// else ran.
 pub fn compare(contenders: &mut [Contender<'_>]) -> Vec<Vec<Ratio>> {
     judge(take_turns(contenders))
 }
@@ -160,7 +162,8 @@ fn keep_undisturbed(rounds: &mut Vec<Vec<Vec<f64>>>) {
     eprintln!("  its yardstick took {median:.0} ns; {} of {} rounds count", rounds.len(), floors.len());
 }
 
-/// How a contender's figure compares with a fixed amount. So that a disturbed round is noticed, its floor is a copy of memory.
+/// How a contender's figure compares with a fixed amount. So that a disturbed round is noticed, its floor is
+/// a copy of memory.
 pub fn beside(amount: f64, contender: Contender<'_>) -> Ratio {
     let (from, mut to) = (vec![1_u8; 1 << 16], vec![0_u8; 1 << 16]);
     let copy = repeated(move || {

@@ -13,7 +13,8 @@ pub struct Row {
     pub goal: Option<Goal>,
     /// What it was.
     pub figure: Figure,
-    /// What a profile of this row shows to be in the way of its goal, in one sentence; told where the goal is missed.
+    /// What a profile of this row shows to be in the way of its goal, in one sentence; told where the goal is
+    /// missed.
     pub in_the_way: &'static str,
 }
 

@@ -1,4 +1,5 @@
-//! Servers in processes of their own, so that what they cost can be told from what their clients cost: `r6-bench serve NAME`.
+//! Servers in processes of their own, so that what they cost can be told from what their clients cost:
+//! `r6-bench serve NAME`.
 
 use std::env;
 use std::io::{BufRead, BufReader, Read, Write};

@@ -1,8 +1,8 @@
-//! The client session: each reply belongs to at most one request, a late one to none, nothing grows without bound, and no motion
-//! leaves twice.
+//! The client session: each reply belongs to at most one request, a late one to none, nothing grows without
+//! bound, and no motion leaves twice.
 //!
-//! An input is a byte for the settings and then operations, each a byte and what it needs: requests that are sent, bytes that leave,
-//! replies of a peer that answers well, badly, twice or late, and time that passes.
+//! An input is a byte for the settings and then operations, each a byte and what it needs: requests that are
+//! sent, bytes that leave, replies of a peer that answers well, badly, twice or late, and time that passes.
 
 mod ledger;
 

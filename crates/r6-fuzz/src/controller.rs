@@ -1,7 +1,8 @@
-//! The virtual controller: whatever is sent to it, done at its panel and however much time passes, it keeps to a small model of
-//! what a controller may do, and does the same again.
+//! The virtual controller: whatever is sent to it, done at its panel and however much time passes, it keeps
+//! to a small model of what a controller may do, and does the same again.
 //!
-//! An input is three bytes for firmware, arm and how it stands, and then operations, each a byte and what it needs.
+//! An input is three bytes for firmware, arm and how it stands, and then operations, each a byte and what it
+//! needs.
 
 pub mod cell;
 mod duty;

@@ -1,5 +1,5 @@
-//! The files that users write: any text is taken or refused with a reason and a place; what is taken runs for a while without a
-//! panic and within the limits of the arm; what is written again is read the same.
+//! The files that users write: any text is taken or refused with a reason and a place; what is taken runs for
+//! a while without a panic and within the limits of the arm; what is written again is read the same.
 //!
 //! An input is a byte for the kind of file and its text.
 

@@ -1,5 +1,5 @@
-//! Frame boundaries: however a stream is cut, the same frames and the same errors, those that a plain scanner finds; also where it
-//! is read as a recording.
+//! Frame boundaries: however a stream is cut, the same frames and the same errors, those that a plain scanner
+//! finds; also where it is read as a recording.
 //!
 //! An input is a byte for the limits, a byte for the pieces, and the stream.
 
@@ -43,8 +43,8 @@ pub fn run(bytes: &[u8]) {
             assert!(bytes.len() <= limits.max_frame_bytes && bytes[0] == b'{' && bytes.ends_with(b"}"));
         }
     }
-    // A string whose bytes are GBK may hold a quote or a backslash as the second byte of a character: that reading is
-    // beyond a plain scanner.
+    // A string whose bytes are GBK may hold a quote or a backslash as the second byte of a character: that
+    // reading is beyond a plain scanner.
     if std::str::from_utf8(stream).is_ok() {
         let found: Vec<_> = whole.iter().map(plain).collect();
         assert_eq!(found, scanner::scan(stream, limits), "the plain scanner disagrees");

@@ -1,4 +1,5 @@
-//! How long each target has been tried, and at which commit last: `fuzz/ledger.tsv`, shown by `docs/RELIABILITY.md`.
+//! How long each target has been tried, and at which commit last: `fuzz/ledger.tsv`, shown by
+//! `docs/RELIABILITY.md`.
 
 use std::fmt::Write as _;
 use std::fs;

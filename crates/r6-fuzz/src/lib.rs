@@ -1,8 +1,9 @@
-//! What is tried with random input: each promise of the product as one function over bytes, which panics where it is broken.
+//! What is tried with random input: each promise of the product as one function over bytes, which panics
+//! where it is broken.
 //!
-//! The functions are ordinary Rust. `make test` runs them over the files in `fuzz/corpus` and `fuzz/regressions` and over random
-//! changes of these; `make fuzz` has libFuzzer look for inputs that reach further (`fuzz/`, `docs/RELIABILITY.md`).
-//! `cargo run -p r6-fuzz -- TARGET FILE` runs one file.
+//! The functions are ordinary Rust. `make test` runs them over the files in `fuzz/corpus` and
+//! `fuzz/regressions` and over random changes of these; `make fuzz` has libFuzzer look for inputs that reach
+//! further (`fuzz/`, `docs/RELIABILITY.md`). `cargo run -p r6-fuzz -- TARGET FILE` runs one file.
 #![allow(clippy::missing_panics_doc, reason = "to panic is what every function here is for")]
 
 pub mod client_session;

@@ -1,8 +1,8 @@
-//! Messages: what is decoded says what serde_json reads in the same text, nothing of it is lost, the fast way and the careful
-//! one agree, and what is encoded again says the same.
+//! Messages: what is decoded says what serde_json reads in the same text, nothing of it is lost, the fast way
+//! and the careful one agree, and what is encoded again says the same.
 //!
-//! An input is a frame; or two lines, of which the first was read just before the second: a repeated reply is read by what it has in
-//! common with the one before.
+//! An input is a frame; or two lines, of which the first was read just before the second: a repeated reply is
+//! read by what it has in common with the one before.
 
 mod again;
 #[path = "../../r6-proto/tests/common/look.rs"]

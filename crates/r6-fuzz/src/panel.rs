@@ -1,8 +1,8 @@
-//! The panel over HTTP: whatever a request says, it is answered with JSON in the documented form, pages of a browser get nothing
-//! through, and what was refused has changed nothing.
+//! The panel over HTTP: whatever a request says, it is answered with JSON in the documented form, pages of a
+//! browser get nothing through, and what was refused has changed nothing.
 //!
-//! An input is up to four requests, each of lines: method, path, then header lines up to an empty one, and a body with its length in
-//! the two bytes before it.
+//! An input is up to four requests, each of lines: method, path, then header lines up to an empty one, and a
+//! body with its length in the two bytes before it.
 
 use std::cell::RefCell;
 use std::net::IpAddr;
@@ -93,7 +93,8 @@ fn check_body(status: StatusCode, body: &[u8], told: &str) {
     }
 }
 
-/// The next request, and whether a page from elsewhere must have sent it; `None` for what HTTP itself refuses.
+/// The next request, and whether a page from elsewhere must have sent it; `None` for what HTTP itself
+/// refuses.
 fn request(input: &mut Input<'_>) -> Option<(Request<Body>, bool)> {
     let method = Method::from_bytes(input.line());
     let uri = Uri::try_from(input.line());
@@ -120,8 +121,8 @@ fn request(input: &mut Input<'_>) -> Option<(Request<Body>, bool)> {
     Some((request, foreign))
 }
 
-/// Whether a request has to be refused: it names no host or several, a host that is not this machine, or it is a browser's and comes
-/// from a page of anybody else.
+/// Whether a request has to be refused: it names no host or several, a host that is not this machine, or it
+/// is a browser's and comes from a page of anybody else.
 fn is_foreign(request: &Request<Body>) -> bool {
     let told =
         |name: &str| request.headers().get_all(name).iter().map(HeaderValue::as_bytes).collect::<Vec<_>>();
@@ -133,7 +134,8 @@ fn is_foreign(request: &Request<Body>) -> bool {
         || told("sec-fetch-site").iter().any(|site| *site != b"none" && *site != b"same-origin")
 }
 
-/// Whether a host, with a port or without, is `localhost` or an address of loopback: any other name may be made to point here.
+/// Whether a host, with a port or without, is `localhost` or an address of loopback: any other name may be
+/// made to point here.
 fn is_this_machine(host: &[u8]) -> bool {
     let Ok(host) = std::str::from_utf8(host) else { return false };
     let (name, port) = match host.strip_prefix('[').and_then(|host| host.split_once(']')) {

@@ -1,5 +1,5 @@
-//! What a power cut leaves: any text is a saved state or is refused with a reason; what is taken is written and read again the same,
-//! and nothing moves by itself after it.
+//! What a power cut leaves: any text is a saved state or is refused with a reason; what is taken is written
+//! and read again the same, and nothing moves by itself after it.
 //!
 //! An input is the text of a state file.
 
@@ -51,7 +51,8 @@ pub fn run(bytes: &[u8]) {
     cell.work();
 }
 
-/// What was written comes back: all of it, but for a program in use that is not there, and what that one brings along.
+/// What was written comes back: all of it, but for a program in use that is not there, and what that one
+/// brings along.
 fn nothing_is_lost(written: &str, again: &str) {
     let [written, again] =
         [written, again].map(|text| serde_json::from_str::<Value>(text).expect("it was read before"));

@@ -95,7 +95,8 @@ fn frames() -> Vec<Seed> {
     seeds
 }
 
-/// Random operations; requests that are lost, whole, in part and not at all; and so many that the output is full.
+/// Random operations; requests that are lost, whole, in part and not at all; and so many that the output is
+/// full.
 fn client_session() -> Vec<Seed> {
     const WINDOW: u8 = 64;
     let mut seeds = made_up(b"client", 40, 400);

@@ -1,5 +1,5 @@
-//! The server session: whatever a peer sends, in whatever pieces and with whatever pauses, gives the same messages; replies leave
-//! whole, once, in the order of their times, and none is lost.
+//! The server session: whatever a peer sends, in whatever pieces and with whatever pauses, gives the same
+//! messages; replies leave whole, once, in the order of their times, and none is lost.
 //!
 //! An input is a byte for the limits and then operations, each a byte and what it needs.
 

@@ -1,5 +1,5 @@
-//! What was written and read again against what it was written from: the same in every field, and numbers within half a step of the
-//! last decimal that is written of them.
+//! What was written and read again against what it was written from: the same in every field, and numbers
+//! within half a step of the last decimal that is written of them.
 
 use r6_proto::message::instruction::{Action, Coordinates, Instruction, Manner};
 use r6_proto::message::{Command, Point};
@@ -14,8 +14,8 @@ const FEW: f64 = 1e-3;
 /// but for the global speed: tenths of a percent.
 const PERCENT: f64 = 0.1;
 
-/// The numbers that are rounded when they are written, each with its last decimal. They leave zeros in their places, so that all that
-/// remains is compared as it is.
+/// The numbers that are rounded when they are written, each with its last decimal. They leave zeros in their
+/// places, so that all that remains is compared as it is.
 #[derive(Default)]
 struct Rounded(Vec<(f64, f64)>);
 

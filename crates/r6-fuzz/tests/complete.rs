@@ -1,4 +1,5 @@
-//! Every target has all that belongs to it: a corpus, a program for libFuzzer, a test, a row in the documentation.
+//! Every target has all that belongs to it: a corpus, a program for libFuzzer, a test, a row in the
+//! documentation.
 
 use std::fs;
 

@@ -6,8 +6,8 @@ use r6_fuzz::mutation::{below, mutate};
 use r6_fuzz::{corpus, seeds, target, words};
 use r6_traffic::random::Random;
 
-/// So many changed inputs each target tries, on every machine the same: what it gets through in a few seconds on a quiet one. The
-/// rest is what `make fuzz` is for.
+/// So many changed inputs each target tries, on every machine the same: what it gets through in a few seconds
+/// on a quiet one. The rest is what `make fuzz` is for.
 const CHANGES: [(&str, usize); 8] = [
     ("frames", 20_000),
     ("messages", 20_000),

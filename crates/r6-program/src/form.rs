@@ -1,7 +1,8 @@
 //! The form of a document in TOML, or in JSON with the same keys: tables and values with their places.
 //!
-//! [`parse`] makes a [`Table`] and an empty list of what is [`Found`] wrong. [`Fields`] asks a table for its values. It notes every value that
-//! is of the wrong kind or beyond its range, and every key that it was not asked for.
+//! [`parse`] makes a [`Table`] and an empty list of what is [`Found`] wrong. [`Fields`] asks a table for its
+//! values. It notes every value that is of the wrong kind or beyond its range, and every key that it was not
+//! asked for.
 
 mod fields;
 mod json;
@@ -16,11 +17,13 @@ pub use fields::Fields;
 use crate::lines;
 use crate::mistakes::{MAX_MISTAKES, Mistake, Mistakes};
 
-/// How deep tables and lists may be nested: no file of ours needs more than four levels, and the reader recurses.
+/// How deep tables and lists may be nested: no file of ours needs more than four levels, and the reader
+/// recurses.
 const MAX_DEPTH: usize = 16;
 
-/// The longest text in which the reader goes on behind a place that is no TOML, bytes. Each such place takes memory, and a text of many megabytes
-/// can consist of them alone: of a longer text only the first one is told.
+/// The longest text in which the reader goes on behind a place that is no TOML, bytes. Each such place takes
+/// memory, and a text of many megabytes can consist of them alone: of a longer text only the first one is
+/// told.
 const MAX_RECOVERED_BYTES: usize = 256 * 1024;
 
 /// The keys and values of a table, in the order of the file.
@@ -227,8 +230,8 @@ impl Found<'_> {
     }
 }
 
-/// Reads a document; one that begins with `{` is JSON. What is no TOML is noted, and the rest is read all the same; of what is no JSON, nothing
-/// is read.
+/// Reads a document; one that begins with `{` is JSON. What is no TOML is noted, and the rest is read all the
+/// same; of what is no JSON, nothing is read.
 #[must_use]
 pub fn parse(text: &str) -> (Table, Found<'_>) {
     let mut found = Found { text, wrong: Vec::new(), more: 0, hints: Vec::new(), broken: Vec::new() };

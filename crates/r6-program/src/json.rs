@@ -8,7 +8,8 @@ use crate::lines;
 use crate::mistakes::{MAX_MISTAKES, Mistake, Mistakes};
 use crate::run::{MotionList, MotionProgram};
 
-/// Reads one or more frames, one behind the other, with `//` comments. What is no JSON ends the reading; what is wrong with a frame does not.
+/// Reads one or more frames, one behind the other, with `//` comments. What is no JSON ends the reading; what
+/// is wrong with a frame does not.
 pub fn read(text: &str) -> Result<MotionProgram, Mistakes> {
     let text = text.trim_start_matches('\u{feff}');
     let stripped = lines::without_comments(text);

@@ -9,7 +9,8 @@ pub fn position(text: &str, offset: usize) -> (usize, usize) {
     (line, column)
 }
 
-/// The byte offset of a line and a column, both counted from 1, columns in bytes: as `serde_json` tells a place.
+/// The byte offset of a line and a column, both counted from 1, columns in bytes: as `serde_json` tells a
+/// place.
 pub fn offset(text: &str, line: usize, column: usize) -> usize {
     let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
     (start + column.saturating_sub(1)).min(text.len())
@@ -32,7 +33,8 @@ pub fn without_comments(text: &str) -> String {
     out
 }
 
-/// Where the comment of a line begins. A JSON string never goes over the end of a line, so each line stands alone.
+/// Where the comment of a line begins. A JSON string never goes over the end of a line, so each line stands
+/// alone.
 fn comment_start(line: &str) -> Option<usize> {
     let mut in_string = false;
     let mut escaped = false;

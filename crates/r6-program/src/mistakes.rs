@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-/// How many mistakes of one file are listed: more than this do not fit on a screen, and a file of many megabytes must not make as many lines.
+/// How many mistakes of one file are listed: more than this do not fit on a screen, and a file of many
+/// megabytes must not make as many lines.
 pub const MAX_MISTAKES: usize = 20;
 
 /// One mistake of a file.
@@ -77,7 +78,8 @@ impl Mistakes {
 }
 
 impl Mistakes {
-    /// A line `FILE:LINE:COLUMN: what` for each that is listed, which editors read; below it, indented, what to do about it.
+    /// A line `FILE:LINE:COLUMN: what` for each that is listed, which editors read; below it, indented, what
+    /// to do about it.
     pub fn lines(&self, file: &str) -> impl Iterator<Item = String> {
         let more = (self.more > 0).then(|| format!("and {} more mistakes in {file}", self.more));
         let lines = self.iter().flat_map(move |mistake| {

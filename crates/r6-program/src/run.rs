@@ -6,7 +6,8 @@ use crate::form::{self, Fields, Found, Table};
 use crate::step::{self, ProgramKind};
 use crate::{Mistake, Mistakes, json};
 
-/// The largest program file that is read, bytes: far more than any list of instructions, and little enough for memory.
+/// The largest program file that is read, bytes: far more than any list of instructions, and little enough
+/// for memory.
 pub const MAX_FILE_BYTES: usize = 16 * 1024 * 1024;
 
 /// The keys of the file itself.

@@ -1,4 +1,5 @@
-//! One step of a program: what may stand in it, and the action it means. Programs that are sent and taught programs have these steps in common.
+//! One step of a program: what may stand in it, and the action it means. Programs that are sent and taught
+//! programs have these steps in common.
 
 mod signals;
 
@@ -13,7 +14,8 @@ use crate::form::{Fields, Node, Wrong};
 
 pub use signals::{A_WATCHED_POINT, WATCHED, further_output, watched};
 
-/// Where the steps of a program are carried out, which says how exact its numbers may be and which points there are.
+/// Where the steps of a program are carried out, which says how exact its numbers may be and which points
+/// there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProgramKind {
     /// A PC sends them: numbers are as the wire can carry them.
@@ -128,7 +130,8 @@ fn stop_on_signal(fields: &Fields<'_>, program: ProgramKind) -> Result<Action, W
     Ok(Action::StopOnSignal(StopOnSignal { in_use: watch.unwrap_or(true), input, on: on.unwrap_or(true) }))
 }
 
-/// The number of a tool or workbench. A controller of another make may have any number of them, a virtual one has 32.
+/// The number of a tool or workbench. A controller of another make may have any number of them, a virtual one
+/// has 32.
 pub fn frame(fields: &Fields<'_>, key: &'static str, program: ProgramKind) -> Option<u32> {
     match program {
         ProgramKind::Sent => fields.whole(key, u32::MAX),
@@ -214,8 +217,8 @@ pub fn first_axes(count: usize) -> AxisMask {
     AxisIndex::ALL.into_iter().take(count).fold(AxisMask::NONE, AxisMask::with)
 }
 
-/// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported (unit A),
-/// and the mask keeps the others where they are.
+/// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported
+/// (unit A), and the mask keeps the others where they are.
 #[must_use]
 pub fn eight(given: &[f64]) -> Coordinates {
     let mut values = [0.0; AXES];

@@ -1,8 +1,8 @@
 //! Taught programs (molds): what runs on the controller itself, between and around what a PC sends.
 //!
-//! A program is a text in TOML or JSON (`docs/PROGRAMS.md`): a list of steps, most of them the instructions that AddRCC
-//! sends, and those that only a taught program has: waits for remote commands, photos, points, stacks, counters,
-//! registers, jumps and calls.
+//! A program is a text in TOML or JSON (`docs/PROGRAMS.md`): a list of steps, most of them the instructions
+//! that AddRCC sends, and those that only a taught program has: waits for remote commands, photos, points,
+//! stacks, counters, registers, jumps and calls.
 
 mod read;
 

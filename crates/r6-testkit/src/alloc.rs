@@ -63,8 +63,8 @@ unsafe impl GlobalAlloc for CountingAllocator {
 
 /// How many allocations this thread makes while `work` runs.
 ///
-/// Panics where [`CountingAllocator`] is not the `#[global_allocator]` of the test binary: there every count would be
-/// zero and every test on it would pass.
+/// Panics where [`CountingAllocator`] is not the `#[global_allocator]` of the test binary: there every count
+/// would be zero and every test on it would pass.
 pub fn allocations_during(work: impl FnOnce()) -> u64 {
     let before = ALLOCATIONS.get();
     drop(black_box(Box::new(black_box(0_u8))));

@@ -14,8 +14,8 @@ fn pages() -> Vec<PathBuf> {
     pages
 }
 
-/// Links of any page that lead nowhere: to a file that is not there, or to a heading that its page does not have. Each as
-/// `page: target`; those to other sites are not looked at.
+/// Links of any page that lead nowhere: to a file that is not there, or to a heading that its page does not
+/// have. Each as `page: target`; those to other sites are not looked at.
 pub fn dead_links() -> Vec<String> {
     let root = workspace::root();
     let mut headings: BTreeMap<PathBuf, BTreeSet<String>> = BTreeMap::new();
@@ -55,8 +55,8 @@ pub fn pages_out_of_the_book() -> Vec<String> {
     pages.collect()
 }
 
-/// The figures of the README, rows `| what | against | ratio |` below its heading `## How fast`, that are not those of
-/// `docs/BENCHMARKS.md`. That page is written by `make bench`, in one run.
+/// The figures of the README, rows `| what | against | ratio |` below its heading `## How fast`, that are not
+/// those of `docs/BENCHMARKS.md`. That page is written by `make bench`, in one run.
 ///
 /// # Errors
 /// The page has no such figures.
@@ -127,7 +127,8 @@ fn links(page: &str) -> Vec<String> {
     found
 }
 
-/// What the headings of a page are linked by: lower case, blanks as `-`, without signs; a repeated one with a number.
+/// What the headings of a page are linked by: lower case, blanks as `-`, without signs; a repeated one with a
+/// number.
 fn anchors(page: &str) -> BTreeSet<String> {
     let mut anchors = BTreeSet::new();
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();

@@ -1,8 +1,9 @@
 //! The coverage table of `docs/PROTOCOL.md`: every item of the protocol, and the test that proves it.
 //!
-//! Under the heading `## Coverage` stand one or more tables with the columns `group`, `item`, `manual` and `test`. A
-//! test is written `` `crate::file::function` `` and stands for that function in `crates/crate/tests/file.rs`; a cell may
-//! name several. Inside a `vectors! { .. }` block of such a file each line that begins with a name is a test too.
+//! Under the heading `## Coverage` stand one or more tables with the columns `group`, `item`, `manual` and
+//! `test`. A test is written `` `crate::file::function` `` and stands for that function in
+//! `crates/crate/tests/file.rs`; a cell may name several. Inside a `vectors! { .. }` block of such a file
+//! each line that begins with a name is a test too.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -70,7 +71,8 @@ pub fn protocol_rows() -> Vec<Row> {
 
 /// The rows of the tables below the heading `## Coverage`, up to the next heading of that level.
 ///
-/// The error names the line that is no such row. A table without rows is an error too: it would prove nothing.
+/// The error names the line that is no such row. A table without rows is an error too: it would prove
+/// nothing.
 pub fn rows(markdown: &str) -> Result<Vec<Row>, String> {
     let mut lines = markdown.lines().enumerate().skip_while(|(_, line)| line.trim_end() != HEADING);
     lines.next().ok_or_else(|| format!("there is no heading `{HEADING}`"))?;
@@ -147,8 +149,9 @@ pub fn items(rows: &[Row], group: &str) -> Vec<String> {
 
 /// What the table promises and the sources do not hold: rows without a test, and tests that do not exist.
 ///
-/// A test exists where its file has a function of that name under `#[test]` or `#[tokio::test]` that is not ignored, or
-/// has the name in a `vectors! { .. }`, `on_every_hand! { .. }` or `for_every_hand! { .. }` block.
+/// A test exists where its file has a function of that name under `#[test]` or `#[tokio::test]` that is not
+/// ignored, or has the name in a `vectors! { .. }`, `on_every_hand! { .. }` or `for_every_hand! { .. }`
+/// block.
 pub fn missing_tests(rows: &[Row]) -> Vec<String> {
     let mut sources = BTreeMap::new();
     missing_in(rows, |test| {

@@ -1,10 +1,12 @@
 //! A controller that misbehaves on purpose, as real ones do: for tests of what the client says about an arm.
 //!
-//! [`Arm`] is the pure core: bytes and times in, bytes and deadlines out. A [`Character`] says in which ways it misbehaves; the
-//! default one behaves. [`serve::HostileController`] puts an arm behind streams of tokio, the binary `r6-hostile` behind a TCP port.
+//! [`Arm`] is the pure core: bytes and times in, bytes and deadlines out. A [`Character`] says in which ways
+//! it misbehaves; the default one behaves. [`serve::HostileController`] puts an arm behind streams of tokio,
+//! the binary `r6-hostile` behind a TCP port.
 //!
-//! The machine is a gantry: `world-n` is `axis-n` plus [`WORLD_OFFSET`], so a linear move is as easy to follow as an axis move. It keeps
-//! track of where each axis was at any time, so a test can ask whether the arm moved after the client said that it stands.
+//! The machine is a gantry: `world-n` is `axis-n` plus [`WORLD_OFFSET`], so a linear move is as easy to
+//! follow as an axis move. It keeps track of where each axis was at any time, so a test can ask whether the
+//! arm moved after the client said that it stands.
 
 mod agenda;
 mod arm;

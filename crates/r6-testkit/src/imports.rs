@@ -59,9 +59,9 @@ impl Sources {
         circles.iter().filter(|circle| circle.len() > most).map(told).collect()
     }
 
-    /// What files name below these roots (`std`, `tokio`) and is not allowed, each as one sentence. What begins with an allowed path,
-    /// such as `["std::fmt"]`, is allowed; a whole module around one is not. `exempt`: files, and folders with all that is in them, by
-    /// their modules.
+    /// What files name below these roots (`std`, `tokio`) and is not allowed, each as one sentence. What
+    /// begins with an allowed path, such as `["std::fmt"]`, is allowed; a whole module around one is not.
+    /// `exempt`: files, and folders with all that is in them, by their modules.
     pub fn names_outside(&self, roots: &[&str], allowed: &[&str], exempt: &[&str]) -> Vec<String> {
         let allowed: Vec<Vec<&str>> = allowed.iter().map(|path| path.split("::").collect()).collect();
         let is_exempt = |module: &str| {

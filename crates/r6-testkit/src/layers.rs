@@ -66,7 +66,8 @@ pub const RULES: &[Rule] = &[
         layer: Layer::Shell,
         may_use: &["r6-api", "r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim"],
     },
-    // Nothing depends on it and nobody is given it; it looks at everything, and counts allocations as tests do.
+    // Nothing depends on it and nobody is given it; it looks at everything, and counts allocations as tests
+    // do.
     Rule {
         package: "r6-bench",
         layer: Layer::Shell,
@@ -87,8 +88,8 @@ pub const RULES: &[Rule] = &[
     Rule { package: "r6-testkit", layer: Layer::Testkit, may_use: &[] },
 ];
 
-/// What a pure crate may name of the standard library: values, and how they are kept, shown and compared. Nothing here waits, talks,
-/// reads a clock, spawns or draws random numbers.
+/// What a pure crate may name of the standard library: values, and how they are kept, shown and compared.
+/// Nothing here waits, talks, reads a clock, spawns or draws random numbers.
 pub const PURE_STD: &[&str] = &[
     "std::borrow",
     "std::cell",
@@ -156,8 +157,9 @@ pub fn metadata() -> String {
 
 /// Every edge of `metadata` that breaks a rule, each as one sentence.
 ///
-/// Dependencies of the tests are free, for a test of the client needs a simulator; normal ones and those of build
-/// scripts are not, whether optional or not. Panics where `metadata` is not what `cargo metadata` prints.
+/// Dependencies of the tests are free, for a test of the client needs a simulator; normal ones and those of
+/// build scripts are not, whether optional or not. Panics where `metadata` is not what `cargo metadata`
+/// prints.
 pub fn violations(metadata: &str) -> Vec<String> {
     let metadata: Metadata = serde_json::from_str(metadata)
         .unwrap_or_else(|error| panic!("not the output of cargo metadata: {error}"));

@@ -1,8 +1,8 @@
 //! Transcripts: what crossed one connection, in order and with its times.
 //!
-//! A transcript is a file `vectors/transcripts/*.jsonl`: a first line `{"about":"..."}`, which may be left out, then one
-//! line for each write, `{"from":"pc"|"controller","ms":n,"bytes":"..."}`. A frame may span several writes, and a write may
-//! hold several frames.
+//! A transcript is a file `vectors/transcripts/*.jsonl`: a first line `{"about":"..."}`, which may be left
+//! out, then one line for each write, `{"from":"pc"|"controller","ms":n,"bytes":"..."}`. A frame may span
+//! several writes, and a write may hold several frames.
 
 use std::path::{Path, PathBuf};
 

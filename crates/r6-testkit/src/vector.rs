@@ -1,7 +1,8 @@
 //! Golden vectors: one frame each, what it means, and what encoding it again must write.
 //!
-//! A vector is a JSON file below `vectors/messages/`, read by the tests of every language; `vectors/README.md` says what
-//! its members mean. A member that is not known, or that contradicts another, is an error.
+//! A vector is a JSON file below `vectors/messages/`, read by the tests of every language;
+//! `vectors/README.md` says what its members mean. A member that is not known, or that contradicts another,
+//! is an error.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -105,7 +105,8 @@ fn a_path_dependency_without_a_rule_is_reported() {
     assert_eq!(found, ["`r6` depends on `r6-newcomer`: its rule does not allow this crate"]);
 }
 
-/// What the brain of the client may name besides [`PURE_STD`]: futures and what they wait for, but nothing that carries bytes or time.
+/// What the brain of the client may name besides [`PURE_STD`]: futures and what they wait for, but nothing
+/// that carries bytes or time.
 const BRAIN: [&str; 15] = [
     "std::future",
     "std::io::ErrorKind",
@@ -125,7 +126,8 @@ const BRAIN: [&str; 15] = [
 ];
 const HANDS: [&str; 2] = ["hands", "blocking"];
 
-/// A parent and its children may know each other; a circle of more files than this has no bottom to begin reading at.
+/// A parent and its children may know each other; a circle of more files than this has no bottom to begin
+/// reading at.
 const LARGEST_CIRCLE: usize = 6;
 
 #[test]
@@ -159,7 +161,8 @@ fn pure_crates_name_nothing_of_the_standard_library_that_is_not_allowed() {
     }
 }
 
-/// What reads the log of a virtual controller decides by its events, which have fields; their text is for people.
+/// What reads the log of a virtual controller decides by its events, which have fields; their text is for
+/// people.
 #[test]
 fn nothing_outside_the_controller_decides_by_the_text_of_an_event() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

@@ -1,11 +1,11 @@
 //! Conversations: which reply answers which request.
 //!
-//! A reply that carries a `packID` answers the latest request with the same one. A reply without a `packID` answers the earliest
-//! request that it can answer. If the reply names what it answers (the addresses of a query, the word of a command, the number of a
-//! camera), the request must be about the same.
+//! A reply that carries a `packID` answers the latest request with the same one. A reply without a `packID`
+//! answers the earliest request that it can answer. If the reply names what it answers (the addresses of a
+//! query, the word of a command, the number of a camera), the request must be about the same.
 //!
-//! If a controller neither echoes `packID` nor names what it answers, and leaves one request unanswered, then every later reply of
-//! the same kind is paired with the request before its own: nothing on the wire tells.
+//! If a controller neither echoes `packID` nor names what it answers, and leaves one request unanswered, then
+//! every later reply of the same kind is paired with the request before its own: nothing on the wire tells.
 
 use std::collections::VecDeque;
 
@@ -15,11 +15,13 @@ use r6_proto::value::Values;
 use r6_proto::{Body, RequestType};
 use serde::{Deserialize, Serialize};
 
-/// How many requests wait for their replies; beyond, the earliest is forgotten. No client has as many on their way.
+/// How many requests wait for their replies; beyond, the earliest is forgotten. No client has as many on
+/// their way.
 pub const MAX_OPEN: usize = 256;
 
-/// How many bytes of memory the requests take that wait for their replies; beyond, the earliest are forgotten. 16 MiB: room for 20 to 256
-/// queries of the longest frame (64 KiB), by the length of their addresses.
+/// How many bytes of memory the requests take that wait for their replies; beyond, the earliest are
+/// forgotten. 16 MiB: room for 20 to 256 queries of the longest frame (64 KiB), by the length of their
+/// addresses.
 pub const MAX_OPEN_BYTES: usize = MAX_OPEN * 65_536;
 
 /// One end of the link between a PC and a controller.
@@ -39,7 +41,8 @@ pub struct Request {
     pub kind: RequestType,
     /// Its `packID`, as text.
     pub pack_id: Option<String>,
-    /// What it is about, as sent: the addresses of a query, the word of a command, `AddPoints`, `AddRCC`, or the number of a camera.
+    /// What it is about, as sent: the addresses of a query, the word of a command, `AddPoints`, `AddRCC`, or
+    /// the number of a camera.
     pub words: Vec<String>,
     /// When it was seen, if the caller told.
     pub time: Option<Instant>,
@@ -66,8 +69,8 @@ pub struct Conversation {
 impl Conversation {
     /// Takes the next frame, and returns the request that it answers.
     ///
-    /// `None` if the frame is no reply, or if its request was not seen, is answered already or is forgotten. If `from` is given, a
-    /// frame of a kind that the other side sends is passed over: it is an echo.
+    /// `None` if the frame is no reply, or if its request was not seen, is answered already or is forgotten.
+    /// If `from` is given, a frame of a kind that the other side sends is passed over: it is an echo.
     pub fn take(
         &mut self,
         message: &Message<'_>,
@@ -158,7 +161,8 @@ fn role(body: &Body<'_>) -> Role {
         Body::AddRcc(_) => Role::Request(AddRcc, vec![AddRcc.word().to_owned()]),
         Body::CommandReply(reply) => match reply.command() {
             Some(word) => Role::Reply(&[Command, AddPoints, AddRcc], Some(vec![word.into_owned()])),
-            // Before 2.0.2.1 the replies to commands have no name. Those to AddPoints and AddRCC have one in every manual.
+            // Before 2.0.2.1 the replies to commands have no name. Those to AddPoints and AddRCC have one in
+            // every manual.
             None => Role::Reply(&[Command], None),
         },
         Body::Photo(photo) => Role::Request(Photo, vec![photo.cam_id.to_string()]),

@@ -18,7 +18,8 @@ pub enum LinkFault {
     },
     /// T5: the connection is closed in good order where a frame should have left.
     CloseBeforeReply,
-    /// T6: connections that are there go deaf for ever, without a word; they keep their places among those that are served.
+    /// T6: connections that are there go deaf for ever, without a word; they keep their places among those
+    /// that are served.
     HalfOpen,
     /// T7: a frame is sent in pieces, one packet each.
     Pieces {
@@ -32,8 +33,8 @@ pub enum LinkFault {
         /// How long the first of them waits at most, even if the others have not come.
         within: Duration,
     },
-    /// T8: bytes take their time; their order stays. What is drawn is drawn for each frame to the client, and for what one read
-    /// gave to the controller.
+    /// T8: bytes take their time; their order stays. What is drawn is drawn for each frame to the client, and
+    /// for what one read gave to the controller.
     Latency {
         /// To the controller.
         to_controller: Duration,
@@ -47,10 +48,11 @@ pub enum LinkFault {
         /// Bytes a second, from 1.
         bytes_per_second: u32,
     },
-    /// T11: a byte to the client is changed, is lost, or is followed by another one. The chance holds for each byte.
+    /// T11: a byte to the client is changed, is lost, or is followed by another one. The chance holds for
+    /// each byte.
     Noise,
-    /// T14: the second half of a frame leaves that much later, as where two writes meet a peer that delays its
-    /// acknowledgements.
+    /// T14: the second half of a frame leaves that much later, as where two writes meet a peer that delays
+    /// its acknowledgements.
     Stall {
         /// How much later.
         delay: Duration,
@@ -62,8 +64,8 @@ pub enum LinkFault {
 pub struct LinkFaultNow {
     /// Which.
     pub fault: LinkFault,
-    /// How likely it strikes, 0 to 1: each frame; each byte for [`LinkFault::Noise`]; each connection, once, for
-    /// [`LinkFault::Silence`], [`LinkFault::HalfOpen`] and [`LinkFault::Slow`]. The door knows no chance:
+    /// How likely it strikes, 0 to 1: each frame; each byte for [`LinkFault::Noise`]; each connection, once,
+    /// for [`LinkFault::Silence`], [`LinkFault::HalfOpen`] and [`LinkFault::Slow`]. The door knows no chance:
     /// [`LinkFault::Refuse`] and [`LinkFault::BlackHole`] hold for everybody.
     pub chance: f64,
 }

@@ -1,4 +1,5 @@
-//! What one frame says, and what is wrong with it: [`Problem`]s and [`Note`]s as values, whose text is English.
+//! What one frame says, and what is wrong with it: [`Problem`]s and [`Note`]s as values, whose text is
+//! English.
 
 mod checks;
 mod problem;
@@ -139,8 +140,8 @@ impl fmt::Display for FrameKind {
 
 /// Judges the frames of one connection or recording, in their order.
 ///
-/// Between the frames it keeps the [`Conversation`], with its bounds, and the decoder's buffers, which are as large as the longest
-/// frame needed.
+/// Between the frames it keeps the [`Conversation`], with its bounds, and the decoder's buffers, which are as
+/// large as the longest frame needed.
 #[derive(Debug, Default)]
 pub struct Judge {
     decoder: Decoder,

@@ -5,7 +5,8 @@
 //! - [`judge`] says what is wrong with a frame.
 //! - [`link`] brings the [`fault`]s of a link about, drawn from a seed ([`random`]).
 //!
-//! There is no I/O, no clock and no task in this crate: bytes, points in time and seeds come in; frames, findings and bytes go out.
+//! There is no I/O, no clock and no task in this crate: bytes, points in time and seeds come in; frames,
+//! findings and bytes go out.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)

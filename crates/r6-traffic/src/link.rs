@@ -5,22 +5,24 @@
 //! the controller ← poll_to_controller ← … ← receive        ← bytes of the client
 //! ```
 //!
-//! A [`Link`] has no clock and no socket, and the same seed and calls give the same deliveries. Without a fault it hands on at once
-//! what it was given. Several faults at once strike in this order:
+//! A [`Link`] has no clock and no socket, and the same seed and calls give the same deliveries. Without a
+//! fault it hands on at once what it was given. Several faults at once strike in this order:
 //!
 //! 1. a deaf link ([`LinkFault::Silence`], [`LinkFault::HalfOpen`]) loses everything, in both directions;
 //! 2. [`LinkFault::CloseBeforeReply`] ends the link where the frame would be;
 //! 3. [`LinkFault::ResetMidFrame`] cuts the frame, and ends the link behind it;
 //! 4. [`LinkFault::Noise`] changes what is left of the frame;
 //! 5. [`LinkFault::Stall`] halves it, and lets the second half follow later;
-//! 6. [`LinkFault::Coalesce`] gathers it with others; a frame that is to be cut or halved is not gathered, and lets go those before it;
+//! 6. [`LinkFault::Coalesce`] gathers it with others; a frame that is to be cut or halved is not gathered,
+//!    and lets go those before it;
 //! 7. [`LinkFault::Latency`] lets it leave later;
 //! 8. [`LinkFault::Pieces`] hands it over in pieces;
 //! 9. [`LinkFault::Slow`] says how many bytes leave in which time.
 //!
-//! Two faults of one kind: each draws whether it strikes, and the first that does counts; but latencies add up, every noise is
-//! heard, and of pieces and speeds the smallest counts. Order is always kept: nothing leaves before what was given earlier. What
-//! is on its way when a fault ends keeps its time, but a group that is gathered leaves, and the speed is as before.
+//! Two faults of one kind: each draws whether it strikes, and the first that does counts; but latencies add
+//! up, every noise is heard, and of pieces and speeds the smallest counts. Order is always kept: nothing
+//! leaves before what was given earlier. What is on its way when a fault ends keeps its time, but a group
+//! that is gathered leaves, and the speed is as before.
 
 mod door;
 mod fate;
@@ -35,11 +37,12 @@ pub use door::Door;
 use fate::{DrawnFor, Fate, InForce, StrikeReport, disturbed, drawn_for, speed};
 use way::{Group, Parcel, Way};
 
-/// How many bytes wait in one direction; then a link takes no more. An empty link takes one frame of any length. Enough to fill the
-/// buffers of a peer's system, and little enough for a thousand links.
+/// How many bytes wait in one direction; then a link takes no more. An empty link takes one frame of any
+/// length. Enough to fill the buffers of a peer's system, and little enough for a thousand links.
 pub const MAX_WAITING_BYTES: usize = 256 * 1024;
 
-/// How many parcels, each a frame or what was read at once, wait in one direction: a frame has seldom less than 64 bytes.
+/// How many parcels, each a frame or what was read at once, wait in one direction: a frame has seldom less
+/// than 64 bytes.
 pub const MAX_WAITING_PARCELS: usize = 4096;
 
 /// What a link hands to the client.
@@ -80,8 +83,8 @@ pub struct Link {
 }
 
 impl Link {
-    /// The link of a connection that is opened now, while these faults are in force. For one that was opened before they began,
-    /// give none here, and [`Self::set_faults`] then.
+    /// The link of a connection that is opened now, while these faults are in force. For one that was opened
+    /// before they began, give none here, and [`Self::set_faults`] then.
     #[must_use]
     pub fn new(seed: u64, now: Instant, faults: &[LinkFaultNow]) -> Self {
         // Three seeds out of one: neighbouring seeds of this generator have nothing in common.
@@ -141,7 +144,8 @@ impl Link {
         }
     }
 
-    /// The next fault that has struck this connection, or a byte of it: each is told once for as long as it is in force.
+    /// The next fault that has struck this connection, or a byte of it: each is told once for as long as it
+    /// is in force.
     pub fn poll_strike(&mut self) -> Option<LinkFault> {
         let one = self.in_force.iter_mut().find(|one| one.felt == StrikeReport::ToBeTold)?;
         one.felt = StrikeReport::Told;
@@ -159,7 +163,8 @@ impl Link {
         self.to_controller.clear();
     }
 
-    /// Whether it is as good as none: whatever is given now is handed on at once and unchanged, and nothing is under way.
+    /// Whether it is as good as none: whatever is given now is handed on at once and unchanged, and nothing
+    /// is under way.
     #[must_use]
     pub fn is_transparent(&self) -> bool {
         self.state == State::Alive
@@ -183,8 +188,9 @@ impl Link {
         matches!(self.state, State::Silent | State::HalfOpen)
     }
 
-    /// Whether the controller gets to know that the peer has closed or reset the connection: not over a half-open link. The shell
-    /// drops its socket then all the same, and tells the controller that the peer is lost, in place of that it has left.
+    /// Whether the controller gets to know that the peer has closed or reset the connection: not over a
+    /// half-open link. The shell drops its socket then all the same, and tells the controller that the peer
+    /// is lost, in place of that it has left.
     #[must_use]
     pub fn notices_end(&self) -> bool {
         self.state != State::HalfOpen
@@ -239,8 +245,8 @@ impl Link {
         Some(delivery)
     }
 
-    /// How many bytes [`Self::receive`] takes now. Read no more from the peer: what it sends then fills the buffers of its own
-    /// system, and it has to wait.
+    /// How many bytes [`Self::receive`] takes now. Read no more from the peer: what it sends then fills the
+    /// buffers of its own system, and it has to wait.
     #[must_use]
     pub fn room(&self) -> usize {
         self.to_controller.room(MAX_WAITING_BYTES)

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-/// A small generator (SplitMix64): one word of state, no bad seeds. For what varies in a cell, never for secrets.
+/// A small generator (SplitMix64): one word of state, no bad seeds. For what varies in a cell, never for
+/// secrets.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
@@ -41,7 +42,8 @@ impl Random {
         self.around(most / 2, most / 2).min(most)
     }
 
-    /// A time from `middle` − `spread` to `middle` + `spread`, each nanosecond as likely as any other; never negative.
+    /// A time from `middle` − `spread` to `middle` + `spread`, each nanosecond as likely as any other; never
+    /// negative.
     pub fn around(&mut self, middle: Duration, spread: Duration) -> Duration {
         if spread.is_zero() {
             return middle;

@@ -4,7 +4,8 @@
 //!
 //! - raw bytes: frames one behind the other;
 //! - a log: frames with any text around them, such as the output of `tcpdump -A`;
-//! - a [`transcript`]: one write of one side a line. It alone tells sides and times, and [`transcript::line`] writes it.
+//! - a [`transcript`]: one write of one side a line. It alone tells sides and times, and [`transcript::line`]
+//!   writes it.
 
 mod log;
 pub mod transcript;
@@ -20,7 +21,8 @@ use crate::conversation::Side;
 /// The longest recording that is read, bytes: hours of traffic, and what a usual machine has in memory.
 pub const MAX_BYTES: usize = 256 * 1024 * 1024;
 
-/// The most frames of a recording, because a short frame takes more memory than its bytes. A frame has seldom less than 64 bytes.
+/// The most frames of a recording, because a short frame takes more memory than its bytes. A frame has seldom
+/// less than 64 bytes.
 pub const MAX_FRAMES: usize = MAX_BYTES / 64;
 
 /// What a recording holds.
@@ -36,8 +38,8 @@ impl Recording {
     /// Reads a recording of any form.
     ///
     /// # Errors
-    /// [`TooLong`] if there are more than [`MAX_BYTES`] bytes or [`MAX_FRAMES`] frames. Any other bytes are a recording; if they have
-    /// no frame, its list of frames is empty.
+    /// [`TooLong`] if there are more than [`MAX_BYTES`] bytes or [`MAX_FRAMES`] frames. Any other bytes are a
+    /// recording; if they have no frame, its list of frames is empty.
     pub fn read(input: &[u8]) -> Result<Self, TooLong> {
         if input.len() > MAX_BYTES {
             return Err(TooLong::Bytes);
@@ -68,7 +70,8 @@ pub struct Captured {
     pub place: Place,
     /// Who sent it, if the recording tells.
     pub from: Option<Side>,
-    /// When its last byte was sent, if the recording tells; the origin is the moment when the connection was made.
+    /// When its last byte was sent, if the recording tells; the origin is the moment when the connection was
+    /// made.
     pub time: Option<Instant>,
     /// Its bytes; an error for what began as a frame and is none.
     pub frame: Result<Vec<u8>, BrokenFrame>,

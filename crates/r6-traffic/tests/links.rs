@@ -1,5 +1,5 @@
-//! What faults do to a link, without sockets: what must come through does, whole and in order; what must not does not; and
-//! the same seed brings the same.
+//! What faults do to a link, without sockets: what must come through does, whole and in order; what must not
+//! does not; and the same seed brings the same.
 
 use std::time::Duration;
 

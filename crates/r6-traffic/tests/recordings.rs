@@ -1,4 +1,5 @@
-//! What is written as a transcript is read again, however it is cut, and frames are found in whatever stands around them.
+//! What is written as a transcript is read again, however it is cut, and frames are found in whatever stands
+//! around them.
 
 use std::path::Path;
 use std::time::Duration;

@@ -19,7 +19,8 @@ use crate::saved_registers::STATE;
 use crate::shared::{Shared, State, now};
 use crate::wire::{CAMERA_PORT, PORT, Served};
 
-/// No cabinet has more tasks: one for each connection, camera and deed, and those that keep its time and its state.
+/// No cabinet has more tasks: one for each connection, camera and deed, and those that keep its time and its
+/// state.
 const MOST_TASKS: usize = 80;
 
 /// The program of the host: from its start to its end, which is that of its process.

@@ -1,4 +1,5 @@
-//! The program of a client: it watches, asks, writes, moves and stops, until all is quiet; then it shows that all works again.
+//! The program of a client: it watches, asks, writes, moves and stops, until all is quiet; then it shows that
+//! all works again.
 
 mod driving;
 mod mishaps;

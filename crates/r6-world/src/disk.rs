@@ -1,4 +1,5 @@
-//! A disk whose power can be cut: what was not brought to it by then is lost, in whole or in part, as the seed says.
+//! A disk whose power can be cut: what was not brought to it by then is lost, in whole or in part, as the
+//! seed says.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -12,7 +13,8 @@ use r6_traffic::random::Random;
 /// The longest file that the state of one controller needs: a full one has some 20 KiB.
 pub const MOST_BYTES: usize = 64 << 10;
 
-/// The most files: the state, the one that is written beside it, and damaged ones, of which there must be none.
+/// The most files: the state, the one that is written beside it, and damaged ones, of which there must be
+/// none.
 pub const MOST_FILES: usize = 2;
 
 /// A disk; clones are the same. It outlives the controllers that write to it.

@@ -12,8 +12,8 @@ pub enum Class {
     E1, E2, E3, E4, E5, E6, E7, E8,
 }
 
-/// What each class does here, and what is counted of it once it took effect. "Done": it happened at the machine or the host; whether
-/// anybody noticed is not known.
+/// What each class does here, and what is counted of it once it took effect. "Done": it happened at the
+/// machine or the host; whether anybody noticed is not known.
 pub const CLASSES: [(Class, &str, &str); 52] = {
     use Class::*;
     [

@@ -84,7 +84,8 @@ impl FaultEffects {
         }
     }
 
-    /// The class of a fault that struck. Without mains every connection is half-open, which no fault has done.
+    /// The class of a fault that struck. Without mains every connection is half-open, which no fault has
+    /// done.
     fn class_in_force(&self, fault: &Fault) -> Option<Class> {
         let word = fault.word();
         (word != "half-open" || self.is_in_force(word)).then(|| class_of(word)).flatten()

@@ -1,4 +1,5 @@
-//! Who stands at a controller and counts: what it carried out, what it was when, and whether it moved when nothing may.
+//! Who stands at a controller and counts: what it carried out, what it was when, and whether it moved when
+//! nothing may.
 
 mod list;
 mod observed;
@@ -19,10 +20,12 @@ use crate::record::Record;
 use crate::saved_registers::SavedRegister;
 use observed::Sight;
 
-/// An arm that is stopped rests after this long at the latest (`docs/FIDELITY.md`: a pause takes half a second).
+/// An arm that is stopped rests after this long at the latest (`docs/FIDELITY.md`: a pause takes half a
+/// second).
 const COMES_TO_REST: Duration = Duration::from_millis(700);
 
-/// After `actionStop` it rests this long after it at the latest (78 ms); it may be seen to stand when it is not quite at rest.
+/// After `actionStop` it rests this long after it at the latest (78 ms); it may be seen to stand when it is
+/// not quite at rest.
 const STOPS_WITHIN: Duration = Duration::from_millis(100);
 
 /// Clocks of hosts stand this far apart at most: each runs a step of the world by itself.
@@ -180,8 +183,8 @@ impl Floor {
         }
     }
 
-    /// The only program that commands it was told that it stands: nothing that left before its stop may move it now. A program that hears
-    /// of it late says nothing of what was sent or done after the stop.
+    /// The only program that commands it was told that it stands: nothing that left before its stop may move
+    /// it now. A program that hears of it late says nothing of what was sent or done after the stop.
     pub fn is_told_to_stand(&mut self, at: Duration) {
         if self.last_moved < self.last_stop {
             // It may be seen to stand when it is not quite at rest.

@@ -222,7 +222,8 @@ impl Line {
         self.connections.len()
     }
 
-    /// Whether a value that was asked for then may be called fresh now: it may be of a connection that is alive and leads to its own robot.
+    /// Whether a value that was asked for then may be called fresh now: it may be of a connection that is
+    /// alive and leads to its own robot.
     #[must_use]
     pub fn may_be_fresh(&self, asked: Duration, at: Duration) -> bool {
         self.connections.iter().any(|connection| {

@@ -25,7 +25,8 @@ const MOST_SEEDS: u64 = 1_000_000_000;
 /// So many failures are told.
 const MOST_FAILURES: usize = 5;
 
-/// Clients, controllers, cameras and disks in one process, broken from a seed and held to their promises (docs/SIMULATION.md).
+/// Clients, controllers, cameras and disks in one process, broken from a seed and held to their promises
+/// (docs/SIMULATION.md).
 #[derive(Parser)]
 #[command(
     after_help = "Examples:\n  r6-world --seeds 1000\n  r6-world --seeds 500 --drivers all\n  r6-world --seed 7 > seed-7.log    everything that happens, some thousand lines\n\n\
@@ -47,7 +48,8 @@ struct Wanted {
     /// Only worlds in which one class alone goes wrong: E1 to E8, P10; `all`: each seed has one of them.
     #[arg(long, value_name = "CLASS", value_parser = trap_of)]
     trap: Option<Trap>,
-    /// Calls that drive the connection badly for the others: `dropped` at any await, `slow` to be polled again, or `all` of that.
+    /// Calls that drive the connection badly for the others: `dropped` at any await, `slow` to be polled
+    /// again, or `all` of that.
     #[arg(long, value_name = "DRIVERS", value_parser = drivers_of)]
     drivers: Option<Drivers>,
     /// Of one seed, only the outcome.
@@ -125,7 +127,8 @@ fn worlds_of_a_seed(wanted: &Wanted) -> u64 {
     if wanted.trap.is_some() { 1 } else { 2 }
 }
 
-/// The seed and the trap of a world, counted from 0. Where no trap is wanted, every second world has the trap whose turn it is.
+/// The seed and the trap of a world, counted from 0. Where no trap is wanted, every second world has the trap
+/// whose turn it is.
 fn world_of(number: u64, wanted: &Wanted) -> (u64, Option<Trap>) {
     if wanted.trap.is_some() {
         return (wanted.from + number, wanted.trap);
@@ -152,7 +155,8 @@ fn many(wanted: &Wanted) -> ExitCode {
     let begun = Instant::now();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = wanted.jobs.map_or(cores, usize::from);
-    // On a terminal the line of progress is written over; in a log each would be a line of its own, and few will do.
+    // On a terminal the line of progress is written over; in a log each would be a line of its own, and few
+    // will do.
     let in_place = std::io::stderr().is_terminal();
     let between = Duration::from_secs(if in_place { 1 } else { 30 });
     let next = AtomicU64::new(0);

@@ -1,4 +1,5 @@
-//! What controllers have written for clients, and what of it was read: bytes that nobody reads belong to a connection that nobody drives.
+//! What controllers have written for clients, and what of it was read: bytes that nobody reads belong to a
+//! connection that nobody drives.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::{IpAddr, SocketAddr};
@@ -14,7 +15,8 @@ pub struct Pipes(BTreeMap<Ends, Pipe>);
 /// One connection, in the direction of the client.
 #[derive(Debug, Default)]
 struct Pipe {
-    /// The client and the number of its connection; `None` for a camera, and before the client knows that it is connected.
+    /// The client and the number of its connection; `None` for a camera, and before the client knows that it
+    /// is connected.
     reader: Option<(usize, usize)>,
     /// Bytes that were written and not read, and when they were written.
     unread: VecDeque<(Duration, usize)>,
@@ -64,7 +66,8 @@ impl Pipes {
         its.for_each(|(_, pipe)| *pipe = Pipe { is_over: true, ..Pipe::default() });
     }
 
-    /// The connections of a client on which something is unread: the number of each, and when the oldest of it was written.
+    /// The connections of a client on which something is unread: the number of each, and when the oldest of
+    /// it was written.
     pub fn unread(&self, client: usize) -> impl Iterator<Item = (usize, Duration)> + '_ {
         self.0.values().filter_map(move |pipe| {
             let (reader, number) = pipe.reader?;

@@ -134,7 +134,8 @@ pub enum Blow {
     Deafen { client: usize, deaf: bool },
     /// The disk is full, or has room again.
     FillDisk { robot: usize, full: bool },
-    /// Another robot answers a client where its own should, or its own again; the connections that are there end.
+    /// Another robot answers a client where its own should, or its own again; the connections that are there
+    /// end.
     Swap { client: usize, to: Option<usize> },
 }
 

@@ -1,5 +1,5 @@
-//! Whether the clock of a world still goes: a host that goes round and round without ever waiting keeps it from going, and the world from
-//! ending.
+//! Whether the clock of a world still goes: a host that goes round and round without ever waiting keeps it
+//! from going, and the world from ending.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -7,7 +7,8 @@ use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread;
 use std::time::Duration;
 
-/// One step of a world takes a millisecond or less of real time: on no computer, however busy, so many seconds.
+/// One step of a world takes a millisecond or less of real time: on no computer, however busy, so many
+/// seconds.
 const STANDS_STILL: Duration = Duration::from_secs(30);
 
 /// Looks after the clock of a world, from a thread of its own, until this is dropped.

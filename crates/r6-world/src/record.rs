@@ -1,4 +1,5 @@
-//! What happened in a world: a sum of all of it, the last of it in words, and the first promise that was broken.
+//! What happened in a world: a sum of all of it, the last of it in words, and the first promise that was
+//! broken.
 
 use std::collections::VecDeque;
 use std::fmt;

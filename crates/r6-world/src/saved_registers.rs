@@ -1,4 +1,5 @@
-//! Registers that a controller keeps: what it acknowledges is on its disk by then, and there again when it is switched on.
+//! Registers that a controller keeps: what it acknowledges is on its disk by then, and there again when it is
+//! switched on.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -29,7 +30,8 @@ pub fn look_at_disk(disk: &SimDisk, (register, value): (u16, i64), at: Duration,
     });
 }
 
-/// What a controller has that was switched on: the values that were acknowledged last, or some that were sent since.
+/// What a controller has that was switched on: the values that were acknowledged last, or some that were sent
+/// since.
 pub fn compare(
     (name, saved): (&str, &str),
     kept: &BTreeMap<u16, SavedRegister>,

@@ -153,7 +153,8 @@ impl AsyncRead for Tapped {
 }
 
 impl Tapped {
-    /// The simulated network knows no reset on purpose: who wants one says so, and the end that comes is taken for it.
+    /// The simulated network knows no reset on purpose: who wants one says so, and the end that comes is
+    /// taken for it.
     fn is_reset(&self) -> bool {
         match (self.stream.local_addr(), self.stream.peer_addr()) {
             (Ok(near), Ok(far)) => self.shared.state().resets.remove(&(far, near)),
@@ -239,8 +240,8 @@ impl AsyncWrite for Served {
     }
 }
 
-/// Every whole object in these bytes, nested ones too: where it begins and where it ends. What a reader with other rules for broken frames
-/// could take for a frame is among them.
+/// Every whole object in these bytes, nested ones too: where it begins and where it ends. What a reader with
+/// other rules for broken frames could take for a frame is among them.
 pub fn whole_frames(bytes: &[u8]) -> impl Iterator<Item = (usize, usize)> + '_ {
     let begins = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'{').map(|(at, _)| at);
     begins.filter_map(|begin| Some((begin, begin + length(&bytes[begin..])?)))

@@ -191,7 +191,8 @@ impl<'s> World<'s> {
         }
     }
 
-    /// A host is gone at once. Nobody is told: what is under way is lost, and what its sockets would say when they end.
+    /// A host is gone at once. Nobody is told: what is under way is lost, and what its sockets would say when
+    /// they end.
     fn crash(&mut self, name: &str) {
         let others: Vec<_> = self.hosts.iter().filter(|host| *host != name).cloned().collect();
         others.iter().for_each(|other| self.sim.partition(name, other.as_str()));
@@ -241,8 +242,8 @@ impl<'s> World<'s> {
     }
 }
 
-/// What of a table has to show at least once with these drivers, and does not: the faults that took effect, and the promises that were
-/// checked.
+/// What of a table has to show at least once with these drivers, and does not: the faults that took effect,
+/// and the promises that were checked.
 #[must_use]
 pub fn never_seen(tally: &Tally, drivers: Drivers) -> Vec<String> {
     let classes = crate::fault::CLASSES

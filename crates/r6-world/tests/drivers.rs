@@ -1,4 +1,5 @@
-//! Worlds whose calls drive badly: dropped at any await, or slow. Each is kept by its drivers, its trap, and its seed.
+//! Worlds whose calls drive badly: dropped at any await, or slow. Each is kept by its drivers, its trap, and
+//! its seed.
 
 use r6_world::fault::{Class, Promise};
 use r6_world::plan::{Drivers, Plan};
@@ -25,7 +26,8 @@ const HOLD: [(Drivers, Option<Class>, u64); 16] = {
         // A motion left for what was seen seconds ago (I3).
         (All, None, 167),
         (All, Some(E5), 202),
-        // These broke with earlier worlds: a call that was slow raised an alarm when the machine had been seen to.
+        // These broke with earlier worlds: a call that was slow raised an alarm when the machine had been
+        // seen to.
         (All, None, 1),
         (All, None, 112),
         (Slow, None, 24),

@@ -5,11 +5,12 @@ use r6_world::record::Tally;
 use r6_world::report;
 use r6_world::world;
 
-/// Worlds that see what worlds once found, where it is broken again: a motion that goes on over the next connection (27, 39 and 46 here, 7, 8 and
-/// 23 among the first), a list that is sent again after an unknown outcome (44, 46 and 48 here, 22 among the first). Which worlds do so changes
-/// with what clients do: `docs/SIMULATION.md` tells how that is tried. In 1844 a value was shown at a wrong address, after lists of wrong
-/// lengths; in 1235, too, after a reply that nobody had asked for. In 1198 steps were told as
-/// done while the arm made those of another master.
+/// Worlds that see what worlds once found, where it is broken again: a motion that goes on over the next
+/// connection (27, 39 and 46 here, 7, 8 and 23 among the first), a list that is sent again after an unknown
+/// outcome (44, 46 and 48 here, 22 among the first). Which worlds do so changes with what clients do:
+/// `docs/SIMULATION.md` tells how that is tried. In 1844 a value was shown at a wrong address, after lists of
+/// wrong lengths; in 1235, too, after a reply that nobody had asked for. In 1198 steps were told as done
+/// while the arm made those of another master.
 const FOUND: [u64; 8] = [27, 39, 44, 46, 48, 1198, 1235, 1844];
 
 /// Worlds of which at least two feel each class of faults.
@@ -27,8 +28,8 @@ fn hold(seeds: impl IntoIterator<Item = u64>) -> Tally {
     tally
 }
 
-/// Each class of faults takes effect, and each promise is looked at. Where another history has made it otherwise, `make sim` tells which
-/// seeds feel what.
+/// Each class of faults takes effect, and each promise is looked at. Where another history has made it
+/// otherwise, `make sim` tells which seeds feel what.
 #[test]
 fn every_fault_is_felt() {
     let mut never = world::never_seen(&hold(FEEL), Drivers::AsTheyCome);
@@ -53,12 +54,14 @@ fn worlds_that_see_what_was_once_found_hold() {
     hold(FOUND);
 }
 
-/// The same seed gives the same bytes on every wire and the same log, whatever ran before on the same thread, and another seed others.
+/// The same seed gives the same bytes on every wire and the same log, whatever ran before on the same thread,
+/// and another seed others.
 #[test]
 fn a_seed_says_everything() {
     world::catch_panics();
     let run = |seed| world::run(seed, false);
-    // In 6, 7 and 8 acknowledgements wait for the same write of a disk: woken in any order, they would leave in another one each time.
+    // In 6, 7 and 8 acknowledgements wait for the same write of a disk: woken in any order, they would leave
+    // in another one each time.
     let (kills, cuts) = (6, 13);
     let [killed, cut, ..] = [kills, cuts, 7, 8].map(|seed| {
         let (one, again) = (run(seed), run(seed));

@@ -1,4 +1,5 @@
-//! Worlds in which one thing goes wrong that deceives a statement about an arm. Each is kept as a plan: the class and the seed say everything.
+//! Worlds in which one thing goes wrong that deceives a statement about an arm. Each is kept as a plan: the
+//! class and the seed say everything.
 
 use r6_world::fault::{CLASSES, Class, PROMISES, Promise};
 use r6_world::plan::{Plan, TRAPS};
@@ -46,8 +47,9 @@ const HOLD: [(Class, u64); 47] = {
         // Whole, by an earlier check: the list was cleared when the arm was as good as at its target.
         (E5, 16),
         (E5, 17),
-        // Gapless: another client cleared the list, this one appended to it, and the cleared steps counted as carried out. 43 breaks
-        // it when `PathProgress` believes every length of the list (`make breaks`), the others broke it with an earlier client.
+        // Gapless: another client cleared the list, this one appended to it, and the cleared steps counted as
+        // carried out. 43 breaks it when `PathProgress` believes every length of the list (`make breaks`),
+        // the others broke it with an earlier client.
         (E5, 37),
         (E5, 43),
         (E5, 88),

@@ -143,10 +143,12 @@ fn server(samples: &Samples) {
     });
 }
 
-/// Time from one request to the next at a controller: long enough for what it was told to do, and for its answer.
+/// Time from one request to the next at a controller: long enough for what it was told to do, and for its
+/// answer.
 const APART: Duration = Duration::from_secs(600);
 
-/// Whole virtual controllers: a request comes, its answer leaves, and what it asks for is done until the next one comes.
+/// Whole virtual controllers: a request comes, its answer leaves, and what it asks for is done until the next
+/// one comes.
 fn controller() {
     let few = Samples::new(1);
     let many = Samples::new(50);

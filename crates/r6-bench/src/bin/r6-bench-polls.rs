@@ -1,6 +1,8 @@
-//! Polls twelve addresses over memory so often, and tells how long each took: `r6-bench-polls [COUNT]`, a million by default.
+//! Polls twelve addresses over memory so often, and tells how long each took: `r6-bench-polls [COUNT]`, a
+//! million by default.
 //!
-//! For a profiler, which shows where a query goes: `valgrind --tool=callgrind target/release/r6-bench-polls 20000`.
+//! For a profiler, which shows where a query goes:
+//! `valgrind --tool=callgrind target/release/r6-bench-polls 20000`.
 
 use std::time::Instant;
 
@@ -20,7 +22,8 @@ fn main() {
     let asking = async move {
         let robot =
             Robot::connect_with(memory::Memory, RobotSettings::default()).await.expect("memory connects");
-        // The first query waits until it is known who answers; this end says nothing of itself, so that takes half a second.
+        // The first query waits until it is known who answers; this end says nothing of itself, so that takes
+        // half a second.
         let mut result = robot.query(&addresses).await.expect("an answer");
         let begun = Instant::now();
         for _ in 0..count {

@@ -1,4 +1,5 @@
-//! How often memory is asked for. Counted in a process of its own, `r6-bench-allocations`: counting has its price, too.
+//! How often memory is asked for. Counted in a process of its own, `r6-bench-allocations`: counting has its
+//! price, too.
 
 use std::env;
 use std::process::Command;

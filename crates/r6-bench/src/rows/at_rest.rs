@@ -17,10 +17,12 @@ const CONTROLLERS: u16 = 1000;
 /// How long they are watched.
 const WATCHED: Duration = Duration::from_secs(5);
 
-/// What counts as noise: a five-thousandth of a core. A timer of each that went off once in that time would cost several times as much.
+/// What counts as noise: a five-thousandth of a core. A timer of each that went off once in that time would
+/// cost several times as much.
 const NOISE_MS: f64 = 1.0;
 
-/// Their process: a thousand controllers on ports of their own, of which it tells the first; it reads nothing else.
+/// Their process: a thousand controllers on ports of their own, of which it tells the first; it reads nothing
+/// else.
 pub fn serve() {
     let runtime = Builder::new_current_thread().enable_all().build().expect("a runtime");
     let settings = SimSettings { count: CONTROLLERS, ..SimSettings::default() };

@@ -39,7 +39,8 @@ fn against_ours(contenders: Vec<Contender<'_>>) -> Vec<Ratio> {
 /// Every kind of frame, decoded and encoded.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
-    // As fast as the fastest library that reads and writes JSON in general; more than that no user would feel.
+    // As fast as the fastest library that reads and writes JSON in general; more than that no user would
+    // feel.
     let beside = |what: String, ratios: &[Ratio]| {
         [
             (SONIC_RS, "sonic-rs, typed structs", Goal::AtLeastFast(1.0)),
@@ -109,7 +110,8 @@ pub fn frames() -> Vec<Row> {
     ]
 }
 
-/// Whether the work for a frame that comes byte by byte grows with its length alone: the same bytes as one frame and as four.
+/// Whether the work for a frame that comes byte by byte grows with its length alone: the same bytes as one
+/// frame and as four.
 fn piecemeal() -> Row {
     let frame = |items: usize| format!("{{\"a\":[{}1]}}", "1,".repeat(items)).into_bytes();
     let (long, short) = (frame(30_000), frame(7_497));

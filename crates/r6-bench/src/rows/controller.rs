@@ -28,7 +28,8 @@ pub fn rows() -> Vec<Row> {
 /// Time that one run of a moving arm covers.
 const SIMULATED: Duration = Duration::from_secs(3600);
 
-/// How many simulated seconds a second of the processor is, with an arm that moves and is polled ten times a second.
+/// How many simulated seconds a second of the processor is, with an arm that moves and is polled ten times a
+/// second.
 pub fn simulated() -> Vec<Row> {
     let speed = || {
         let before = processor_time();

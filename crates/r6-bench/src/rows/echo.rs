@@ -1,5 +1,5 @@
-//! The least that can be on the other end of a connection: it answers every query of twelve addresses with the same values, and reads
-//! nothing of it but its `packID`.
+//! The least that can be on the other end of a connection: it answers every query of twelve addresses with
+//! the same values, and reads nothing of it but its `packID`.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};

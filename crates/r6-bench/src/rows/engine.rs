@@ -1,4 +1,5 @@
-//! What the SDK itself costs: complete polls over a transport that is memory, so that no system call is in it.
+//! What the SDK itself costs: complete polls over a transport that is memory, so that no system call is in
+//! it.
 
 use std::time::Instant;
 
@@ -20,7 +21,8 @@ fn nanoseconds_per_poll() -> f64 {
     runtime.block_on(async {
         let robot = Robot::connect_with(Memory, RobotSettings::default()).await.expect("memory connects");
         let asking = tokio::spawn(async move {
-            // The first query waits until it is known who answers; this end says nothing of itself, so that takes half a second.
+            // The first query waits until it is known who answers; this end says nothing of itself, so that
+            // takes half a second.
             let mut result = robot.query(&addresses).await.expect("an answer");
             let (begun, before) = (Instant::now(), time_of_this_thread());
             let mut polls = 0_u32;

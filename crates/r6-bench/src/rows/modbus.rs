@@ -1,4 +1,5 @@
-//! The same poll by the Modbus libraries that people use: twelve registers, which are twelve words of two bytes.
+//! The same poll by the Modbus libraries that people use: twelve registers, which are twelve words of two
+//! bytes.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -30,8 +31,8 @@ const BEYOND_PYMODBUS: &str = "the kernel's part, which no client is without, is
 
 const SCRIPT: &str = "crates/r6-python/benches/modbus.py";
 
-/// The least that can be on the other end: it answers every request with the same twelve registers, and reads nothing of it but its
-/// number.
+/// The least that can be on the other end: it answers every request with the same twelve registers, and reads
+/// nothing of it but its number.
 fn serve(mut stream: TcpStream) {
     stream.set_nodelay(true).expect("small frames leave at once");
     let mut request = [0; REQUEST_BYTES];

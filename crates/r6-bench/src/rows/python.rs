@@ -1,4 +1,5 @@
-//! The round trip from Python, beside what people write by hand. Python does the measuring; here it is started and judged.
+//! The round trip from Python, beside what people write by hand. Python does the measuring; here it is
+//! started and judged.
 
 use std::path::Path;
 use std::process::Command;

@@ -107,7 +107,8 @@ pub fn rows() -> Vec<Row> {
     ]
 }
 
-/// The least that async costs: a tokio socket that writes and reads the same bytes, without a task of its own.
+/// The least that async costs: a tokio socket that writes and reads the same bytes, without a task of its
+/// own.
 fn bare_tokio<'c>(address: SocketAddr) -> Contender<'c> {
     let runtime = runtime();
     let query = echo::query_bytes();

@@ -32,7 +32,8 @@ fn frame(settings: &ClientSettings, ticket: Ticket, request: &Request<'_>) -> Ve
     frame
 }
 
-/// How many values a reply to a query has that says neither by number nor by addresses which query it answers.
+/// How many values a reply to a query has that says neither by number nor by addresses which query it
+/// answers.
 fn values_of_anybody(message: &Message<'_>) -> Option<usize> {
     match &message.body {
         Body::QueryReply(reply) if message.header.pack_id.is_none() && reply.addresses.is_none() => {
@@ -57,7 +58,8 @@ pub struct Ledger {
     requests: BTreeMap<Ticket, Sent>,
     /// A request has timed out: whatever comes without a number may answer it.
     late: bool,
-    /// A reply that does not say what it answers had more values than the first query that waited has addresses.
+    /// A reply that does not say what it answers had more values than the first query that waited has
+    /// addresses.
     exceeded: bool,
     /// Whether a reply that names nothing came before any was matched, and more than one query waited.
     of_any: bool,
@@ -163,7 +165,8 @@ impl Ledger {
         &self.last_reply
     }
 
-    /// Bytes have left: each request as it is encoded by itself, in turn, and no motion twice, whatever happened before.
+    /// Bytes have left: each request as it is encoded by itself, in turn, and no motion twice, whatever
+    /// happened before.
     pub fn left(&mut self, mut bytes: &[u8]) {
         self.count(bytes.len());
         let mut decoder = Decoder::new();

@@ -18,7 +18,8 @@ pub struct Cell {
     other: ConnectionId,
 }
 
-/// So many events in one stretch of time are enough: a program of steps that take no time has a thousand a second.
+/// So many events in one stretch of time are enough: a program of steps that take no time has a thousand a
+/// second.
 const MOST_EVENTS: u32 = 3_000;
 
 impl Cell {

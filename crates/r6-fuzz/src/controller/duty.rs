@@ -1,4 +1,5 @@
-//! What a controller has to do: a move that it was ready for and has taken ends at its target, and what a command has set is so.
+//! What a controller has to do: a move that it was ready for and has taken ends at its target, and what a
+//! command has set is so.
 
 use std::time::Duration;
 
@@ -11,7 +12,8 @@ use super::operation::{AxisMove, Operation};
 /// How far from its target an axis may end, degrees or mm: frames carry three decimals.
 const NEAR: f64 = 0.001;
 
-/// What a move may take beside its way at its speed, s: the ramps of both ends, the longest that any input sets.
+/// What a move may take beside its way at its speed, s: the ramps of both ends, the longest that any input
+/// sets.
 const RAMPS: f64 = 4.0;
 
 /// The alarm of a client that was heard and has gone silent: it stops a move by itself.

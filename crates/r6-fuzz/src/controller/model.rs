@@ -1,4 +1,5 @@
-//! What a controller may do, in a few rules that a person can read: the reference that it is held to after each operation.
+//! What a controller may do, in a few rules that a person can read: the reference that it is held to after
+//! each operation.
 
 use std::time::Duration;
 
@@ -174,7 +175,8 @@ impl Model {
         self.hold_at_rest(&seen, cell.now);
     }
 
-    /// What an emergency stop, an alarm and a stop have in common: once their time is over the arm rests, and stays where it is.
+    /// What an emergency stop, an alarm and a stop have in common: once their time is over the arm rests, and
+    /// stays where it is.
     fn hold_at_rest(&mut self, seen: &ControllerSnapshot, now: Instant) {
         if seen.alarm == 0 {
             self.alarm_since = None;

@@ -141,7 +141,8 @@ impl<'b> Operation<'b> {
         }
     }
 
-    /// Whether it may set the arm in motion, or a program: an explicit new command, or bytes that could hold one.
+    /// Whether it may set the arm in motion, or a program: an explicit new command, or bytes that could hold
+    /// one.
     pub fn may_start(&self) -> bool {
         const STARTS: [&str; 4] =
             ["startButton", "actionSingleCycle", "clearAlarmRunNext", "clearAlarmContinue"];

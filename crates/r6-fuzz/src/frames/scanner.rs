@@ -1,5 +1,5 @@
-//! The rules of frame boundaries once more, as plainly as they can be written: one byte after the other, the whole stream at
-//! hand, nothing resumed, nothing at once. For streams that are UTF-8.
+//! The rules of frame boundaries once more, as plainly as they can be written: one byte after the other, the
+//! whole stream at hand, nothing resumed, nothing at once. For streams that are UTF-8.
 
 use r6_proto::frame::{FrameFault, Limits};
 

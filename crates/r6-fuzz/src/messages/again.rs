@@ -1,4 +1,5 @@
-//! What a frame says is written again, strictly, and read again: the same; and written a third time: the same bytes.
+//! What a frame says is written again, strictly, and read again: the same; and written a third time: the same
+//! bytes.
 
 use crate::written::{same_command, same_instructions, same_points};
 use r6_proto::dialect::Addressing;

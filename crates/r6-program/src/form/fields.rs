@@ -11,8 +11,8 @@ use crate::mistakes::MAX_MISTAKES;
 
 /// A table whose fields are asked for by name.
 ///
-/// A value that is wrong is noted and then counts as not given, so that the rest of the table is read. [`Fields::finish`] gives a result only if
-/// nothing was noted.
+/// A value that is wrong is noted and then counts as not given, so that the rest of the table is read.
+/// [`Fields::finish`] gives a result only if nothing was noted.
 #[derive(Debug)]
 pub struct Fields<'d> {
     table: &'d Table,
@@ -53,7 +53,8 @@ impl<'d> Fields<'d> {
         Wrong { at: self.table.value(name).map(|value| value.at), ..Wrong::from(what) }
     }
 
-    /// Notes what is wrong with the value of a key. What it returns ends the reading of the table and says nothing more.
+    /// Notes what is wrong with the value of a key. What it returns ends the reading of the table and says
+    /// nothing more.
     pub fn wrong(&self, name: &str, what: impl Into<String>) -> Wrong {
         self.note(self.at(name, what));
         Wrong::from("")
@@ -269,8 +270,8 @@ impl<'d> Fields<'d> {
         tables
     }
 
-    /// The result, if nothing is wrong with the table. What is wrong is moved to `found`: what was noted, what ended the reading, and the keys
-    /// that mean nothing.
+    /// The result, if nothing is wrong with the table. What is wrong is moved to `found`: what was noted,
+    /// what ended the reading, and the keys that mean nothing.
     pub fn finish<T>(self, read: Result<T, Wrong>, found: &mut Found<'_>) -> Option<T> {
         self.finish_with(read, found, |_| None)
     }

@@ -12,8 +12,8 @@ use crate::lines;
 /// What is wrong with a document, and at which byte.
 type NoJson = (usize, String);
 
-/// The table that a text in JSON is. Its places are those of the parts of the text: `serde_json` hands out each value as the piece of text that
-/// it was read from.
+/// The table that a text in JSON is. Its places are those of the parts of the text: `serde_json` hands out
+/// each value as the piece of text that it was read from.
 pub fn parse(text: &str) -> Result<Table, NoJson> {
     let raw: &RawValue = serde_json::from_str(text).map_err(|error| {
         let at = lines::offset(text, error.line(), error.column());

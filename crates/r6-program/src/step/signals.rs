@@ -166,7 +166,8 @@ pub fn output(fields: &Fields<'_>, program: ProgramKind) -> Result<Action, Wrong
     Ok(Action::Output(Output { kind: OutputKind::TimedY, point, on: on.unwrap_or(true), delay }))
 }
 
-/// Many outputs of one board: `set` and `clear` name them. Before, `kind` and `board` told the board, and they counted them.
+/// Many outputs of one board: `set` and `clear` name them. Before, `kind` and `board` told the board, and
+/// they counted them.
 pub fn board_output(fields: &Fields<'_>, program: ProgramKind) -> Result<Action, Wrong> {
     let board = fields.whole("board", 1_u8).unwrap_or(0);
     let kind = fields.word("kind", &OUTPUTS).unwrap_or(PointKind::Y);

@@ -19,8 +19,8 @@ const MAX_LOG: usize = 200_000;
 
 /// A hostile controller, without sockets and clocks.
 ///
-/// Times count from its start and never go back. Connections are numbered in the order in which they open, the first is 1; robots
-/// in the same way.
+/// Times count from its start and never go back. Connections are numbered in the order in which they open,
+/// the first is 1; robots in the same way.
 #[derive(Debug)]
 pub struct Arm {
     pub(super) character: Character,
@@ -241,7 +241,8 @@ impl Arm {
         });
     }
 
-    /// The other robot answers from now on; again, and the first one is back. Without one in the character it is "cell 5".
+    /// The other robot answers from now on; again, and the first one is back. Without one in the character it
+    /// is "cell 5".
     pub fn swap(&mut self, now: Duration) {
         self.advance(now);
         if self.bodies.len() == 1 {
@@ -293,7 +294,8 @@ impl Arm {
         }
     }
 
-    /// What it does from now on; times in it that have an agenda (`foreign`, `program`, `swap`, `reboot`) are those of [`Arm::new`].
+    /// What it does from now on; times in it that have an agenda (`foreign`, `program`, `swap`, `reboot`) are
+    /// those of [`Arm::new`].
     pub fn character_mut(&mut self) -> &mut Character {
         &mut self.character
     }

@@ -1,6 +1,7 @@
 //! In which ways an arm misbehaves.
 //!
-//! All fields have a default, which behaves. In JSON a time is a number of seconds, an unknown field is an error.
+//! All fields have a default, which behaves. In JSON a time is a number of seconds, an unknown field is an
+//! error.
 
 use std::time::Duration;
 
@@ -9,14 +10,15 @@ use serde_json::Value;
 
 use super::AXES;
 
-/// What the controller does, and what it says about it. Times that begin with `at` count from the start of the arm.
+/// What the controller does, and what it says about it. Times that begin with `at` count from the start of
+/// the arm.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Character {
     /// The robot that answers first.
     pub cabinet: Cabinet,
-    /// The arm stands this long at each point that is not blended while more steps wait, and `isMoving` is 0 (0.25 to 0.33 s seen,
-    /// unit A).
+    /// The arm stands this long at each point that is not blended while more steps wait, and `isMoving` is 0
+    /// (0.25 to 0.33 s seen, unit A).
     #[serde(deserialize_with = "seconds::deserialize")]
     pub dwell: Duration,
     /// `RemoteCmdLen` is 0 during such a dwell, although steps wait.
@@ -35,13 +37,15 @@ pub struct Character {
     pub late: Vec<Late>,
     /// Instructions that are answered ok and dropped (seen: a curve move without a linear move before it).
     pub never_executed: Option<NeverExecuted>,
-    /// In mode 2 a list is taken, and the mode goes to 7 by itself (unit B). Else mode 2 refuses lists (firmware F5.2.1).
+    /// In mode 2 a list is taken, and the mode goes to 7 by itself (unit B). Else mode 2 refuses lists
+    /// (firmware F5.2.1).
     pub arms_itself: bool,
     /// What other clients do to the list.
     pub foreign: Vec<Foreign>,
     /// A taught program that runs at the start. `RemoteCmdLen` does not count its steps.
     pub program: Option<Program>,
-    /// Another robot takes the place of the first one: two cabinets behind one port, a `Listen` where the next controller dials.
+    /// Another robot takes the place of the first one: two cabinets behind one port, a `Listen` where the
+    /// next controller dials.
     pub swap: Option<Swap>,
     /// The controller starts anew in the middle of things.
     pub reboot: Option<Reboot>,
@@ -67,7 +71,8 @@ pub struct Cabinet {
     pub alarm: i64,
     /// `origin`.
     pub homed: bool,
-    /// The speed of the axis that moves most, degrees per second; what an instruction says of speed does not count.
+    /// The speed of the axis that moves most, degrees per second; what an instruction says of speed does not
+    /// count.
     pub deg_per_s: f64,
     /// The speed of a linear move, mm per second.
     pub mm_per_s: f64,
@@ -113,7 +118,8 @@ pub struct Stops {
     pub stop_button: Reaction,
     /// `actionPause`. Default: stops in 500 ms, then mode 2 (unit B).
     pub action_pause: Reaction,
-    /// AddRCC with `emptyList` 1 and no instructions. [`Effect::Works`]: steps that wait are dropped, the one that runs ends.
+    /// AddRCC with `emptyList` 1 and no instructions. [`Effect::Works`]: steps that wait are dropped, the one
+    /// that runs ends.
     pub clear: Reaction,
 }
 
@@ -342,7 +348,8 @@ pub enum Links {
     Carried,
 }
 
-/// The controller starts anew: connections end, its list is empty, the arm stands where it was, and it is the same robot.
+/// The controller starts anew: connections end, its list is empty, the arm stands where it was, and it is the
+/// same robot.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Reboot {

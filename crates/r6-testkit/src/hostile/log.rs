@@ -67,7 +67,8 @@ pub enum Did {
 /// A step that the arm began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Carried {
-    /// The AddRCC that brought it, the first one of this robot is 1, other clients' included; 0 for the taught program.
+    /// The AddRCC that brought it, the first one of this robot is 1, other clients' included; 0 for the
+    /// taught program.
     pub list: u32,
     /// Its place in that list, the first is 1.
     pub place: u32,

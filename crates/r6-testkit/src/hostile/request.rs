@@ -130,7 +130,8 @@ impl Arm {
         Outcome { did, reply: answer(taken) }
     }
 
-    /// Whether lists are taken in the mode that it is in; from mode 2 it goes to 7 where it does so by itself.
+    /// Whether lists are taken in the mode that it is in; from mode 2 it goes to 7 where it does so by
+    /// itself.
     fn takes_lists(&mut self, robot: usize) -> bool {
         let body = &mut self.bodies[robot];
         if body.mode == 2 && self.character.arms_itself && body.alarm == 0 {
@@ -215,8 +216,8 @@ fn verdict(word: &str, ok: bool) -> Value {
     json!({ "cmdReply": [word, if ok { "ok" } else { "err" }] })
 }
 
-/// A reply in the form of captured controllers: keys in alphabetical order, no byte after the brace, `dsID`, `packID` and type as in
-/// the request.
+/// A reply in the form of captured controllers: keys in alphabetical order, no byte after the brace, `dsID`,
+/// `packID` and type as in the request.
 fn enveloped(request: &Value, mut body: Value) -> Vec<u8> {
     for key in ["dsID", "packID", "reqType", "cmdType"] {
         if let (Some(value), Some(reply)) = (request.get(key), body.as_object_mut()) {

@@ -7,7 +7,8 @@ use serde_json::Value;
 use super::AXES;
 use super::track::WORLD_OFFSET;
 
-/// A tool moves the flange so far from the target, mm in Z: the position that is told is another than the one that was sent.
+/// A tool moves the flange so far from the target, mm in Z: the position that is told is another than the one
+/// that was sent.
 const TOOL_LENGTH: f64 = 50.0;
 
 /// What one instruction is for this machine.
@@ -41,7 +42,8 @@ pub(super) enum Act {
 }
 
 impl Step {
-    /// Reads an instruction. What is missing or cannot be read counts as not there; this is a machine that does not validate.
+    /// Reads an instruction. What is missing or cannot be read counts as not there; this is a machine that
+    /// does not validate.
     pub(super) fn read(list: u32, place: u32, instruction: &Value) -> Self {
         let number = |key: &str| number(&instruction[key]);
         let tool = number("tool").is_some_and(|tool| tool != 0.0);

@@ -15,8 +15,8 @@ pub enum Door {
 }
 
 impl Door {
-    /// What these faults make of it. What gets no answer is not refused either. A chance of 0 is none; any other is no chance but certainty:
-    /// a port is closed or it is not.
+    /// What these faults make of it. What gets no answer is not refused either. A chance of 0 is none; any
+    /// other is no chance but certainty: a port is closed or it is not.
     #[must_use]
     pub fn of(faults: &[LinkFaultNow]) -> Self {
         let has = |which| faults.iter().any(|one| one.fault == which && one.chance > 0.0);

@@ -7,8 +7,8 @@ use r6_proto::time::Instant;
 
 use super::{Delivery, MAX_WAITING_PARCELS};
 
-/// A slow line hands over what it carries in this time at once, but at least a byte: a timer for each byte would cost more than it
-/// shows.
+/// A slow line hands over what it carries in this time at once, but at least a byte: a timer for each byte
+/// would cost more than it shows.
 const SLICE: Duration = Duration::from_millis(20);
 
 /// Bytes that were given together.
@@ -92,7 +92,8 @@ impl Way {
         self.room(most) > 0
     }
 
-    /// How many bytes it takes: no more than `most` wait, and on a slow line no more than it carries in a second.
+    /// How many bytes it takes: no more than `most` wait, and on a slow line no more than it carries in a
+    /// second.
     pub fn room(&self, most: usize) -> usize {
         if self.parcels.len() >= MAX_WAITING_PARCELS {
             return 0;

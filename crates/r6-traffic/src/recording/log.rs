@@ -54,7 +54,8 @@ const FIRST_KEYS: [&[u8]; 10] = [
     b"instructions",
 ];
 
-/// Where the next frame begins, from `at` on. In the midst of a broken frame only a `{` with a key of its own kind counts.
+/// Where the next frame begins, from `at` on. In the midst of a broken frame only a `{` with a key of its own
+/// kind counts.
 fn next_start(input: &[u8], at: usize, resync: bool) -> Option<usize> {
     let mut at = at;
     loop {

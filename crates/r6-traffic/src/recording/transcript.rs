@@ -1,7 +1,8 @@
 //! Transcripts: whole conversations, one write of one side a line.
 //!
-//! A line is `{"from":"pc","ms":17,"bytes":"{…}"}`, as `vectors/README.md` describes it. Where the bytes are not UTF-8 (GBK, or a
-//! write that ends within a character), `bytes_hex` stands in place of `bytes`: two hexadecimal digits a byte.
+//! A line is `{"from":"pc","ms":17,"bytes":"{…}"}`, as `vectors/README.md` describes it. Where the bytes are
+//! not UTF-8 (GBK, or a write that ends within a character), `bytes_hex` stands in place of `bytes`: two
+//! hexadecimal digits a byte.
 
 use std::time::Duration;
 
@@ -20,7 +21,8 @@ pub struct Write {
     pub line: usize,
     /// Who wrote.
     pub from: Side,
-    /// When, in whole milliseconds; the origin is the moment when the connection was made. `None` if the line does not tell.
+    /// When, in whole milliseconds; the origin is the moment when the connection was made. `None` if the line
+    /// does not tell.
     pub time: Option<Instant>,
     /// What was written: a part of a frame, a frame or several.
     pub bytes: Vec<u8>,
@@ -51,7 +53,8 @@ pub fn about(text: &str) -> String {
     line_of(&About { about: text.to_owned() })
 }
 
-/// The line of one write, with its end of line. Of the time since the connection was made, the whole milliseconds are written.
+/// The line of one write, with its end of line. Of the time since the connection was made, the whole
+/// milliseconds are written.
 #[must_use]
 pub fn line(from: Side, time: Instant, bytes: &[u8]) -> String {
     let ms = Value::from(time.as_nanos() / 1_000_000);
@@ -71,8 +74,8 @@ fn line_of(line: &impl Serialize) -> String {
 /// How many writes of a transcript are read: hours of traffic. Each takes memory, even one without bytes.
 pub const MAX_WRITES: usize = 1 << 20;
 
-/// The writes of a transcript; `None` if a line is none of a transcript, or if there is no write or more than [`MAX_WRITES`]: such a file
-/// is read as a log.
+/// The writes of a transcript; `None` if a line is none of a transcript, or if there is no write or more than
+/// [`MAX_WRITES`]: such a file is read as a log.
 #[must_use]
 pub fn writes(input: &[u8]) -> Option<Vec<Write>> {
     writes_within(input, MAX_WRITES)

@@ -1,4 +1,5 @@
-//! Calls that drive their connection badly: some are dropped where they wait, some are slow. What others wait for must not suffer by it.
+//! Calls that drive their connection badly: some are dropped where they wait, some are slow. What others wait
+//! for must not suffer by it.
 
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
@@ -12,7 +13,8 @@ use crate::fault::Class;
 use crate::line::Line;
 use crate::shared::Shared;
 
-/// A call is dropped after less than so many polls: a query needs two or three, a motion that is begun some more.
+/// A call is dropped after less than so many polls: a query needs two or three, a motion that is begun some
+/// more.
 const MOST_POLLS: usize = 8;
 
 /// So often a call is slow at most, so that none takes longer than calls may.

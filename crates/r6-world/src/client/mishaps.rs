@@ -1,4 +1,5 @@
-//! What befalls the motions of a program: its connection goes deaf, its output fails, whoever owns the motion is interrupted.
+//! What befalls the motions of a program: its connection goes deaf, its output fails, whoever owns the motion
+//! is interrupted.
 
 use std::time::Duration;
 
@@ -78,7 +79,8 @@ impl Work {
         sleep(LATEST).await;
     }
 
-    /// Stops a motion at some time, by its handle or past it, and looks at the arm for long enough to see what follows.
+    /// Stops a motion at some time, by its handle or past it, and looks at the arm for long enough to see
+    /// what follows.
     async fn stop_it(&mut self, handle: MotionHandle) {
         sleep(ms(30) + self.random.up_to(ms(2500))).await;
         let stopped = if self.random.strikes(0.5) {
@@ -135,8 +137,8 @@ impl Work {
         true
     }
 
-    /// A motion has no owner any more: all of it that can be seen is that a stop leaves, or that each of its steps is carried out. One of
-    /// which nothing left never was.
+    /// A motion has no owner any more: all of it that can be seen is that a stop leaves, or that each of its
+    /// steps is carried out. One of which nothing left never was.
     async fn is_without_owner(&mut self, class: Class, begun: Duration, steps: &[i64]) {
         let (lost, index, robot) = (now(), self.index, self.plan.robot);
         self.shared.state().record.strikes(class);

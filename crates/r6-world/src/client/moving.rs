@@ -1,4 +1,5 @@
-//! What a program does with the arm: paths that are streamed, targets that are followed, stops, and places that cannot be reached.
+//! What a program does with the arm: paths that are streamed, targets that are followed, stops, and places
+//! that cannot be reached.
 
 use std::pin::pin;
 
@@ -272,13 +273,15 @@ impl Work {
         self.shared.state().lines[self.index].unnumbered -= 1;
     }
 
-    /// A list that a careless program sends without having looked: it leaves only where somebody has looked on this connection.
+    /// A list that a careless program sends without having looked: it leaves only where somebody has looked
+    /// on this connection.
     async fn send_without_a_look(&mut self) {
         self.send_blindly().await;
         sleep(ms(400)).await;
     }
 
-    /// Sends such a list as soon as a connection was made anew: ahead of whoever looks there, or together with him.
+    /// Sends such a list as soon as a connection was made anew: ahead of whoever looks there, or together
+    /// with him.
     pub(super) async fn be_hasty(mut self) {
         let mut news = self.shared.state().lines[self.index].news.subscribe();
         while self.plan.moves && !self.is_over() {

@@ -26,7 +26,8 @@ impl Work {
         }
     }
 
-    /// Whatever is shown has an age and a quality; what is shown as fresh came over the wire, and is what the machine was.
+    /// Whatever is shown has an age and a quality; what is shown as fresh came over the wire, and is what the
+    /// machine was.
     fn check(&self, snapshot: &Snapshot) {
         let at = now();
         let mut state = self.shared.state();

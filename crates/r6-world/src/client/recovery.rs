@@ -1,4 +1,5 @@
-//! What a program does when the faults are over: everything works again, on the handle that was there all the time.
+//! What a program does when the faults are over: everything works again, on the handle that was there all the
+//! time.
 
 use r6_client::{Command, OperationMode, RegisterIndex, Unmet, WaitOptions};
 use tokio::time::sleep;
@@ -26,8 +27,8 @@ impl Work {
         }
     }
 
-    /// The faults are over and somebody has seen to the machine: a query, a command, a motion and a stop succeed on the handle that was there
-    /// all the time.
+    /// The faults are over and somebody has seen to the machine: a query, a command, a motion and a stop
+    /// succeed on the handle that was there all the time.
     pub(super) async fn all_is_well(mut self) -> Result<(), String> {
         self.make_ready().await?;
         let register = RegisterIndex::new(WRITTEN).ok_or("no register")?;

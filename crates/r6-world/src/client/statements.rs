@@ -25,7 +25,8 @@ impl Work {
         let of = if is_true { steps } else { &steps[steps.len() - 1..] };
         let left = steps.iter().all(|step| line.has_sent(*step));
         let others_clear = self.shared.plan.trap == Some(Class::E5);
-        // Where others clear the list while the arm makes a step, the controller never counts that step as carried out.
+        // Where others clear the list while the arm makes a step, the controller never counts that step as
+        // carried out.
         let is_through =
             if self.is_alone() && !others_clear { floor.has_done(of) } else { floor.is_through_with(of) };
         record.check(Promise::Once, at, left && is_through, || {
@@ -62,7 +63,8 @@ impl Work {
             let (done, begun) = (floor.has_done(&[*step]), floor.has_begun(*step));
             let holds = match told.state() {
                 StepState::Queued => !left,
-                // Where the next move is blended in, a client sees it begin before the machine counts this one.
+                // Where the next move is blended in, a client sees it begin before the machine counts this
+                // one.
                 StepState::Done => left && (begun || !is_true),
                 StepState::Sent | StepState::Running | StepState::Lost => true,
             };

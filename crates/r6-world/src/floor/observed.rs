@@ -1,4 +1,5 @@
-//! The machine as it was seen, instant by instant: whether it rests when it has to, its limits, and what it was when.
+//! The machine as it was seen, instant by instant: whether it rests when it has to, its limits, and what it
+//! was when.
 
 use std::time::Duration;
 
@@ -13,12 +14,12 @@ use crate::record::Record;
 /// What was seen longer ago is of no use: no client calls it fresh.
 const REMEMBERED: Duration = Duration::from_secs(8);
 
-/// Speeds are compared over no shorter and no longer time: a difference of two instants is nothing but rounding, and over a longer
-/// one a peak is lost.
+/// Speeds are compared over no shorter and no longer time: a difference of two instants is nothing but
+/// rounding, and over a longer one a peak is lost.
 const COMPARED: [f64; 2] = [0.0009, 0.030];
 
-/// Acceleration and jerk that no axis exceeds, for one unit of its full speed: those of a stop from full speed within 78 ms, twice, as where
-/// one move is blended into the next (`docs/FIDELITY.md`).
+/// Acceleration and jerk that no axis exceeds, for one unit of its full speed: those of a stop from full
+/// speed within 78 ms, twice, as where one move is blended into the next (`docs/FIDELITY.md`).
 const MOST_ACCELERATION: f64 = 2.0 * 2.0 / 0.078;
 
 const MOST_JERK: f64 = 2.0 * 8.0 / (0.078 * 0.078);

@@ -20,8 +20,8 @@ impl Line {
         connection.came.extend_from_slice(bytes);
     }
 
-    /// A command with this value was answered with ok: whole replies came since it left that say so (I1), and one of them has its number,
-    /// came in time, and answers nothing else (I2).
+    /// A command with this value was answered with ok: whole replies came since it left that say so (I1), and
+    /// one of them has its number, came in time, and answers nothing else (I2).
     pub fn answered(&mut self, value: i64, since: Duration, at: Duration, record: &mut Record) {
         let (patience, found) = (self.patience + SKEW * 2, value.to_string());
         let (mut came, mut answered) = (false, false);
@@ -93,7 +93,8 @@ mod tests {
         Duration::from_millis(millis)
     }
 
-    /// The first promise that is broken when a command with number 5 and value 77 is said to be answered with ok; what came, and when.
+    /// The first promise that is broken when a command with number 5 and value 77 is said to be answered with
+    /// ok; what came, and when.
     fn broken(replies: &[(u64, &str)]) -> Option<Promise> {
         let plan = ClientPlan {
             robot: 0,

@@ -102,8 +102,8 @@ impl Line {
         let Some(steps) = steps.filter(|steps| !steps.is_empty()) else { return };
         floors[to].lists_sent += 1;
         floors[to].is_commanded(at);
-        // Where nobody numbered the step, a program sent it by itself, and when it looked is its own business. What streams steps looks by
-        // itself once it was asked to, whoever else did before.
+        // Where nobody numbered the step, a program sent it by itself, and when it looked is its own
+        // business. What streams steps looks by itself once it was asked to, whoever else did before.
         let is_streamed = steps.iter().all(|step| number_in(step) > 0);
         let streams =
             |run: &&Run| is_streamed && steps.iter().any(|step| run.steps.contains(&number_in(step)));
@@ -138,12 +138,12 @@ impl Line {
         });
     }
 
-    /// When the last look at mode and alarm on this connection was answered; for a motion that was asked for at a time: the last look of
-    /// its own.
+    /// When the last look at mode and alarm on this connection was answered; for a motion that was asked for
+    /// at a time: the last look of its own.
     fn seen_before(&self, at: Duration, number: usize, asked: Option<Duration>) -> Option<Duration> {
         let connection = &self.connections[number];
-        // On a connection that was made anew neither what a subscription polls counts nor the question who is there: the program itself
-        // has to look. The first one begins with the program.
+        // On a connection that was made anew neither what a subscription polls counts nor the question who is
+        // there: the program itself has to look. The first one begins with the program.
         let looks = |sent: &&Sent| {
             let Some(addresses) = sent.frame["queryAddr"].as_array() else { return false };
             let has = |wanted: &str| addresses.iter().any(|address| address == wanted);

@@ -1,4 +1,5 @@
-//! Whether the connections of a client are driven, however its calls drive: what came is read, and heartbeats leave.
+//! Whether the connections of a client are driven, however its calls drive: what came is read, and heartbeats
+//! leave.
 
 use std::time::Duration;
 
@@ -19,8 +20,8 @@ const BEATS_WITHIN: Duration = Duration::from_millis(20);
 impl Line {
     /// Looks at all connections of this client. `latency`: the longest time that a packet takes.
     ///
-    /// A call that is slow harms itself: while no other call waits, nobody watches and no heartbeat is due, nobody has to read what comes
-    /// for it.
+    /// A call that is slow harms itself: while no other call waits, nobody watches and no heartbeat is due,
+    /// nobody has to read what comes for it.
     pub fn look_at_drivers(
         &self,
         client: usize,

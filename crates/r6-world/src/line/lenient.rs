@@ -14,8 +14,8 @@ pub fn says_ok(reply: &str) -> bool {
     reply.to_ascii_lowercase().contains("ok")
 }
 
-/// Whether a frame tells this value of this address: in its list at the place of the address; where there is no list of addresses of that
-/// length, anywhere in its list.
+/// Whether a frame tells this value of this address: in its list at the place of the address; where there is
+/// no list of addresses of that length, anywhere in its list.
 pub fn tells(frame: &str, address: &str, reading: &Reading) -> bool {
     let is_it = |text: &String| is(text, reading);
     let fits = |asked: &Vec<String>, values: &Vec<String>| {
@@ -41,8 +41,8 @@ fn is(text: &str, reading: &Reading) -> bool {
     }
 }
 
-/// Every list that has this name in a frame: its members as text, quoted or not. A frame that is no JSON for something that is in it is read
-/// as a reader could who takes the list all the same.
+/// Every list that has this name in a frame: its members as text, quoted or not. A frame that is no JSON for
+/// something that is in it is read as a reader could who takes the list all the same.
 fn lists(frame: &str, name: &str) -> Vec<Vec<String>> {
     let name = format!("\"{name}\"");
     let begins = frame.match_indices(&name).filter_map(|(at, _)| frame.get(at + name.len()..));

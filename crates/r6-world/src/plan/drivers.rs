@@ -7,15 +7,18 @@ use r6_traffic::random::Random;
 use super::Plan;
 use crate::fault::Class;
 
-/// How the calls of a client drive its connection. Who waits for an answer drives for all; this says how badly he does it.
+/// How the calls of a client drive its connection. Who waits for an answer drives for all; this says how
+/// badly he does it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Drivers {
     /// Each call is polled whenever it is woken, until its end.
     #[default]
     AsTheyCome,
-    /// Some calls are dropped, at any await: after so many polls, when they are woken again, or after some time (K3).
+    /// Some calls are dropped, at any await: after so many polls, when they are woken again, or after some
+    /// time (K3).
     Dropped,
-    /// Some calls are slow: once polled they keep their place, are woken, and are not polled for up to some seconds (K4).
+    /// Some calls are slow: once polled they keep their place, are woken, and are not polled for up to some
+    /// seconds (K4).
     Slow,
     /// Both.
     All,
@@ -53,8 +56,8 @@ impl fmt::Display for Drivers {
 }
 
 impl Plan {
-    /// The same world with other drivers. The rest of it stays as it is, but half of the clients watch nothing: with a subscription the
-    /// keeper drives all the time, and hides what calls fail to do.
+    /// The same world with other drivers. The rest of it stays as it is, but half of the clients watch
+    /// nothing: with a subscription the keeper drives all the time, and hides what calls fail to do.
     #[must_use]
     pub fn driven_by(mut self, drivers: Drivers) -> Self {
         if drivers == Drivers::AsTheyCome {
