@@ -48,7 +48,7 @@ fn bytes_of(delivered: &[(Instant, Delivery)]) -> Vec<u8> {
     pieces.collect::<Vec<_>>().concat()
 }
 
-/// Frames of random bytes, each with a time in ns.
+/// Frames of random bytes, each with the pause before it in ns.
 fn frames() -> impl Strategy<Value = Vec<(u64, Vec<u8>)>> {
     prop::collection::vec((0..30_000_000_u64, prop::collection::vec(any::<u8>(), 1..300)), 1..30)
 }
