@@ -91,7 +91,7 @@ pub enum Step {
         /// Speed, delay, blend level and frames of the move.
         manner: Manner,
     },
-    /// Takes the oldest point of a camera, and waits for one if there is none.
+    /// Takes the oldest point of a camera. It waits if no point has arrived yet.
     TakePoint {
         /// The camera.
         camera: i64,

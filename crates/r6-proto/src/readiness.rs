@@ -6,8 +6,8 @@ use crate::address::Address;
 use crate::alarm::AlarmCode;
 use crate::mode::OperationMode;
 
-/// The values that show whether a machine accepts instructions. `None` if the controller has no such value or
-/// sent one that cannot be read.
+/// The values that show whether a machine accepts instructions. `None` if the controller has no such value,
+/// or if the value cannot be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReadinessFacts<'s> {
     /// `curMold`: the program. Only the pendant's port reports it.

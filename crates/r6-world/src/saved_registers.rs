@@ -46,7 +46,7 @@ pub fn compare(
     }
 }
 
-/// The value of a register in a saved state; 0 if there is none.
+/// The value of a register in a saved state; 0 if the state does not have it.
 fn value_in(saved: &str, register: u16) -> i64 {
     let saved: serde_json::Value = serde_json::from_str(saved).unwrap_or_default();
     saved["registers"][register.to_string()].as_i64().unwrap_or(0)

@@ -10,7 +10,7 @@ use super::listed::{self, Does, flag, integer};
 use super::value;
 
 /// The two spellings of a point's angle. If both are present, the later one counts. serde_json's map does not
-/// tell which one that is.
+/// tell which one came later.
 const SPELLINGS: [[&str; 2]; 2] = [["Angel", "Angle"], ["Angle", "Angel"]];
 
 /// Compares the cameras and every member of each point.

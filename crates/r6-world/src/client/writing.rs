@@ -8,7 +8,7 @@ use crate::fault::Promise;
 use crate::saved_registers::look_at_disk;
 use crate::shared::{State, now};
 
-/// The registers that clients write: for each client one that is saved, and one that is not.
+/// The registers that clients write. Each client has one register that is saved, and another that is not.
 const KEPT: u16 = 860;
 pub(super) const WRITTEN: u16 = 880;
 
