@@ -1,7 +1,7 @@
 //! Compares the speed of `r6` with others: ratios, with both sides measured in turns, in one run on one core.
 //!
 //! ```text
-//! make bench                     all rows; writes the table to docs/BENCHMARKS.md and the quoted figures to README.md
+//! make bench                     all rows; writes docs/BENCHMARKS.md and the quoted figures of README.md
 //! make bench ARGS="round-trip"   the rows with this in their name; writes no file
 //! ```
 

@@ -191,8 +191,8 @@ impl<'s> World<'s> {
         }
     }
 
-    /// Removes a host at once. No other host is told: packets in transit are lost, and so is what its sockets
-    /// would send when they close.
+    /// Removes a host at once, without notice to the others. Packets in transit are lost, and so is what its
+    /// sockets would send when they close.
     fn crash(&mut self, name: &str) {
         let others: Vec<_> = self.hosts.iter().filter(|host| *host != name).cloned().collect();
         others.iter().for_each(|other| self.sim.partition(name, other.as_str()));

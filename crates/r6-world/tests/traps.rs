@@ -68,7 +68,7 @@ const HOLD: [(Class, u64); 47] = {
         (E7, 9),
         (E8, 1),
         (E8, 9),
-        // Whole: accepted steps counted as carried out.
+        // Whole: accepted steps counted as executed.
         (P10, 1),
         (P10, 4),
     ]

@@ -272,8 +272,8 @@ impl<'d> Fields<'d> {
         tables
     }
 
-    /// Returns the result if the table has no mistake. Moves the mistakes to `found`: those noted, the one
-    /// that ended the reading, and the keys without a meaning.
+    /// Returns the result if the table has no mistake. Moves the mistakes to `found`: the noted mistakes, the
+    /// mistake that ended the reading, and the keys without a meaning.
     pub fn finish<T>(self, read: Result<T, Wrong>, found: &mut Found<'_>) -> Option<T> {
         self.finish_with(read, found, |_| None)
     }
