@@ -10,12 +10,12 @@ use std::error::Error;
 use std::process::ExitCode;
 
 use r6_client::{
-    Address, AxisIndex, Command, Keep, RegisterIndex, Robot, RobotSettings, WaitOptions, from_thousandths,
+    Address, AxisIndex, Keep, RegisterIndex, Robot, RobotSettings, WaitOptions, from_thousandths,
     to_thousandths,
 };
 
-/// Board and point of M011 in `modifyOutput`.
-const M011: (u8, u8) = (4, 1);
+/// The program begins at a pulse of this point.
+const START: &str = "M011";
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
@@ -55,9 +55,9 @@ pub async fn run(robot: &Robot, target: [f64; 6]) -> Result<Vec<i64>, Box<dyn Er
         println!("register {number}: {value}, which is {} deg", from_thousandths(*value));
     }
 
-    let (board, point) = M011;
+    let start = START.parse()?;
     for on in [true, false] {
-        robot.command(Command::ModifyOutput { board, point, on }).await?;
+        robot.set_output(start, on).await?;
     }
     // The program moves on its own: what happened is read from the state, not from the ok.
     let done = robot.wait_until_done(WaitOptions::default()).await?;

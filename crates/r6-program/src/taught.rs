@@ -6,6 +6,7 @@
 //! stacks, counters, registers, jumps and calls.
 
 mod read;
+mod words;
 
 use r6_proto::RegisterIndex;
 use r6_proto::io_point::IoPoint;

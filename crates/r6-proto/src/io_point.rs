@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::address::Address;
 use crate::printable::printable;
 
 /// How many boards an address can name (`input-0` … `input-7`).
@@ -51,6 +52,42 @@ pub struct IoPoint {
     pub board: u8,
     /// Its number on the board, 0 to 31.
     pub point: u8,
+}
+
+impl IoPoint {
+    /// The point that `modifyOutput` names: board 0 to 3 Y, 4 to 6 M, 7 EUY (manual 4.2.1 #8); `None` for another board or point.
+    #[must_use]
+    pub const fn of_command(board: u8, point: u8) -> Option<Self> {
+        let (kind, board) = match board {
+            0..=3 => (PointKind::Y, board),
+            4..=6 => (PointKind::M, board - 4),
+            7 => (PointKind::Euy, 0),
+            _ => return None,
+        };
+        if point > 31 { None } else { Some(Self { kind, board, point }) }
+    }
+
+    /// Board and point of `modifyOutput` for this point; `None` for an input, and for a board that the command does not reach.
+    #[must_use]
+    pub const fn for_command(self) -> Option<(u8, u8)> {
+        match (self.kind, self.board) {
+            (PointKind::Y, 0..=3) => Some((self.board, self.point)),
+            (PointKind::M, 0..=2) => Some((self.board + 4, self.point)),
+            (PointKind::Euy, 0) => Some((7, self.point)),
+            _ => None,
+        }
+    }
+
+    /// The query address of the word that this point is a bit of; `None` for EU points, which no address tells.
+    #[must_use]
+    pub const fn address(self) -> Option<Address> {
+        match self.kind {
+            PointKind::X => Some(Address::Input(self.board)),
+            PointKind::Y => Some(Address::Output(self.board)),
+            PointKind::M => Some(Address::M(self.board)),
+            PointKind::Eux | PointKind::Euy => None,
+        }
+    }
 }
 
 impl fmt::Display for IoPoint {
@@ -171,6 +208,22 @@ mod tests {
         assert_eq!(name(PointKind::X, 8), "X020");
         assert_eq!(name(PointKind::Euy, 31), "EUY047");
         assert_eq!(IoPoint { kind: PointKind::Y, board: 1, point: 0 }.to_string(), "Y1.010");
+    }
+
+    #[test]
+    fn a_command_and_the_name_of_its_point_are_the_same() {
+        for (board, point) in (0..=7).flat_map(|board| (0..32).map(move |point| (board, point))) {
+            let named = IoPoint::of_command(board, point).unwrap();
+            assert_eq!(named.for_command(), Some((board, point)), "{named}");
+        }
+        let named = |text: &str| text.parse::<IoPoint>().unwrap();
+        assert_eq!(IoPoint::of_command(5, 1), Some(named("M1.011")));
+        assert_eq!((IoPoint::of_command(8, 0), IoPoint::of_command(0, 32)), (None, None));
+        for name in ["X010", "EUX010", "Y4.010", "M3.010"] {
+            assert_eq!(named(name).for_command(), None, "{name}");
+        }
+        assert_eq!(named("M1.011").address(), Some(Address::M(1)));
+        assert_eq!(named("EUX010").address(), None);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! `Command`: a command with its arguments, in the units of people.
+//! `Command`: a command with its arguments, in everyday units.
 
 use std::borrow::Cow;
 
@@ -8,6 +8,7 @@ use r6_proto::message::Command as Sent;
 use r6_proto::{CommandName, RegisterIndex};
 
 use crate::pickling::Reduced;
+use crate::points::for_command;
 use crate::units::{Given, Percent};
 
 /// A command with its arguments.
@@ -65,8 +66,9 @@ impl Command {
     }
 
     #[staticmethod]
-    fn modify_output(board: u8, point: u8, on: bool) -> Self {
-        Self(Sent::ModifyOutput { board, point, on })
+    fn modify_output(point: &str, on: bool) -> PyResult<Self> {
+        let (board, point) = for_command(point)?;
+        Ok(Self(Sent::ModifyOutput { board, point, on }))
     }
 
     #[staticmethod]
@@ -157,7 +159,7 @@ impl Command {
     }
 }
 
-/// An argument as a person types it; `True` and `False` are `1` and `0` there.
+/// An argument as typed on the command line; `True` and `False` are `1` and `0` there.
 fn typed_word(argument: &Bound<'_, PyAny>) -> PyResult<String> {
     match argument.extract::<bool>() {
         Ok(flag) => Ok(u8::from(flag).to_string()),

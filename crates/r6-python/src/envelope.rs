@@ -1,4 +1,4 @@
-//! `Envelope`: what a list may ask for.
+//! `Envelope`: the limits of a list.
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -9,7 +9,7 @@ use crate::motion::Motion;
 use crate::pickling::not_pickled;
 use crate::units::{Degrees, Given, Millimetres, MillimetresPerSecond, Percent, axis, coordinate};
 
-/// What a list may ask for. What is not set is not checked. Each method returns a new envelope.
+/// The limits of a list. A limit that is not set is not checked. Each method returns a new envelope.
 #[pyclass(frozen, module = "r6._r6", eq)]
 #[derive(Clone, Default, PartialEq)]
 pub struct Envelope(pub r6_client::Envelope);

@@ -1,4 +1,4 @@
-//! A controller that dials, and the controllers at some addresses.
+//! Controllers that connect to this program, and the search for controllers at some addresses.
 
 use std::net::IpAddr;
 use std::sync::{Mutex, PoisonError};
@@ -18,10 +18,10 @@ use crate::process::{OfThisProcess, Process};
 use crate::record::Record;
 use crate::settings;
 
-/// Waits for a controller that dials: for `Robot.connect`.
+/// Waits for a controller that connects to this program: for `Robot.connect`.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Listen {
-    /// `None` once a robot has it.
+    /// `None` once a robot has used it.
     listen: OfThisProcess<Mutex<Option<r6_client::Listen>>>,
     #[pyo3(get)]
     address: String,
@@ -36,7 +36,7 @@ impl Listen {
             .map(|from| from.parse().map_err(|_| PyValueError::new_err(format!("{from} is no IP address"))))
             .transpose()?;
         let engine = Process::current(py)?.engine();
-        // A name may have to be looked up.
+        // Resolving a name may take time.
         let binding = || engine.block_on(r6_client::Listen::on(address));
         let mut listen = interpreter::released(py, binding).0?;
         if let Some(controller) = only_from {
@@ -51,16 +51,16 @@ impl Listen {
     }
 }
 
-/// Where a robot is reached.
+/// How a robot is reached.
 pub enum Target {
-    /// Under this address.
+    /// At this address.
     Address(String),
-    /// It dials.
+    /// The controller connects to this program.
     Dials(r6_client::Listen),
 }
 
 impl Target {
-    /// An address, or a `Listen` that no robot has had yet.
+    /// An address, or an unused `Listen`.
     pub fn of(given: &Bound<'_, PyAny>) -> PyResult<Self> {
         if let Ok(listen) = given.cast::<Listen>() {
             let listen = listen.get().listen.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -75,7 +75,8 @@ impl Target {
     pub async fn connect(self, settings: RobotSettings) -> Result<(Driver, Robot), RequestError> {
         match self {
             Self::Address(address) => {
-                // Whoever gives up waiting does not wait for this thread. A connection that it still makes is closed.
+                // A caller that gives up does not wait for this thread. If the thread still connects, the
+                // connection is closed.
                 let connecting = spawn_blocking(move || blocking::Driver::connect(&address, settings));
                 let made =
                     connecting.await.map_err(|error| NotSent::NoEngine { detail: error.to_string() })?;
@@ -86,7 +87,7 @@ impl Target {
     }
 }
 
-/// Asks at these addresses who is there; gives a list of `Discovered`.
+/// Asks at these addresses which controller answers. Returns a list of `Discovered`.
 #[pyfunction]
 #[pyo3(signature = (addresses, settings=None))]
 pub fn discovering(addresses: Vec<String>, settings: Option<&settings::RobotSettings>) -> Operation {

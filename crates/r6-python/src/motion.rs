@@ -1,19 +1,21 @@
-//! `Motion`: moves, outputs and waits in their order.
+//! `Motion`: moves, outputs and waits in order.
 
 use std::collections::HashMap;
 
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
-use r6_client::{OutputKind, StepError, WaitCondition};
+use pyo3::types::PySlice;
+use r6_client::{StepError, WaitCondition};
 
 use crate::convert::{seconds, word};
 use crate::errors::{Raise, raise};
 use crate::numbers::rows;
 use crate::pickling::not_pickled;
-use crate::points::{output, outputs, source};
+use crate::points::{awaited, output, outputs, pulsed, stopping};
 use crate::units::{AxisPosition, Given, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg};
 
-/// Moves, outputs and waits in their order. Each method adds a step, or changes the last one, and returns the motion.
+/// Moves, outputs and waits in order. Each method adds a step, or changes the last one, and returns the
+/// motion.
 #[pyclass(module = "r6._r6")]
 #[derive(Clone, Default)]
 pub struct Motion(pub r6_client::Motion);
@@ -21,7 +23,8 @@ pub struct Motion(pub r6_client::Motion);
 type Chain<'py> = PyResult<PyRefMut<'py, Motion>>;
 
 impl Motion {
-    /// Adds to the motion. A step that is wrong raises at once, and spoils the motion: nothing of it is ever sent.
+    /// Adds to the motion. A wrong step raises at once and makes the motion unusable: no part of it is ever
+    /// sent.
     fn add<'py>(
         mut slf: PyRefMut<'py, Self>,
         add: impl FnOnce(r6_client::Motion) -> r6_client::Motion,
@@ -116,16 +119,13 @@ impl Motion {
     }
 
     fn set_output<'py>(slf: PyRefMut<'py, Self>, point: &str, on: bool) -> Chain<'py> {
-        let (kind, number) = output(point)?;
-        Self::add(slf, |motion| motion.set_output(kind, number, on))
+        let point = output(point)?;
+        Self::add(slf, |motion| motion.set_output(point, on))
     }
 
     fn pulse_output<'py>(slf: PyRefMut<'py, Self>, point: &str, on: bool, time: f64) -> Chain<'py> {
-        let (OutputKind::Y, number) = output(point)? else {
-            return Err(PyValueError::new_err(format!("only outputs Y have pulses, not {point}")));
-        };
-        let time = seconds("time", time)?;
-        Self::add(slf, |motion| motion.pulse_output(number, on, time))
+        let (point, time) = (pulsed(point)?, seconds("time", time)?);
+        Self::add(slf, |motion| motion.pulse_output(point, on, time))
     }
 
     fn set_board(slf: PyRefMut<'_, Self>, points: HashMap<String, bool>) -> Chain<'_> {
@@ -151,14 +151,15 @@ impl Motion {
             ("rising", WaitCondition::RisingEdge),
             ("falling", WaitCondition::FallingEdge),
         ];
-        let source = source(point)?;
+        let point = awaited(point)?;
         let condition = word("condition", condition, &CONDITIONS)?;
         let limit = limit.map(|limit| seconds("limit", limit)).transpose()?;
-        Self::add(slf, |motion| motion.wait_for(source, condition, limit))
+        Self::add(slf, |motion| motion.wait_for(point, condition, limit))
     }
 
-    fn stop_on_input<'py>(slf: PyRefMut<'py, Self>, input: u8, on: bool) -> Chain<'py> {
-        Self::add(slf, |motion| motion.stop_on_input(input, on))
+    fn stop_on_input<'py>(slf: PyRefMut<'py, Self>, point: &str, on: bool) -> Chain<'py> {
+        let point = stopping(point)?;
+        Self::add(slf, |motion| motion.stop_on_input(point, on))
     }
 
     fn workbench(slf: PyRefMut<'_, Self>, number: u32) -> Chain<'_> {
@@ -196,6 +197,26 @@ impl Motion {
 
     fn __reduce__(&self) -> PyResult<()> {
         Err(not_pickled("Motion"))
+    }
+
+    /// One step, or a slice of steps, as a motion of its own. A slice has a step of 1.
+    fn __getitem__(&self, wanted: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let length = self.0.len();
+        if let Ok(slice) = wanted.cast::<PySlice>() {
+            let indices = slice.indices(isize::try_from(length)?)?;
+            if indices.step != 1 {
+                return Err(PyTypeError::new_err("a motion is cut without leaving steps out: motion[2:5]"));
+            }
+            let (start, stop) = (usize::try_from(indices.start)?, usize::try_from(indices.stop)?);
+            return Ok(Self(self.0.part(start..stop)));
+        }
+        let index: isize =
+            wanted.extract().map_err(|_| PyTypeError::new_err("write motion[2] or motion[2:5]"))?;
+        let counted = if index < 0 { length.checked_add_signed(index) } else { usize::try_from(index).ok() };
+        match counted.filter(|index| *index < length) {
+            Some(index) => Ok(Self(self.0.part(index..=index))),
+            None => Err(PyIndexError::new_err(format!("the motion has {length} steps"))),
+        }
     }
 
     fn __len__(&self) -> usize {

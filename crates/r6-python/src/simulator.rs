@@ -1,4 +1,4 @@
-//! `Simulator`: a virtual controller inside this process, on a thread of its own.
+//! `Simulator`: a virtual controller inside this process, on its own thread.
 
 use std::io::Read;
 use std::net::SocketAddr;
@@ -25,10 +25,10 @@ use crate::process::OfThisProcess;
 use crate::record::{Record, array};
 use crate::units::axis;
 
-/// A virtual controller. It listens once it is there, and is gone once it was closed.
+/// A virtual controller. It listens from the start until it is closed.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Simulator {
-    /// `None` once it was closed. It alone holds the handle, which holds the folder of the state.
+    /// `None` once it was closed. This is the only handle, and it holds the folder of the state.
     controller: OfThisProcess<Mutex<Option<VirtualController>>>,
     address: SocketAddr,
     log: OfThisProcess<Mutex<Receiver<LogEntry>>>,
@@ -51,7 +51,8 @@ const STARTS: [(&str, StartState); 4] = [
     ("stopped", StartState::Stopped),
 ];
 
-/// No file for a simulator is longer: a scenario has the longest text. A path may lead to a device that has no end.
+/// The longest file for a simulator: that of a scenario. The limit is needed because a path may lead to a
+/// device without an end.
 const MAX_FILE_BYTES: usize = r6_controller::scenario::MAX_TEXT_BYTES;
 
 /// A name or a text, or the file at a path and its text.
@@ -67,7 +68,7 @@ impl Source {
         }
         let path: PathBuf = given.extract().map_err(|_| PyTypeError::new_err("wanted: a str or a path"))?;
         let mut text = String::new();
-        // One byte more than is possible tells that it is too long.
+        // Reading one byte more than allowed shows that the file is too long.
         let most = u64::try_from(MAX_FILE_BYTES).unwrap_or(u64::MAX).saturating_add(1);
         std::fs::File::open(&path)?.take(most).read_to_string(&mut text)?;
         if text.len() > MAX_FILE_BYTES {
@@ -80,7 +81,7 @@ impl Source {
         Ok(Self::File { path: path.display().to_string(), text })
     }
 
-    /// Its text, and what it is called in complaints: the path, or `<text>`.
+    /// The text, and its name in errors: the path, or `<text>`.
     fn text(self) -> (String, String) {
         match self {
             Self::Name(text) => ("<text>".to_owned(), text),
@@ -115,7 +116,7 @@ fn model(py: Python<'_>, source: Source) -> PyResult<RobotModel> {
     }
 }
 
-/// "real", "max", "10x", or how many times as fast.
+/// Reads "real", "max", "10x", or the factor as a number.
 fn clock(py: Python<'_>, given: &Bound<'_, PyAny>) -> PyResult<Clock> {
     let text = match given.extract::<f64>() {
         Ok(factor) => format!("{factor}x"),
@@ -188,7 +189,7 @@ impl Simulator {
         self.address.port()
     }
 
-    /// Ends it and its connections; raises where its state could not be written. Closing again does nothing.
+    /// Ends it and its connections. Raises if its state could not be written. Closing again does nothing.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let taken = self.controller.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
         let ended =
@@ -281,7 +282,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// What a person would see at the machine, now.
+    /// The present state, as an operator sees it at the machine.
     fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let state = self.look(py)?;
         let axes = state.axis_limits.len();
@@ -306,7 +307,7 @@ impl Simulator {
             .build()
     }
 
-    /// What has happened since the last call.
+    /// The events since the last call.
     fn log<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let mut log = self.log.here()?.lock().unwrap_or_else(PoisonError::into_inner);
         let mut lines = Vec::new();
@@ -344,7 +345,7 @@ impl Simulator {
     }
 }
 
-/// An event as Python has data: its word and its fields.
+/// An event as Python data: its name and its fields.
 fn as_data<'py>(py: Python<'py>, event: &Event) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(event).map_err(|error| PyValueError::new_err(error.to_string()))?;
     py.import("json")?.call_method1("loads", (text,))

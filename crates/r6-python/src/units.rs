@@ -1,4 +1,4 @@
-//! Values with units: a mistake in the unit is a `TypeError`.
+//! Values with units. A wrong unit is a `TypeError`.
 
 use std::ops::Deref;
 
@@ -25,7 +25,7 @@ pub struct Degrees(pub units::Degrees);
 #[derive(Clone, Copy)]
 pub struct Millimetres(pub units::Millimetres);
 
-/// A share of the most that is possible, 0.001 to 100.
+/// A percentage of the maximum, 0.001 to 100.
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Copy)]
 pub struct Percent(pub units::Percent);
@@ -35,7 +35,7 @@ pub struct Percent(pub units::Percent);
 #[derive(Clone, Copy)]
 pub struct MillimetresPerSecond(pub units::MillimetresPerSecond);
 
-/// An argument that has to have its unit.
+/// An argument that must have its unit.
 pub struct Given<T> {
     value: T,
 }
@@ -61,7 +61,7 @@ impl<'py, T: Unit> FromPyObject<'_, 'py> for Given<T> {
 
 /// A class of values with units.
 pub trait Unit: PyClass<Frozen = True> + Copy + Sync {
-    /// What a plain number has to become.
+    /// The code to write in place of a plain number.
     fn made_of(number: &str) -> String {
         format!("r6.{}({number})", Self::NAME)
     }
@@ -84,7 +84,7 @@ impl Unit for Pose {
     }
 }
 
-/// That something has no unit, or another one; a plain number with what to write in its place.
+/// The error for a value with no unit or another unit. For a plain number it says what to write instead.
 fn no_unit(what: &str, given: &Bound<'_, PyAny>, instead: impl FnOnce(&str) -> String) -> PyErr {
     let class = given.get_type();
     let name = class.name().map_or_else(|_| "this".to_owned(), |name| name.to_string());
@@ -218,7 +218,7 @@ impl Millimetres {
 }
 
 impl Percent {
-    /// Of so many percent.
+    /// A percentage of this number.
     pub fn made(py: Python<'_>, value: f64) -> PyResult<Self> {
         raise(py, units::Percent::new(value)).map(Self)
     }
@@ -278,7 +278,7 @@ impl MillimetresPerSecond {
     }
 
     fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        // A whole number, as it was given.
+        // A whole number, as the caller gave it.
         PyTuple::new(py, [self.value().into_bound_py_any(py)?.call_method0("__int__")?])
     }
 
@@ -291,7 +291,7 @@ impl MillimetresPerSecond {
     }
 }
 
-/// What is no number equals nothing, as everywhere in Python.
+/// NaN equals nothing, as everywhere in Python.
 fn compare(a: f64, b: f64, op: CompareOp) -> bool {
     match (a.partial_cmp(&b), op) {
         (Some(ordering), op) => op.matches(ordering),
@@ -300,11 +300,11 @@ fn compare(a: f64, b: f64, op: CompareOp) -> bool {
 }
 
 fn hash(value: f64) -> u64 {
-    // 0.0 and -0.0 are equal, and have to have one hash.
+    // 0.0 and -0.0 are equal, so they must have the same hash.
     (value + 0.0).to_bits()
 }
 
-/// Which axes.
+/// A set of axes.
 #[pyclass(frozen, module = "r6._r6", eq, hash)]
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct AxisMask(u8);
@@ -328,7 +328,7 @@ impl AxisMask {
 
     #[getter]
     fn axes(&self) -> Vec<usize> {
-        // Not u8: a list of those is `bytes` in Python.
+        // `usize`, because a list of `u8` becomes `bytes` in Python.
         r6_client::AxisMask::from_bits(self.0).axes().map(AxisIndex::index).collect()
     }
 
@@ -353,7 +353,7 @@ pub fn axis(number: u8) -> PyResult<AxisIndex> {
     })
 }
 
-/// Where one to eight axes are; an axis that is not named stays where it is.
+/// Positions of one to eight axes. An axis that is not named does not move.
 #[pyclass(frozen, module = "r6._r6", eq)]
 #[derive(Clone, Copy, PartialEq)]
 pub struct AxisPosition(pub units::AxisPosition);
@@ -365,7 +365,7 @@ impl AxisPosition {
         Self(units::AxisPosition::none())
     }
 
-    /// J1 and the axes that follow it.
+    /// Positions of J1 and the next axes.
     #[staticmethod]
     fn degrees(angles: &Bound<'_, PyAny>) -> PyResult<Self> {
         of_degrees(&row(angles)?).map(Self)
@@ -399,7 +399,7 @@ impl AxisPosition {
     }
 }
 
-/// `Degrees` or `Millimetres`.
+/// Reads `Degrees` or `Millimetres`.
 pub fn coordinate(to: &Bound<'_, PyAny>) -> PyResult<units::AxisCoordinate> {
     if let Ok(angle) = to.cast::<Degrees>() {
         Ok(angle.get().0.into())
@@ -412,7 +412,7 @@ pub fn coordinate(to: &Bound<'_, PyAny>) -> PyResult<units::AxisCoordinate> {
     }
 }
 
-/// J1 and the axes that follow it, degrees.
+/// Positions of J1 and the next axes, degrees.
 pub fn of_degrees(angles: &[f64]) -> PyResult<units::AxisPosition> {
     if angles.is_empty() || angles.len() > AxisIndex::ALL.len() {
         let many = angles.len();
@@ -427,7 +427,7 @@ pub fn of_degrees(angles: &[f64]) -> PyResult<units::AxisPosition> {
 /// U, V, W.
 type Turn<'a> = (PyRef<'a, Degrees>, PyRef<'a, Degrees>, PyRef<'a, Degrees>);
 
-/// Where the tool is, and how it is turned; or only where.
+/// Position and orientation of the tool; or only its position.
 #[pyclass(frozen, module = "r6._r6", eq)]
 #[derive(Clone, Copy, PartialEq)]
 pub struct Pose(pub units::Pose);

@@ -130,6 +130,7 @@ pub fn class_of_deed(action: &PanelAction) -> Option<Class> {
         | PanelAction::Press(_)
         | PanelAction::ReleaseEmergencyStop
         | PanelAction::ClearAlarm
+        | PanelAction::ClearPoints
         | PanelAction::Jog { .. }
         | PanelAction::SwitchProgram(_)
         | PanelAction::SetInput { .. }

@@ -162,7 +162,8 @@ async fn a5_an_appended_list_that_was_never_executed_is_not_done() {
     assert!(error.stop.unwrap().unwrap().confirmed);
     let error = appended(&Motion::new().linear_move(at_x(520.0), fast()).tool(1)).await;
     assert_eq!(error.cause, Cause::NotProved(NotProved::NoTarget), "{error}");
-    let error = appended(&Motion::new().stop_on_input(0, true).extend(&to_j1(10.0))).await;
+    let error =
+        appended(&Motion::new().stop_on_input("X010".parse().unwrap(), true).extend(&to_j1(10.0))).await;
     assert!(matches!(error.cause, Cause::NotProved(NotProved::MayBeCut(_))), "{error}");
 }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use r6_client::units::AxisPosition;
 use r6_client::{
     Cause, Motion, MotionError, MotionHandle, OperationMode, Robot, RobotSettings, RunOptions, StepState,
-    Unmet, WaitCondition, WaitError, WaitSource,
+    Unmet, WaitCondition, WaitError,
 };
 use r6_controller::{Key, PanelAction, Profile};
 use r6_proto::Command;
@@ -224,7 +224,7 @@ async fn conditions_that_are_not_met_are_named_before_anything_is_sent() {
 #[tokio::test(start_paused = true)]
 async fn a_list_that_is_left_over_is_told_or_cleared_as_wished() {
     let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
-    let input = WaitSource::Input { board: 0, point: 3 };
+    let input = "X013".parse().unwrap();
     let waits = Motion::new().wait_for(input, WaitCondition::On, None);
     cell.robot.add_rcc(true, waits.instructions().unwrap().to_vec()).await.unwrap();
     let error = refused(&cell.robot, RunOptions::default()).await;
@@ -245,7 +245,7 @@ async fn what_is_wrong_with_a_motion_is_told_before_anything_is_sent() {
     assert!(error.to_string().contains("step 3: the blend has to be"), "{error}");
     let error = cell.robot.run(&Motion::new(), RunOptions::default()).await.unwrap_err();
     assert!(error.to_string().contains("one step at least"), "{error}");
-    let endless = through(&wave(3), 20.0, 5).wait_for(WaitSource::Time, WaitCondition::On, None);
+    let endless = through(&wave(3), 20.0, 5).wait_for("X013".parse().unwrap(), WaitCondition::On, None);
     let error = cell.robot.run(&endless, RunOptions::default()).await.unwrap_err();
     assert!(error.to_string().contains("does not tell the length"), "{error}");
 }
@@ -272,7 +272,7 @@ async fn what_stands_where_it_should_move_is_stalled() {
 #[tokio::test(start_paused = true)]
 async fn a_wait_for_a_signal_is_no_stall() {
     let cell = Cell::new(Profile::hc1(), Clock::Real).await;
-    let input = WaitSource::Input { board: 0, point: 3 };
+    let input = "X013".parse().unwrap();
     let motion = through(&wave(3), 20.0, 0).wait_for(input, WaitCondition::On, None);
     let motion = motion.axis_move(AxisPosition::degrees([5.0; 6]), percent(20.0));
     let handle = cell.robot.run(&motion, RunOptions::default()).await.unwrap();

@@ -219,7 +219,6 @@ async fn each_step_is_followed_from_queued_to_done() {
 
 #[tokio::test(start_paused = true)]
 async fn outputs_and_waits_are_carried_out_in_their_order() {
-    use r6_client::OutputKind;
     for name in ["hc1", "legacy"] {
         let cell = Cell::new(profile(name), Clock::Real).await;
         let mut motion = Motion::new();
@@ -229,7 +228,7 @@ async fn outputs_and_waits_are_carried_out_in_their_order() {
                 motion = motion.wait(Duration::from_secs(2));
             }
             if name == "hc1" && n == 20 {
-                motion = motion.set_output(OutputKind::Y, 3, true);
+                motion = motion.set_output("Y013".parse().unwrap(), true);
             }
         }
         // A wait at the end counts.

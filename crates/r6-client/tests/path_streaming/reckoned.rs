@@ -21,18 +21,18 @@ const TENTH: Duration = Duration::from_millis(100);
 fn after_an_input_may_have_stopped_the_motion_no_place_is_known() {
     let envelope = Envelope::new().largest_axis_step(Degrees(30.0)).largest_distance(Millimetres(50.0));
     let to = |motion: Motion, angle| motion.axis_move(axes(angle), percent(1.0));
-    let watched = to(to(Motion::new(), 0.0).stop_on_input(3, true), 25.0);
+    let watched = to(to(Motion::new(), 0.0).stop_on_input("X013".parse().unwrap(), true), 25.0);
     assert_eq!(found(&envelope, &watched), None, "where the watch begins is known");
     assert_eq!(found(&envelope, &to(watched.clone(), 50.0)), Some((4, Checked::AxisStep(J1, false))));
     let line = |motion: Motion, x| motion.linear_move(place(x, 0.0, 0.0), percent(1.0));
-    let lines = line(line(Motion::new(), 0.0).stop_on_input(3, true), 40.0);
+    let lines = line(line(Motion::new(), 0.0).stop_on_input("X013".parse().unwrap(), true), 40.0);
     assert_eq!(found(&envelope, &lines), None);
     assert_eq!(found(&envelope, &line(lines, 0.0)), Some((4, Checked::Distance)));
     // A curve, too, begins nobody knows where.
     let corner = |by: f64| [by, by, by].map(Millimetres);
     let walled = Envelope::new().workspace(corner(-100.0), corner(100.0));
     let arc = |motion: Motion| motion.curve_move(place(5.0, 5.0, 0.0), place(0.0, 10.0, 0.0), percent(1.0));
-    let cut = line(line(Motion::new(), 0.0).stop_on_input(3, true), 10.0);
+    let cut = line(line(Motion::new(), 0.0).stop_on_input("X013".parse().unwrap(), true), 10.0);
     assert_eq!(found(&walled, &arc(cut)), Some((4, Checked::Arc)));
     assert_eq!(found(&walled, &arc(line(line(Motion::new(), 0.0), 10.0))), None);
     // Once nothing is watched, the next move that is measured from a known place makes its end known again.
@@ -147,7 +147,7 @@ async fn a_watched_input_counts_for_later_lists() {
     let guarded = cell.robot.with_guard(Envelope::new().largest_axis_step(Degrees(45.0)));
     let two = Motion::new().axis_move(axes(1.0), percent(50.0)).axis_move(axes(2.0), percent(50.0));
     let raw = |motion: &Motion| motion.instructions().unwrap().to_vec();
-    cell.robot.add_rcc(true, raw(&Motion::new().stop_on_input(3, true))).await.unwrap();
+    cell.robot.add_rcc(true, raw(&Motion::new().stop_on_input("X013".parse().unwrap(), true))).await.unwrap();
     soon(cell.robot.wait_until_done(Default::default())).await.unwrap();
     let error = guarded.add_rcc(true, raw(&two)).await.unwrap_err();
     assert!(error.to_string().contains("step 2") && error.to_string().contains("cannot be told"), "{error}");

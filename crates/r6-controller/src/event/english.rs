@@ -96,6 +96,11 @@ impl fmt::Display for In<'_> {
             Event::CameraSpeaksAsAnother { dialled, speaks_as } => {
                 write!(f, "the camera that was dialled as camera {dialled} speaks as camera {speaks_as}")
             }
+            Event::PointsTaken { camera, points, waiting } => {
+                let plural = if *points == 1 { "point" } else { "points" };
+                write!(f, "AddPoints: camera {camera} sent {points} {plural}, {waiting} wait for a program")
+            }
+            Event::PointsCleared { points } => write!(f, "{points} points of cameras were removed"),
             Event::PointsLost { limit } => {
                 write!(
                     f,

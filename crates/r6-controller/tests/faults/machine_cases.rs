@@ -1,10 +1,11 @@
-//! What shows that a fault of the machine was felt, and that what its file promises holds: judged by what the machine is and by what it
-//! answers. Times are those of the file, seconds; an arm that is stopped rests 0.65 s later.
+//! Checks that a fault of the machine was felt, and that the promises of its file hold. They judge by the
+//! state of the machine and by its answers. Times are those of the file, in seconds; a stopped arm rests 0.65
+//! s later.
 
 use crate::watch::Sight;
 use crate::world::World;
 
-/// Whether all of it holds; says what does not.
+/// Whether all of it holds; prints what does not.
 fn all(holds: &[(&str, bool)]) -> bool {
     for (what, _) in holds.iter().filter(|(_, holds)| !holds) {
         eprintln!("does not hold: {what}");
@@ -119,7 +120,7 @@ pub fn points(world: &World) -> bool {
     let y010 = world.edges(5.0, 15.0, |seen| seen.y(0));
     let x010 = world.edges(5.0, 15.0, |seen| seen.x(0));
     all(&[
-        // Nine times, and then eight: it is on already.
+        // Nine changes, and then eight each time: it is already on.
         ("bounces", x011 == 9 + 19 * 8),
         ("ends as it is told", world.always(16.0, 20.0, |seen| seen.x(1))),
         ("written from all sides", y010 >= 40),

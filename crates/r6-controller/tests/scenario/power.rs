@@ -1,4 +1,4 @@
-//! The mains fail.
+//! Power cuts.
 
 use r6_controller::{Button, Key, PanelAction, Refused};
 use serde_json::json;
@@ -98,7 +98,7 @@ fn a_person_can_do_nothing_meanwhile() {
     assert_eq!(log.matches("the mains have failed: wait until they are back").count(), 4, "{log}");
 }
 
-/// What is done without mains is done at the panel, too: a stop that was pressed then is no less pressed afterwards.
+/// Actions without mains work at the panel, too: a stop that was pressed then stays pressed afterwards.
 #[test]
 fn a_stop_is_pressed_without_mains() {
     let mut cell = cell(CUT);

@@ -1,6 +1,7 @@
 //! Instructions: the steps that AddRCC puts into a controller's instruction list (manual 6).
 
 mod kinds;
+mod named;
 mod table;
 
 use std::borrow::Cow;
@@ -11,6 +12,7 @@ use crate::error::{EncodeError, FieldError};
 use crate::message::action::{self, Known};
 use crate::message::fields::{Fields, FieldsView};
 
+pub use named::WrongPoint;
 pub(crate) use table::NAMES;
 pub use table::{BoardOutput, Manner, Output, PathSpeed, StopOnSignal, Wait, Workbench};
 
