@@ -55,7 +55,8 @@ pub struct IoPoint {
 }
 
 impl IoPoint {
-    /// The point that `modifyOutput` names: board 0 to 3 Y, 4 to 6 M, 7 EUY (manual 4.2.1 #8); `None` for another board or point.
+    /// The point for the numbers in `modifyOutput`: boards 0 to 3 are Y, 4 to 6 M, 7 EUY (manual 4.2.1 #8).
+    /// `None` for another board or point.
     #[must_use]
     pub const fn of_command(board: u8, point: u8) -> Option<Self> {
         let (kind, board) = match board {
@@ -67,7 +68,8 @@ impl IoPoint {
         if point > 31 { None } else { Some(Self { kind, board, point }) }
     }
 
-    /// Board and point of `modifyOutput` for this point; `None` for an input, and for a board that the command does not reach.
+    /// The board and point numbers in `modifyOutput` for this point. `None` for an input, and for a board that
+    /// the command does not reach.
     #[must_use]
     pub const fn for_command(self) -> Option<(u8, u8)> {
         match (self.kind, self.board) {
@@ -78,7 +80,7 @@ impl IoPoint {
         }
     }
 
-    /// The query address of the word that this point is a bit of; `None` for EU points, which no address tells.
+    /// The query address of the word that contains this point. `None` for EU points, which have no address.
     #[must_use]
     pub const fn address(self) -> Option<Address> {
         match self.kind {
