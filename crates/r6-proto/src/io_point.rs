@@ -68,8 +68,8 @@ impl IoPoint {
         if point > 31 { None } else { Some(Self { kind, board, point }) }
     }
 
-    /// The board and point numbers in `modifyOutput` for this point. `None` for an input, and for a board that
-    /// the command does not reach.
+    /// The board and point numbers in `modifyOutput` for this point. `None` for an input, and for a board
+    /// that the command does not reach.
     #[must_use]
     pub const fn for_command(self) -> Option<(u8, u8)> {
         match (self.kind, self.board) {

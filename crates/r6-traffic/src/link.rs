@@ -19,7 +19,7 @@
 //! 8. [`LinkFault::Pieces`] delivers it in pieces;
 //! 9. [`LinkFault::Slow`] limits the bytes a second.
 //!
-//! With two faults of one kind, each draws separately, and the first that strikes counts. Three kinds differ:
+//! With two faults of one kind, each draws separately, and the first that strikes counts. Four kinds differ:
 //! latencies add up, every noise applies, and the smallest piece and the lowest speed count. The order always
 //! stays: nothing leaves before bytes that were given earlier. When a fault ends, bytes in transit keep their
 //! times, but a gathered group leaves, and the speed returns to normal.

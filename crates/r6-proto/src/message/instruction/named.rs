@@ -144,8 +144,8 @@ impl BoardOutput {
     /// Several outputs of one board, each with its state (action 204): Y or M, the first two boards of each.
     ///
     /// # Errors
-    /// [`WrongPoint`] for points that it cannot set, for points on two boards, for a repeated point, and for an
-    /// empty list.
+    /// [`WrongPoint`] for points that it cannot set, for points on two boards, for a repeated point,
+    /// and for an empty list.
     pub fn of(points: impl IntoIterator<Item = (IoPoint, bool)>) -> Result<Self, WrongPoint> {
         let mut found: Option<Self> = None;
         let mut seen = 0_u32;
