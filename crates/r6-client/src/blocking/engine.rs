@@ -2,8 +2,8 @@
 //! waits.
 //!
 //! ```text
-//! a call:     the caller's thread drives the runtime itself, sockets and timers included: no other thread has to wake up
-//! no call:    the keeper's thread drives it: subscriptions are read, heartbeats leave, motions are streamed on
+//! a call:   the caller's thread drives the runtime with its sockets and timers; no other thread wakes up
+//! no call:  the keeper's thread drives it: it reads subscriptions, sends heartbeats, and streams motions
 //! ```
 //!
 //! The keeper takes over when no call was made for a moment. The first call after that takes the runtime

@@ -179,8 +179,7 @@ mod tests {
         let corner = [unknown(STANDING); 7];
         let samples = [unknown(moving(1.0))].into_iter().chain(corner).chain([unknown(moving(2.0))]);
         assert_eq!(done_after(samples), Ok(None));
-        // The second read of the corner is the first one that shows standstill. 500 ms later it counts as the
-        // end.
+        // Standstill is first seen in the second read of the corner. 500 ms later it counts as the end.
         let samples = [unknown(moving(1.0))].into_iter().chain([unknown(STANDING); 20]);
         assert_eq!(done_after(samples), Ok(Some(12)));
     }

@@ -5,11 +5,11 @@
 //! cannot have:
 //!
 //! ```text
-//!  a stop left ──▶ watching ──(mode 0, 1, 2 or 3, and two reads at rest)──────────────────────────▶ NotRunning
-//!                     │
-//!                     └─(only where the user says that this controller stays in mode 7: every means was
-//!                        tried, a stop was answered ok, mode 7, and for two seconds at rest with the list
-//!                        seen empty)───────────────────────────────────────────────────────────────▶ EmptyList
+//!  a stop was sent ──▶ watching ──(mode 0, 1, 2 or 3, and two reads at rest)──────────────────▶ NotRunning
+//!                         │
+//!                         └─(only if the user says that this controller stays in mode 7: every means was
+//!                            sent, a stop was answered ok, mode 7, and for two seconds at rest with the
+//!                            list empty)──────────────────────────────────────────────────────▶ EmptyList
 //! ```
 //!
 //! The second proof does not exclude a taught program: such a program may wait for an input for any time,
