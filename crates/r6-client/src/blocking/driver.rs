@@ -42,8 +42,8 @@ use crate::hands::blocking::StdHand;
 pub struct Driver(Arc<StdHand>);
 
 impl Driver {
-    /// Connects as [`super::Robot::connect`] does. Dropping the last clone of the handle closes the connection in the background; the
-    /// driver does not keep it open.
+    /// Connects as [`super::Robot::connect`] does. Dropping the last clone of the handle closes the
+    /// connection in the background; the driver does not keep it open.
     ///
     /// # Errors
     /// The same errors.
