@@ -17,7 +17,8 @@ const KEPT: usize = 200_000;
 /// What the observer saw at the controller.
 #[derive(Debug, Default)]
 pub struct Seen {
-    /// The targets of J1 of the instructions that were carried out, in their order, in thousandths of a degree.
+    /// The targets of J1 of the instructions that were carried out, in their order, in thousandths of a
+    /// degree.
     pub done: Vec<i64>,
     /// The number of instructions taken into the list.
     pub taken: usize,
