@@ -120,7 +120,7 @@ impl Wake for Summons {
 thread_local! {
     /// The driver that this thread runs now. This thread itself handles what it starts there.
     static HERE: Cell<*const StdHand> = const { Cell::new(ptr::null()) };
-    /// Whether this thread has just told the time and polls its future next.
+    /// Whether this thread has just updated the time and polls its future next.
     static TOLD: Cell<bool> = const { Cell::new(false) };
 }
 

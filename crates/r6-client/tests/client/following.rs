@@ -55,7 +55,7 @@ async fn a_step_does_not_leave_once_its_target_is_old() {
     let (target, targets) = TargetSender::new();
     target.send(AxisPosition::degrees([5.0]));
     let playing = async {
-        // The first read comes before it begins; the second is the one that leads to the step.
+        // The first read comes before it begins; the second leads to the step.
         let look = until_looked(&mut peer, 2).await;
         crowd(&robot);
         let mut crowd = Vec::new();

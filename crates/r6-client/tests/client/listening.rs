@@ -64,7 +64,7 @@ async fn somebody_else_is_sent_away_and_nobody_is_told() {
     assert!(matches!(read, Ok(0) | Err(_)), "{read:?}");
 }
 
-/// The first robot never identifies itself. The next one that dials may be another robot, so it gets no stop
+/// The first robot never identifies itself. The next robot that dials may be another, so it gets no stop
 /// that was meant for the first.
 #[tokio::test]
 async fn a_stop_of_one_that_never_said_who_it_is_does_not_reach_the_next_that_dials() {

@@ -3,11 +3,11 @@
 //!
 //! ```text
 //!  On::Tokio      the test is the runtime's main future; what it spawns are tasks
-//!  On::Callback   the same; a task for each connection is its event loop (event_loop.rs), which runs what the
-//!                 test spawns
+//!  On::Callback   the same; a task for each connection is its event loop (event_loop.rs), which runs what
+//!                 the test spawns
 //!  On::Blocking   the test is a thread, and so is what it spawns: each polls its future within the robot's
-//!                 `block_on`. On a paused clock they take turns (lockstep.rs), on the real one they are plain
-//!                 threads with plain sockets
+//!                 `block_on`. On a paused clock they take turns (lockstep.rs), on the real one they are
+//!                 plain threads with plain sockets
 //! ```
 //!
 //! A test of this kind is an `async fn` named in [`on_every_hand`]. It connects with [`connect_with`] or

@@ -2,7 +2,8 @@
 //! time.
 //!
 //! ```text
-//!  a thread:   runs ──▶ parks, reads, sleeps or connects: gives the turn back, waits for bytes, a call or a time
+//!  a thread:   runs ──▶ parks, reads, sleeps or connects: gives the turn back, and waits for
+//!              bytes, a call or a time
 //!  the pump:   gives the turn to the next thread that can continue, and waits for it; meanwhile the runtime
 //!              stands still
 //!  no thread can continue:  the runtime's other tasks run; if none can either, its clock jumps to the next
