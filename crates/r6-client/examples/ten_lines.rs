@@ -1,4 +1,4 @@
-//! The ten lines of the README: they say what keeps the robot from moving, and move it.
+//! The ten lines of the README: they print what keeps the robot from moving, and move it.
 //!
 //! `cargo run -p r6-client --example ten_lines -- 127.0.0.1`. **The arm moves**: read docs/SAFETY.md first.
 
@@ -6,7 +6,7 @@ use r6_client::blocking::Robot;
 use r6_client::units::{AxisPosition, Percent};
 use r6_client::{Motion, RobotSettings, RunOptions};
 
-/// Says what keeps the robot from moving, and moves it.
+/// Prints what keeps the robot from moving, and moves it.
 pub fn ten_lines(address: &str) -> Result<(), Box<dyn std::error::Error>> {
     let robot = Robot::connect(address, RobotSettings::default())?;
     for unmet in robot.status()?.unmet() {

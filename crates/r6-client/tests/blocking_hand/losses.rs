@@ -13,10 +13,10 @@ use r6_sim::{Clock, VirtualController};
 const THREADS: u16 = 16;
 const CALLS: usize = 120;
 
-/// No call may take longer: a stop takes up to 15 s, anything else much less.
+/// No call may take longer than this: a stop takes up to 15 s, anything else much less.
 const LONGEST: Duration = Duration::from_secs(20);
 
-/// A small generator: each seed is its own sequence.
+/// A small random generator: each seed gives its own sequence.
 struct Random(u64);
 
 impl Random {
