@@ -188,7 +188,7 @@ async fn drive_by_lists(profile: Profile, clock: Clock) {
     }
     cell.robot.clear_list().await.unwrap();
     cell.robot.query(&[Address::CurMode]).await.unwrap();
-    assert_eq!(cell.counted().await, CYCLES, "an empty list is none");
+    assert_eq!(cell.counted().await, CYCLES, "an empty list is no cycle");
     assert_no_more(&mut pushed, CYCLES);
 }
 

@@ -231,5 +231,5 @@ async fn pain_14_no_watchdog_is_armed_unless_it_is_fed() {
     pause(Duration::from_secs(9)).await;
     assert_eq!(controller.handle().snapshot().alarm, 0);
     pause(Duration::from_secs(4)).await;
-    assert_eq!(controller.handle().snapshot().alarm, 9, "whoever armed it and left is noticed");
+    assert_eq!(controller.handle().snapshot().alarm, 9, "a client that armed it and left is noticed");
 }

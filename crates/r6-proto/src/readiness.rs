@@ -141,7 +141,7 @@ impl fmt::Display for Unmet {
             Self::Mode { found: found @ OperationMode::Auto } => write!(
                 f,
                 "the operation mode is {found}, not running (7): in Auto turn Cycle on at the pendant and press Start, or, with \
-                 nobody near the arm, send the command startButton; the program must wait in its \"wait for remote commands\" step"
+                 no person near the arm, send the command startButton; the program must wait in its \"wait for remote commands\" step"
             ),
             Self::Mode { found } => write!(
                 f,

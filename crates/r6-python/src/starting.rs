@@ -194,8 +194,9 @@ impl Starting {
     /// arm.
     fn take(&self) -> PyResult<MotionCore> {
         let way = self.way.here()?;
-        let handle =
-            way.take().ok_or_else(|| PyRuntimeError::new_err("this motion was taken, or is none"))?;
+        let handle = way
+            .take()
+            .ok_or_else(|| PyRuntimeError::new_err("this motion was taken already, or was never begun"))?;
         let parts = || MotionCore::parts(way.robot.clone(), handle, way.stop_on_drop);
         Ok(MotionCore::new(way.process.engine().enter(parts)))
     }

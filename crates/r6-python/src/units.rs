@@ -91,7 +91,7 @@ fn no_unit(what: &str, given: &Bound<'_, PyAny>, instead: impl FnOnce(&str) -> S
     PyTypeError::new_err(match (given.is_instance_of::<PyBool>(), given.extract::<f64>()) {
         (false, Ok(number)) => {
             format!(
-                "{what}, not the plain number {number}, whose unit nobody knows: write {}",
+                "{what}, not the plain number {number}, whose unit is unknown: write {}",
                 instead(&number.to_string())
             )
         }

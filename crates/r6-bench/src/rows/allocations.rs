@@ -31,7 +31,7 @@ pub fn rows() -> Vec<Row> {
 fn in_the_way(what: &str) -> &'static str {
     match what.split(", ").next() {
         Some("SDK") => {
-            "the way of the answer to whoever waits, the list of addresses, and the values that are handed out: they are the caller's and outlive the frame"
+            "the way of the answer to its caller, the list of addresses, and the values that are handed out: they are the caller's and outlive the frame"
         }
         Some("virtual controller") => {
             "what is asked for is kept: the instructions in the list and the plan of each move, some ten pieces of a motion"

@@ -171,7 +171,7 @@ mod tests {
                 assert_eq!(film.see(ms, mode, Some(3)), None, "{mode}: steps are left");
             }
             for ms in (10_000..20_000).step_by(50) {
-                assert_eq!(film.see(ms, mode, None), None, "{mode}: nobody knows what is left");
+                assert_eq!(film.see(ms, mode, None), None, "{mode}: what is left is unknown");
             }
         }
     }

@@ -110,7 +110,7 @@ impl fmt::Display for Violation {
             ),
             (Checked::FrameUnknown, _) => f.write_str(
                 "a tool or a workbench was told over this connection since the guard was made, and whether the limits are told for it is \
-                 not known: make a guard for the one that is in use (with_guard of a handle without a guard)",
+                 not known: make a guard for the tool and workbench in use (with_guard of a handle without a guard)",
             ),
             (Checked::Action(number), _) => write!(f, "action {number} is not allowed"),
         }

@@ -140,7 +140,7 @@ mod tests {
         assert_eq!(missed.to_string(), "J1 is at 12.000, not at 30.000 deg");
         let unread = Sample { axes: [None; AXES], ..at(30.0) };
         let Err(Cause::Elsewhere(missed)) = judged(&[watch(true), to(30.0)], at(0.0), unread, true) else {
-            panic!("nobody knows where it is");
+            panic!("its place is unknown");
         };
         assert_eq!(missed.found, None);
         // A value that is known to be wrong says more than a value that could not be read.

@@ -242,7 +242,7 @@ impl fmt::Display for SecondConnection {
             Self::Opening => f.write_str("was being opened: the first one answered before it was there"),
             Self::NotMade(error) => write!(f, "could not be made ({error})"),
             Self::Unidentified => f.write_str(
-                "was not opened: this controller has not said who it is yet, and the next one that dials may be another robot",
+                "was not opened: this controller has not said who it is yet, and another robot may dial next",
             ),
         }
     }

@@ -240,7 +240,7 @@ impl fmt::Display for Cause {
             ),
             Self::EarlierFailed(earlier) => write!(
                 f,
-                "nothing was sent: the motion before this one did not come to its end, and nobody has asked what became of it \
+                "nothing was sent: the motion before this one did not come to its end, and the program has not asked what became of it \
                  ({earlier}); look where the arm is, then run this one again"
             ),
             Self::NotSent(error) => error.fmt(f),
@@ -282,7 +282,7 @@ impl fmt::Display for Cause {
                  motion came to its end: look where the arm is",
             ),
             Self::Unreadable(error) => write!(f, "the state cannot be read: {error}"),
-            Self::Abandoned => f.write_str("the runtime ended, and nobody watches the motion any more"),
+            Self::Abandoned => f.write_str("the runtime ended, and the motion is no longer watched"),
         }
     }
 }

@@ -45,7 +45,7 @@ fn call(robot: &Robot, random: &mut Random, thread: u16, answered: &AtomicUsize)
             let written = robot.command(Command::RewriteData { register, savable: false, value });
             let read = robot.query(&[address]);
             if let (Ok(_), Ok(read)) = (&written, &read) {
-                assert_eq!(read.integer(address), Some(value), "nobody else writes there");
+                assert_eq!(read.integer(address), Some(value), "no other program writes there");
             }
             written.is_ok() && read.is_ok()
         }

@@ -100,7 +100,7 @@ fn a_call_that_is_over_leaves_nobody_without_a_reader() {
         reading.join().unwrap();
         late
     });
-    assert!(late < AT_ONCE, "nobody read for {late:?}");
+    assert!(late < AT_ONCE, "no thread read for {late:?}");
 }
 
 #[test]

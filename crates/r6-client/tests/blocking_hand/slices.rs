@@ -124,7 +124,7 @@ fn a_call_that_is_given_up_between_two_slices_takes_no_reply_from_another() {
             begun.elapsed().saturating_sub(LATER)
         })
     });
-    assert!(late < AT_ONCE, "nobody read for {late:?}");
+    assert!(late < AT_ONCE, "no thread read for {late:?}");
     assert_eq!(peer.made(), 1);
 }
 
@@ -148,7 +148,7 @@ fn a_list_whose_call_is_given_up_between_two_slices_is_sent_once() {
     thread::sleep(Duration::from_millis(300));
     let alarm = [Address::CurAlarm];
     let read = in_slices(&driver, pin!(robot.query(&alarm))).0.unwrap();
-    assert_eq!(read.integer(Address::CurAlarm), Some(0), "its late reply is nobody else's");
+    assert_eq!(read.integer(Address::CurAlarm), Some(0), "its late reply goes to no other call");
     assert_eq!((lists.load(Ordering::SeqCst), peer.made()), (1, 1));
 }
 

@@ -121,7 +121,7 @@ fn holds(on: On, fault: &str) {
             );
             assert!(
                 (case.felt)(&seen),
-                "{}, seed {seed}: nobody felt it: {} {:?}",
+                "{}, seed {seed}: the fault had no effect: {} {:?}",
                 case.name,
                 seen.quality,
                 seen.notes.runs

@@ -56,7 +56,7 @@ impl Line {
                     || (frame["reqType"] == "command" && frame["cmdData"][0] != "actionStop")
             };
             let before = conversation.iter().take_while(|frame| !asks_who(frame)).find(|frame| acts(frame));
-            assert_eq!(before, None, "sent to nobody knows whom");
+            assert_eq!(before, None, "sent to an unknown robot");
         }
     }
 

@@ -77,7 +77,7 @@ async fn half_a_list_taken_and_the_whole_refused_ends_the_path() {
     let (mut cell, result, _) = stream(half, RunOptions::default()).await;
     let error = result.unwrap_err();
     assert!(matches!(error.cause, Cause::Refused(_)), "{error}");
-    assert_eq!(error.progress.left, error.progress.accepted + 8, "nobody knows what became of those eight");
+    assert_eq!(error.progress.left, error.progress.accepted + 8, "what became of those eight is unknown");
     assert_eq!(cell.taken(), error.progress.accepted);
     assert!(error.stop.unwrap().unwrap().confirmed);
     assert_eq!(cell.handle().snapshot().list_length, 0);

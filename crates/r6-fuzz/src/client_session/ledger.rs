@@ -174,7 +174,7 @@ impl Ledger {
             bytes = &bytes[taken..];
             while let Some(frame) = self.wire.next() {
                 let frame = frame.unwrap_or_else(|error| panic!("what leaves is no frame: {error}"));
-                let (ticket, wanted) = self.to_leave.pop_front().expect("a frame leaves that nobody sent");
+                let (ticket, wanted) = self.to_leave.pop_front().expect("a frame leaves that was not sent");
                 self.part_left = self.part_left.saturating_sub(wanted.len());
                 assert!(
                     frame.bytes == wanted,
@@ -215,7 +215,7 @@ impl Ledger {
 
     fn end(&mut self, ticket: Ticket, state: State) -> &Sent {
         let number = ticket.number();
-        let sent = self.requests.get_mut(&ticket).unwrap_or_else(|| panic!("nobody sent {number}"));
+        let sent = self.requests.get_mut(&ticket).unwrap_or_else(|| panic!("{number} was not sent"));
         assert_eq!(sent.state, State::Waits, "request {number} has ended, and ends again as {state:?}");
         sent.state = state;
         sent

@@ -457,7 +457,7 @@ WORLD = tuple(f"world-{component}" for component in range(6))
 
 def pose(result: QueryResult) -> Pose:
     """The pose that was asked for."""
-    return Pose.mm_deg([result.decimal(component) for component in WORLD])
+    return Pose.mm_deg([result.number(component) for component in WORLD])
 
 
 def point_name(point: str) -> str:

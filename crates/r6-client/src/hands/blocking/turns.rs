@@ -461,7 +461,7 @@ mod tests {
                     Step::Summon => {
                         turns.summon();
                         let anybody = threads.iter().chain([&keeper]).any(|signal| signal.is_called());
-                        prop_assert!(anybody, "nobody looks at what a stranger made happen");
+                        prop_assert!(anybody, "no thread serves what a stranger caused");
                     }
                 }
                 let readers = seen.iter().filter(|seen| matches!(seen, Seen::Reads(_))).count();
