@@ -6,7 +6,7 @@ use r6_client::blocking::Robot;
 use r6_client::units::{AxisPosition, Percent};
 use r6_client::{Motion, RobotSettings, RunOptions};
 
-/// Prints what keeps the robot from moving, and moves it.
+/// Says what keeps the robot from moving, and moves it.
 pub fn ten_lines(address: &str) -> Result<(), Box<dyn std::error::Error>> {
     let robot = Robot::connect(address, RobotSettings::default())?;
     for unmet in robot.status()?.unmet() {

@@ -29,7 +29,7 @@ fn reduced<'py>(py: Python<'py>, kind: &str, state: impl IntoPyObject<'py>) -> R
     Ok((py.import("r6._r6")?.getattr("remade")?, arguments))
 }
 
-/// Makes an object again from its pickled state.
+/// Makes an object of this package again from its pickled state.
 #[pyfunction]
 pub fn remade<'py>(py: Python<'py>, kind: &str, state: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     match kind {

@@ -344,7 +344,7 @@ class Robot:
         ::
 
             def look(cam_id: int) -> r6.Shot:
-                return [r6.Point(x=20.0, y=10.0, angle=90.0)]   # or "failed", or "not_mine"
+                return [r6.Point(x=400.0, y=-40.0, z=450.0, angle=90.0)]   # or "failed", or "not_mine"
 
             print(robot.serve_photos(look))
 
