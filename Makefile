@@ -4,19 +4,22 @@ CARGO ?= cargo
 BUILT := $(or $(CARGO_TARGET_DIR),target)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test fuzz sim breaks bench microbench fmt docs clean
+.PHONY: help run test check fuzz sim breaks bench microbench fmt docs clean
 
 help: ## Show this list
 	@echo "Targets (ARGS=\"...\" is passed on to run, breaks and bench):"
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
 
 run: ## Build r6 for release and start virtual controllers: r6 up ARGS
-	@tools/test toolchain
+	@tools/test toolchain run
 	@$(CARGO) build --release --locked --package r6
 	@exec "$(BUILT)/release/r6" up $(ARGS)
 
-test: ## Run every check: format, lints, docs, dependencies, tests
+test: ## Run all tests: Rust, the examples in the documentation, Python
 	@tools/test
+
+check: ## Check everything else: format, lints, docs, dependencies, each crate alone, oracles, Python types
+	@tools/test check
 
 sim: ## Break clients, controllers, cameras and disks in one process: SEEDS=1000 [FROM=1] [JOBS=cores] [MARKDOWN=1] [TRAP=all: only worlds with one trap] [DRIVERS=all: dropped and slow calls drive], or all of one: SEED=7 [TRAP=E1] [DRIVERS=all] (dev profile)
 	@$(CARGO) build --locked --package r6-world

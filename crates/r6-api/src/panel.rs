@@ -1,4 +1,5 @@
-//! What goes over the HTTP panel of virtual controllers. Units stand in the names; points and axes are called as on the pendant.
+//! The types of the HTTP panel of virtual controllers. Field names contain units; points and axes have their
+//! names on the pendant.
 
 use serde::{Deserialize, Serialize};
 
@@ -49,11 +50,14 @@ pub enum Action {
         /// How far, degrees, or mm where the axis slides; below 0 the other way.
         #[cfg_attr(feature = "openapi", schema(example = 10.0))]
         by: f64,
-        /// How fast, percent of the axis's full speed, times the global speed: above 0, at most 100; 10 if left out.
+        /// How fast, in percent of the axis's full speed, times the global speed: above 0, at most 100; 10 if
+        /// it is missing.
         #[serde(default = "usual_speed")]
         #[cfg_attr(feature = "openapi", schema(default = 10.0, maximum = 100.0))]
         speed_percent: f64,
     },
+    /// Removes the points of cameras that no program has used yet.
+    ClearPoints {},
     /// Chooses another program.
     SwitchProgram {
         /// Its name.
@@ -62,7 +66,7 @@ pub enum Action {
     },
 }
 
-/// How fast a move by hand is unless told, percent.
+/// The default speed of a move by hand, in percent.
 fn usual_speed() -> f64 {
     10.0
 }
@@ -72,15 +76,15 @@ fn usual_speed() -> f64 {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Button {
-    /// The program runs.
+    /// Runs the program.
     Start,
-    /// The program ends with its cycle; a second press ends it at once. Ends a move by hand.
+    /// Ends the program with its cycle; a second press ends it at once. Ends a move by hand.
     Stop,
-    /// The motion rests; start goes on from there. Ends a move by hand.
+    /// Brings the motion to rest; start resumes it. Ends a move by hand.
     Pause,
-    /// The program runs to the end of its pass.
+    /// Runs the program to the end of its pass.
     SingleCycle,
-    /// The program runs one step.
+    /// Runs one step of the program.
     SingleStep,
 }
 
@@ -143,7 +147,7 @@ pub struct Snapshot {
     pub mode_name: String,
     /// The alarm, 0 for none (`curAlarm`).
     pub alarm: u32,
-    /// What the alarm means; absent while there is none.
+    /// What the alarm means; absent without an alarm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alarm_text: Option<String>,
     /// Whether the emergency stop is pressed.
@@ -156,6 +160,16 @@ pub struct Snapshot {
     pub program: String,
     /// The programs there are.
     pub programs: Vec<String>,
+    /// The step of the program whose turn it is; absent where no step is left.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step: Option<Step>,
+    /// Whether the machine takes instructions: every condition of `status` is met, and the program is in its
+    /// step that waits for remote commands.
+    pub ready: bool,
+    /// What keeps it from taking instructions, in the order in which to deal with it.
+    pub not_ready: Vec<String>,
+    /// The points of cameras that no program has used yet.
+    pub camera_points: Vec<CameraPoints>,
     /// How many instructions are left in the list.
     pub list_length: usize,
     /// The arm's axes, J1 first.
@@ -179,6 +193,31 @@ pub struct Snapshot {
     pub m_on: Vec<String>,
     /// How many connections of the remote protocol are served.
     pub connections: usize,
+}
+
+/// A step of a program.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Step {
+    /// The program it stands in: the one in use, or one that it calls.
+    pub program: String,
+    /// Its number, from 1.
+    pub number: usize,
+    /// How many steps that program has.
+    pub steps: usize,
+    /// What it does, in English.
+    #[cfg_attr(feature = "openapi", schema(example = "wait until X010 is on"))]
+    pub text: String,
+}
+
+/// The points of one camera that no program has used yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct CameraPoints {
+    /// The camera's number (`camID`).
+    pub camera: i64,
+    /// How many points wait.
+    pub points: usize,
 }
 
 /// One axis.

@@ -1,9 +1,10 @@
-//! Where an arm stands, each value with its unit.
+//! Positions of an arm, each value with its unit.
 
 use r6_proto::{Address, AxisIndex};
 use serde::{Deserialize, Serialize};
 
-/// Axes and pose components that are read and shown: the arms of this protocol have six at most, external axes apart.
+/// How many axes and pose components are read and shown. The arms of this protocol have six at most, not
+/// counting external axes.
 pub const SHOWN_AXES: usize = 6;
 
 /// The unit of a position.
@@ -19,9 +20,11 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// The unit of a position that is read over the wire: degrees or millimetres for the components of a pose.
+    /// The unit of a position that is read over the wire: degrees or millimetres for the components of a
+    /// pose.
     ///
-    /// `None` for an axis, because no address tells whether an axis turns or slides, and for all that is no position.
+    /// `None` for an axis, because no address says whether an axis turns or slides, and for everything that
+    /// is not a position.
     #[must_use]
     pub fn of(address: Address) -> Option<Self> {
         let Address::World(component) = address else { return None };
@@ -48,13 +51,14 @@ pub struct AxisPosition {
     /// Where it stands, in its unit; `null` where it could not be read.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub position: Option<f64>,
-    /// `deg` for an axis that turns, `mm` for one that slides. `null` where it is not known which it does: the protocol does not tell.
+    /// `deg` for a turning axis, `mm` for a linear axis; `null` if unknown, because the protocol does not
+    /// say.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub unit: Option<Unit>,
 }
 
 impl AxisPosition {
-    /// Positions that were read over the wire, J1 first: nothing tells their units.
+    /// Positions that were read over the wire, J1 first. Their units are unknown.
     pub fn read(positions: &[Option<f64>]) -> Vec<Self> {
         let axes = AxisIndex::ALL.into_iter().zip(positions);
         axes.map(|(axis, position)| Self { name: axis.to_string(), position: *position, unit: None })
@@ -82,7 +86,8 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// X, Y, Z in mm, U, V, W in degrees; what is missing at the end is not known, what is beyond it is no part of a pose.
+    /// A pose from X, Y, Z in mm and U, V, W in degrees. Missing components are unknown; components after the
+    /// sixth are ignored.
     #[must_use]
     pub fn of(components: &[Option<f64>]) -> Self {
         let at = |index: usize| components.get(index).copied().flatten();

@@ -28,7 +28,7 @@ pub struct CommandProblem {
     pub exit: u8,
 }
 
-/// One row for each code: its meaning, its name here, its word.
+/// One row per code: its meaning, its name here, its word.
 macro_rules! codes {
     ($($(#[$meaning:meta])* $code:ident $word:literal,)*) => {
         /// What kind of problem it is. The words do not change; new ones may come.
@@ -37,13 +37,13 @@ macro_rules! codes {
         #[serde(rename_all = "snake_case")]
         pub enum Code {
             $($(#[$meaning])* $code,)*
-            /// A word that this version does not know; it is never sent.
+            /// A word that this version does not know. It is never sent.
             #[serde(other)]
             Unknown,
         }
 
         impl Code {
-            /// All that r6 uses, in the order of the documentation.
+            /// All codes that r6 uses, in the order of the documentation.
             pub const ALL: &[Self] = &[$(Self::$code),*];
 
             /// The word for programs.
@@ -64,43 +64,43 @@ codes! {
     Usage "usage",
     /// No connection could be made.
     Unreachable "unreachable",
-    /// There is no usable connection to the robot any more, or it does not say who it is.
+    /// The connection to the robot is no longer usable, or the robot does not identify itself.
     NoConnection "no_connection",
-    /// A question got no usable answer.
+    /// A query got no usable answer.
     NoReply "no_reply",
     /// The request waited too long behind others.
     Busy "busy",
     /// Another robot answers.
     AnotherRobot "another_robot",
-    /// The controller, or the panel, said no.
+    /// The controller or the panel refused.
     Refused "refused",
-    /// It goes beyond the limits of `--guard` and its like.
+    /// It exceeds the limits of `--guard` and similar options.
     BeyondLimits "beyond_limits",
     /// The machine does not take motion now.
     NotReady "not_ready",
-    /// Instructions are left in the list.
+    /// Instructions are left in the list from before.
     LeftoverList "leftover_list",
     /// An alarm ended it, or has to be cleared first.
     Alarm "alarm",
-    /// Somebody stopped it.
+    /// It was stopped.
     Stopped "stopped",
-    /// The controller was switched off and on meanwhile.
+    /// The controller was restarted meanwhile.
     Restarted "restarted",
-    /// Nothing went on.
+    /// There was no progress.
     Stalled "stalled",
-    /// The arm stands elsewhere.
+    /// The arm is not at its target.
     NotAtTarget "not_at_target",
     /// A signal ended it, or stdout could not be written.
     Interrupted "interrupted",
-    /// The time of `--timeout` was up.
+    /// The time of `--timeout` has passed.
     TimedOut "timed_out",
-    /// A request left and may have acted.
+    /// A request was sent and may have been carried out.
     OutcomeUnknown "outcome_unknown",
     /// A stop was not sent, or not seen to take effect.
     NotStopped "not_stopped",
     /// The controller has no such value.
     NoValue "no_value",
-    /// A program does not get to its end.
+    /// A program does not reach its end.
     NotFinished "not_finished",
     /// Captured traffic has problems.
     ProblemsFound "problems_found",
@@ -108,19 +108,19 @@ codes! {
     // Requests over HTTP.
     /// The bytes are not a readable HTTP request.
     BadRequest "bad_request",
-    /// The body is no JSON.
+    /// The body is not JSON.
     BadJson "bad_json",
     /// The body could not be read.
     BadBody "bad_body",
-    /// The body does not say that it is JSON.
+    /// The `Content-Type` is not JSON.
     NotJson "not_json",
     /// The head or the body is too long.
     TooLong "too_long",
-    /// The request did not come to its end in time.
+    /// The request was not complete in time.
     TooSlow "too_slow",
     /// The request names a host that is not this machine.
     ForeignHost "foreign_host",
-    /// A page of a browser sent the request.
+    /// A web page in a browser sent the request.
     ForeignOrigin "foreign_origin",
     /// There is no such path.
     NoSuchPath "no_such_path",
@@ -128,7 +128,7 @@ codes! {
     NoSuchMethod "no_such_method",
 
     // The panel.
-    /// There is no controller of this number.
+    /// There is no controller with this number.
     NoSuchController "no_such_controller",
     /// There is no such action.
     BadAction "bad_action",
@@ -152,7 +152,7 @@ codes! {
     ProgramRunning "program_running",
     /// There is no room for another program.
     NoRoom "no_room",
-    /// The arm finds no path to there.
+    /// There is no path for the arm to its target.
     NoPath "no_path",
     /// There is no such input.
     NoSuchInput "no_such_input",
@@ -164,7 +164,7 @@ codes! {
     BadSpeed "bad_speed",
     /// There is no such alarm.
     NoSuchAlarm "no_such_alarm",
-    /// The text is no program.
+    /// The text is not a program.
     BadProgram "bad_program",
 }
 

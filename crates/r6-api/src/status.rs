@@ -8,17 +8,19 @@ use serde::{Deserialize, Serialize};
 use crate::position::{AxisPosition, Pose, SHOWN_AXES};
 use crate::problem::{Code, CommandProblem};
 
-/// The state of a robot, as it tells it over its port. `null` where the controller has no such value or sent one that cannot be read.
+/// The state of a robot, as read over its port. A value is `null` if the controller does not have it, or if
+/// it cannot be parsed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Status {
-    /// Where it speaks the remote protocol: the address that the caller gave; from the panel, the one that it listens on.
+    /// The address of the remote protocol, as the caller gave it; from the panel, as the controller listens
+    /// on it.
     #[cfg_attr(feature = "openapi", schema(example = "127.0.0.1:9760"))]
     pub robot: String,
     /// Its name (`machineName`).
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub machine_name: Option<String>,
-    /// Whether it says by its name that it is no real machine.
+    /// Whether its name says that it is not a real machine.
     pub r#virtual: bool,
     /// Its firmware (`version`).
     #[cfg_attr(feature = "openapi", schema(required = true))]
@@ -35,7 +37,7 @@ pub struct Status {
     /// The alarm, 0 for none (`curAlarm`).
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub alarm: Option<i64>,
-    /// The alarm in words; `null` while there is none.
+    /// The alarm in words; `null` without an alarm.
     #[cfg_attr(feature = "openapi", schema(required = true, example = "135 (J6: positive soft limit)"))]
     pub alarm_text: Option<String>,
     /// Whether it is homed (`origin`).
@@ -60,22 +62,23 @@ pub struct Status {
     /// Time of the last cycle that ended, seconds (`lastCycle`).
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub last_cycle_s: Option<f64>,
-    /// Whether it takes instructions: `true` where values prove every condition, `false` where one is not met, else `null`.
+    /// Whether it takes instructions: `true` if the values prove every condition, `false` if a condition is
+    /// not met, else `null`.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub ready: Option<bool>,
-    /// The conditions that are not met, in the order in which they are to be dealt with.
+    /// The conditions that are not met, in the order in which to deal with them.
     pub unmet: Vec<Unmet>,
-    /// The conditions of which no value tells.
+    /// The conditions that no value proves or disproves.
     pub unknown: Vec<Unproved>,
-    /// Why it takes no instructions; absent where no condition is unmet.
+    /// Why it takes no instructions; absent if no condition is unmet.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub problem: Option<CommandProblem>,
 }
 
 impl Status {
-    /// The state that the values of a robot tell; `read` gives `None` where an address has no value.
+    /// The state according to the values of a robot; `read` returns `None` if an address has no value.
     ///
-    /// `remote_program` is the name of a program that does nothing but wait for remote commands, where one is known.
+    /// `remote_program` is the name of a program that only waits for remote commands, if one is known.
     pub fn read(
         robot: &str,
         remote_program: Option<&str>,
@@ -146,14 +149,14 @@ pub fn alarm_text(code: i64) -> String {
     }
 }
 
-/// The problem of a machine on which these conditions are not met.
+/// The problem of a machine that does not meet these conditions.
 fn not_ready(unmet: &[Unmet]) -> CommandProblem {
     let names: Vec<_> = unmet.iter().map(|unmet| unmet.is.as_str()).collect();
     let message = format!("NOT READY: {}", names.join(", "));
     CommandProblem { code: Code::NotReady, message, advice: None, exit: 1 }
 }
 
-/// A condition that has to hold before instructions are sent, and does not.
+/// A condition that is required before instructions are sent, and is not met.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Unmet {
@@ -185,14 +188,14 @@ pub enum Condition {
     NotHomed,
     /// The arm moves.
     Moving,
-    /// Instructions are left from before.
+    /// Instructions are left in the list from before.
     LeftoverList,
     /// A value that has to be known could not be read.
     Unknown,
 }
 
 impl Unmet {
-    /// A condition of the protocol's.
+    /// A condition from the type in `r6-proto`.
     #[must_use]
     pub fn of(unmet: &readiness::Unmet) -> Self {
         use readiness::Unmet as Of;
@@ -214,14 +217,14 @@ impl Unmet {
     }
 }
 
-/// A condition of which no value tells whether it holds.
+/// A condition that no value proves or disproves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Unproved {
-    /// The program sits in its step that waits for remote commands: no firmware tells.
+    /// The program is at its step that waits for remote commands: no firmware reports this.
     RemoteStep,
-    /// No instructions are left in the list: older firmware does not tell.
+    /// No instructions are left in the list: older firmware does not report this.
     ListLength,
 }
 
@@ -240,7 +243,7 @@ mod tests {
 
     use super::*;
 
-    /// A machine that is ready, but for the values that `changed` has.
+    /// A machine that is ready, except for the values in `changed`.
     fn status(changed: &[(Address, Option<Reading>)], remote_program: Option<&str>) -> Value {
         let read = |address| {
             if let Some((_, value)) = changed.iter().find(|(of, _)| *of == address) {

@@ -1,8 +1,9 @@
-//! Writes registers, reads them back, and lets a taught program move there: the other way in which PCs move these arms.
+//! Writes registers, reads them back, and lets a taught program move to them: the other way in which PCs move
+//! these arms.
 //!
-//! `cargo run -p r6-client --example registers -- 127.0.0.1:9760`, with a program that moves to registers 800 to 805 in degrees × 1000
-//! at a pulse of M011, as `r6 sim --program register-move` runs it. **The arm moves**, as fast as that program says: read
-//! docs/SAFETY.md first.
+//! `cargo run -p r6-client --example registers -- 127.0.0.1:9760`. The controller needs a program that, on a
+//! pulse of M011, moves to registers 800 to 805 in degrees × 1000; `r6 sim --program register-move` runs one.
+//! **The arm moves**, as fast as that program says: read docs/SAFETY.md first.
 
 mod ending;
 
@@ -10,12 +11,12 @@ use std::error::Error;
 use std::process::ExitCode;
 
 use r6_client::{
-    Address, AxisIndex, Command, Keep, RegisterIndex, Robot, RobotSettings, WaitOptions, from_thousandths,
+    Address, AxisIndex, Keep, RegisterIndex, Robot, RobotSettings, WaitOptions, from_thousandths,
     to_thousandths,
 };
 
-/// Board and point of M011 in `modifyOutput`.
-const M011: (u8, u8) = (4, 1);
+/// The program begins at a pulse of this point.
+const START: &str = "M011";
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
@@ -39,7 +40,7 @@ async fn start() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Has the program move there; returns the registers as they were read back.
+/// Makes the program move to the target. Returns the registers as they were read back.
 pub async fn run(robot: &Robot, target: [f64; 6]) -> Result<Vec<i64>, Box<dyn Error>> {
     let status = robot.status().await?;
     if !status.is_ready() {
@@ -48,18 +49,19 @@ pub async fn run(robot: &Robot, target: [f64; 6]) -> Result<Vec<i64>, Box<dyn Er
     }
     let first = RegisterIndex::new(800).ok_or("registers are 800 to 900")?;
     let values = target.iter().map(|degrees| to_thousandths(*degrees)).collect::<Result<Vec<_>, _>>()?;
-    // Ok is no proof: controllers took text with commas in it. Each value is read back and compared.
+    // An ok proves nothing: controllers accepted text with commas in it. So each value is read back and
+    // compared.
     robot.write_registers(first, &values, Keep::UntilPowerCut).await?;
     let read = robot.read_registers(first, values.len()).await?;
     for (number, value) in (first.number()..).zip(&read) {
         println!("register {number}: {value}, which is {} deg", from_thousandths(*value));
     }
 
-    let (board, point) = M011;
+    let start = START.parse()?;
     for on in [true, false] {
-        robot.command(Command::ModifyOutput { board, point, on }).await?;
+        robot.set_output(start, on).await?;
     }
-    // The program moves on its own: what happened is read from the state, not from the ok.
+    // The program moves on its own. So the result is read from the state, not from the ok.
     let done = robot.wait_until_done(WaitOptions::default()).await?;
     for (axis, wanted) in AxisIndex::ALL.into_iter().zip(target) {
         let found = done.axes[axis.index()];

@@ -4,18 +4,19 @@ use std::time::Duration;
 
 use crate::settings::Reconnect;
 
-/// The longest wait before an attempt, as a part of the period at which the robot is watched. The rest of the period is for the attempt
-/// itself, for the controller to say who it is, and for the values to be read: so they are there again within one period. A
-/// robot that is away costs no more attempts than it would cost queries, and each is drawn from half of the wait: many clients of one
-/// switch do not return as one.
+/// The longest wait before an attempt, as a part of the shortest subscription period. The rest of the period
+/// is for the attempt itself, the identity query and reading the values, so the values are back within one
+/// period. A robot that is away costs no more attempts than it would cost queries. Each wait is drawn from
+/// its upper half, so that many clients behind one switch do not return at the same moment.
 const PART_OF_A_PERIOD: f64 = 0.375;
 
-/// A shorter period at which the robot is watched counts as this one: how often values are wanted says nothing about how many attempts
-/// to connect a controller bears, and people who look once a second are served soon enough by it.
+/// A shorter subscription period counts as this one. How often values are wanted does not say how many
+/// attempts a controller tolerates, and a person who looks once a second does not need more.
 const SHORTEST_WATCHED: Duration = Duration::from_secs(1);
 
-/// A connection on which the controller answered and that lasted this long was a good one. One that ended sooner counts as a failed
-/// attempt: whoever says who he is and then closes would be asked again at once, for ever. It is as long as the longest usual wait.
+/// A connection on which the controller answered and that lasted this long counts as good. A shorter one
+/// counts as a failed attempt. Otherwise the client would reconnect at once, for ever, to a controller that
+/// identifies itself and then closes. It is as long as the longest usual wait.
 const LIVED: Duration = Duration::from_secs(5);
 
 /// Waits that double up to a cap, each jittered within its upper half.
@@ -28,14 +29,15 @@ pub(crate) struct Backoff {
 }
 
 impl Backoff {
-    /// `seed` serves where the settings have none.
+    /// `seed` is used if the settings have none.
     pub fn new(settings: Reconnect, seed: impl FnOnce() -> u64) -> Self {
         let first = settings.first_wait.min(settings.cap);
         Self { first, cap: settings.cap, next: first, jitter: settings.jitter_seed.unwrap_or_else(seed) }
     }
 
-    /// The wait before the next attempt. `polled` is the shortest period that anybody watches the robot at: whoever is watched
-    /// is not waited for longer than a part of it, but never less than the first wait of the settings.
+    /// The wait before the next attempt. `polled`: the shortest period of all subscriptions. With
+    /// subscriptions, the wait is at most a part of that period, but never less than the first wait of the
+    /// settings.
     pub fn next_wait(&mut self, polled: Option<Duration>) -> Duration {
         let watched = |every: Duration| every.max(SHORTEST_WATCHED).mul_f64(PART_OF_A_PERIOD).max(self.first);
         let wait = polled.map_or(self.next, |every| self.next.min(watched(every)));
@@ -43,7 +45,8 @@ impl Backoff {
         wait.mul_f64(0.5 + 0.5 * self.draw())
     }
 
-    /// A connection on which the controller answered has ended: if it was a good one, this outage begins with the first wait again.
+    /// A connection on which the controller answered has ended. If it was good, the next outage begins with
+    /// the first wait.
     pub fn had_answers_for(&mut self, lasted: Duration) {
         if lasted >= LIVED {
             self.next = self.first;
@@ -138,6 +141,6 @@ mod tests {
         let most = every * 3 / 8;
         assert!(waits.iter().all(|wait| *wait <= most), "{waits:?}");
         assert!(waits.iter().skip(3).all(|wait| *wait >= most / 2), "no flood of attempts: {waits:?}");
-        assert!(backoff.next_wait(None) > most, "who is watched by nobody can wait");
+        assert!(backoff.next_wait(None) > most, "without a caller the wait may be long");
     }
 }

@@ -1,4 +1,4 @@
-//! The same robot without `async`: every call waits on the thread that makes it.
+//! The same robot without `async`: every call blocks its thread.
 //!
 //! ```
 //! # let controller = r6_sim::VirtualController::start_blocking()?;
@@ -13,12 +13,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! There is one implementation: these methods run those of [`crate::Robot`], whose documentation says what they do. A handle
-//! may be used from many threads at once, and a stop overtakes what the others wait for.
+//! There is one implementation: these methods call those of [`crate::Robot`], and its documentation says what
+//! they do. A handle may be used from many threads at once, and a stop overtakes requests that other threads
+//! wait for.
 //!
-//! It needs no runtime: the thread that calls writes and reads by itself, and a thread of the connection does what is due between the
-//! calls. All of it blocks the thread, so use [`crate::Robot`] in async code. Robots on an [`Engine`] run on a tokio runtime inside, and
-//! panic where another one runs.
+//! It needs no runtime: the calling thread itself writes and reads, and a thread of the connection does what
+//! is due between the calls. All of it blocks the thread, so use [`crate::Robot`] in async code. Robots on an
+//! [`Engine`] use a tokio runtime inside, and panic on a thread that runs another one.
 
 mod cell;
 mod driver;
@@ -38,6 +39,7 @@ use std::time::Duration;
 
 use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
+use r6_proto::io_point::IoPoint;
 use r6_proto::message::{Command, Instruction, PhotoAnswer};
 use tokio::runtime::Handle;
 
@@ -50,6 +52,7 @@ pub use self::watch::{EventReceiver, PushedReceiver, Receiver, Subscription};
 use crate::error::RequestError;
 use crate::hands::blocking::StdHand;
 use crate::hands::connect::Connect;
+use crate::units::Pose;
 use crate::{
     Accepted, CameraSet, Cause, Closed, Done, Envelope, Identity, LinkQuality, Motion, MotionError,
     NotSubscribed, QueryResult, RobotSettings, RunOptions, Status, StopReport, WaitError, WaitOptions,
@@ -57,13 +60,13 @@ use crate::{
 
 /// A handle on one controller. Clones share one connection.
 ///
-/// Dropping the last clone, and what was made with it, closes the connection. The drop blocks this thread for
-/// half a second at most, or longer in these cases:
+/// Dropping the last clone, and everything made with it, closes the connection. The drop blocks this thread
+/// for half a second at most, or longer in these cases:
 ///
-/// - While a motion is being streamed or stopped, it waits for the end of that, for 16 s at most. A motion
-///   that goes on after that is carried to its end in the background, while the program lives, and the
-///   connection is closed then.
-/// - While a stop is under way besides, it waits for that, too, for 15 s at most.
+/// - While a motion is being streamed or stopped, the drop waits for its end, for 16 s at most. A motion that
+///   takes longer runs to its end in the background, while the program lives, and then the connection is
+///   closed.
+/// - While a stop is under way besides, the drop waits for that, too, for 15 s at most.
 ///
 /// On a thread that runs a tokio runtime the drop does not block: the connection is closed in the background.
 #[derive(Clone)]
@@ -72,7 +75,8 @@ pub struct Robot {
     connection: Arc<Connection>,
 }
 
-/// How long a connection waits for the stop of its last motion: as long as a stop takes, and a moment for what follows it.
+/// How long a connection waits for the stop of its last motion: the longest time of a stop, and 1 s for what
+/// follows it.
 const LAST_STOP: Duration = crate::StopsUnderWay::WITHIN.saturating_add(Duration::from_secs(1));
 
 /// What all handles of a connection share.
@@ -83,16 +87,16 @@ struct Connection {
 
 impl Drop for Connection {
     fn drop(&mut self) {
-        // Inside a runtime nothing is waited for; then the same is done in the background.
+        // Do not block inside a runtime; the same then happens in the background.
         if Handle::try_current().is_ok() {
             return;
         }
-        // A motion whose handle asked for a stop when it is dropped is being stopped now.
+        // If a dropped handle asked for a stop on drop, its motion is being stopped now.
         let over = self.robot.within(LAST_STOP, self.robot.nothing_streams());
         if self.runner.block_on(over).is_ok() {
             self.runner.block_on(self.robot.clone().close());
         } else {
-            // A motion whose handle was dropped goes on to its end, while this program lives.
+            // A motion whose handle was dropped continues to its end, while this program lives.
             self.runner.close_later(&self.robot);
         }
     }
@@ -105,10 +109,11 @@ impl fmt::Debug for Robot {
 }
 
 impl Robot {
-    /// As [`crate::Robot::connect`], over a socket of the calling threads', without a runtime.
+    /// As [`crate::Robot::connect`], over a socket that the calling threads drive, without a runtime.
     ///
     /// # Errors
-    /// As there, and [`NotSent::NoEngine`](crate::NotSent::NoEngine) if the system has no thread for it.
+    /// As there, and [`NotSent::NoEngine`](crate::NotSent::NoEngine) if the operating system cannot start a
+    /// thread for it.
     pub fn connect(address: &str, settings: RobotSettings) -> Result<Self, RequestError> {
         let (robot, hand) = StdHand::connect(address, settings)?;
         Ok(Self::of(Runner::Own(hand), robot))
@@ -145,14 +150,15 @@ impl Robot {
         &self.connection.runner
     }
 
-    /// Runs a future to its end on this thread, and drives this robot's connection meanwhile: for what only [`Self::as_async`] has.
+    /// Runs a future to its end on this thread and drives this robot's connection meanwhile. Use it for
+    /// methods that only [`Self::as_async`] has.
     ///
     /// # Panics
     /// On an engine, where a tokio runtime runs on this thread.
     pub fn block_on<F: Future>(&self, future: F) -> F::Output {
         let mut future = pin!(future);
         self.runner().block_on(poll_fn(|cx| {
-            // What the future does before it calls the robot may take its time.
+            // Update the time: the future may have done other work since.
             self.robot.now();
             future.as_mut().poll(cx)
         }))
@@ -170,7 +176,7 @@ impl Robot {
         &self.robot
     }
 
-    /// As [`crate::Robot::close`], whatever other clones are doing. It waits for a stop that is under way,
+    /// As [`crate::Robot::close`], even if other clones are in use. It waits for a stop that is under way,
     /// and until a motion that is being streamed has ended, for 15 s at most each.
     pub fn close(self) -> Closed {
         self.runner().block_on(self.robot.clone().close())
@@ -222,6 +228,38 @@ impl Robot {
         self.runner().block_on(self.robot.command(command))
     }
 
+    /// As [`crate::Robot::start`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn start(&self) -> Result<Accepted, RequestError> {
+        self.runner().block_on(self.robot.start())
+    }
+
+    /// As [`crate::Robot::set_output`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn set_output(&self, point: IoPoint, on: bool) -> Result<Accepted, RequestError> {
+        self.runner().block_on(self.robot.set_output(point, on))
+    }
+
+    /// As [`crate::Robot::is_on`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn is_on(&self, point: IoPoint) -> Result<Option<bool>, RequestError> {
+        self.runner().block_on(self.robot.is_on(point))
+    }
+
+    /// As [`crate::Robot::pose`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn pose(&self) -> Result<Option<Pose>, RequestError> {
+        self.runner().block_on(self.robot.pose())
+    }
+
     /// As [`crate::Robot::stop`].
     ///
     /// # Errors
@@ -262,7 +300,8 @@ impl Robot {
         self.runner().block_on(self.robot.wait_until_done(options))
     }
 
-    /// As [`crate::Robot::run`]: it returns once everything is checked, and the motion is streamed while the program goes on.
+    /// As [`crate::Robot::run`]: it returns once everything is checked, and the motion is streamed in the
+    /// background.
     ///
     /// # Errors
     /// As there.
@@ -310,7 +349,7 @@ impl Robot {
         EventReceiver::new(self.robot.events(), Arc::clone(&self.connection))
     }
 
-    /// As [`crate::Robot::subscribe`]: the values are read between the calls, too.
+    /// As [`crate::Robot::subscribe`]: the values are read between calls, too.
     ///
     /// # Errors
     /// As there.

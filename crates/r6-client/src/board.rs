@@ -1,4 +1,5 @@
-//! What the subscriptions of one connection share: who wants which address how often, and the last value of each.
+//! State that the subscriptions of one connection share: which address is wanted how often, and its last
+//! value.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -31,7 +32,7 @@ pub(crate) struct Last {
 pub(crate) struct Board {
     time: Arc<Time>,
     shared: Mutex<Shared>,
-    /// The poller has something to think about.
+    /// Wakes the poller after a change.
     changed: Notify,
 }
 
@@ -57,12 +58,12 @@ pub(crate) struct Poll {
     losses: u64,
 }
 
-/// What one subscription wants.
+/// The wishes of one subscription.
 #[derive(Debug)]
 struct Wish {
     addresses: BTreeSet<Address>,
     every: Duration,
-    /// When it is to be told again.
+    /// When it is to be notified again.
     due: Instant,
     news: watch::Sender<()>,
 }
@@ -76,7 +77,8 @@ pub(crate) struct Seen {
 }
 
 impl Shared {
-    /// The shortest period of each address that anybody wants; values that nobody wants any more are forgotten.
+    /// Plans each address at the shortest period of its subscriptions, and forgets values that no
+    /// subscription wants.
     fn plan_anew(&mut self, now: Instant) {
         let mut wanted = BTreeMap::new();
         for wish in self.wishes.values() {
@@ -89,7 +91,7 @@ impl Shared {
         self.plan.replace(wanted, now);
     }
 
-    /// Tells the subscriptions that it concerns, each at its own pace unless something went wrong.
+    /// Notifies the subscriptions concerned, each no faster than its own period.
     fn tell(&mut self, asked: &[Address], now: Instant) {
         for wish in self.wishes.values_mut() {
             let concerned = asked.iter().any(|address| wish.addresses.contains(address));
@@ -100,7 +102,7 @@ impl Shared {
         }
     }
 
-    /// Tells everybody, and again as soon as there is something new.
+    /// Notifies all subscriptions at once, and again as soon as there is news.
     fn tell_all(&mut self) {
         self.wishes.values_mut().for_each(|wish| {
             wish.due = Instant::ORIGIN;
@@ -110,17 +112,17 @@ impl Shared {
 }
 
 impl Board {
-    /// Nobody wants anything yet.
+    /// A board without subscriptions.
     pub fn new(time: Arc<Time>) -> Self {
         Self { time, shared: Mutex::default(), changed: Notify::new() }
     }
 
     fn shared(&self) -> MutexGuard<'_, Shared> {
-        // Nothing that holds it can panic halfway, and nobody holds it across an await.
+        // Nothing can panic while holding this guard, and no caller holds it across an await.
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a subscription; `poll` gives the poller where none runs, and begins nothing yet.
+    /// Adds a subscription. `poll` provides the poller if none runs; it does not start it yet.
     pub fn add(
         &self,
         addresses: &[Address],
@@ -156,7 +158,7 @@ impl Board {
         Ok((id, seen))
     }
 
-    /// Ends a subscription; with the last one the poller ends too, whatever it waits for.
+    /// Ends a subscription. The last one also ends the poller, even while it waits.
     pub fn remove(&self, id: u64) {
         let mut shared = self.shared();
         shared.wishes.remove(&id);
@@ -167,13 +169,13 @@ impl Board {
             ended = shared.poller.take();
         }
         drop(shared);
-        // It wakes who drives: not under the lock.
+        // Not under the lock, because it wakes the driver.
         if let Some(poller) = ended {
             poller.abort();
         }
     }
 
-    /// The shortest period that anybody watches at; `None` while nobody does.
+    /// The shortest period of all subscriptions; `None` without one.
     pub fn pace(&self) -> Option<Duration> {
         self.shared().wishes.values().map(|wish| wish.every).min()
     }
@@ -188,7 +190,7 @@ impl Board {
         Seen { rows: addresses.iter().map(row).collect(), failure: shared.failure.clone() }
     }
 
-    /// The connection is lost: everybody is told, and all is read again as soon as there is a new one.
+    /// The connection is lost: notifies all subscriptions; everything is read again on the next connection.
     pub fn connection_lost(&self) {
         let mut shared = self.shared();
         shared.losses += 1;
@@ -198,7 +200,7 @@ impl Board {
         self.changed.notify_one();
     }
 
-    /// The handle is closed: nobody will be told anything any more.
+    /// The handle is closed: ends all subscriptions.
     pub fn close(&self) {
         let mut shared = self.shared();
         shared.closed = true;
@@ -208,7 +210,7 @@ impl Board {
         self.changed.notify_one();
     }
 
-    /// What the poller has to ask for, as soon as it is due; `None` when nothing is wanted any more.
+    /// Waits for the next query of the poller; `None` when no subscription is left.
     pub async fn due(&self) -> Option<Poll> {
         loop {
             let (next, losses) = {
@@ -242,14 +244,14 @@ impl Board {
             }
         }
         shared.failure = None;
-        // What was answered before the connection was lost has to be read again on the next one.
+        // Values from before a loss of the connection have to be read again on the next one.
         if shared.losses == poll.losses {
             shared.plan.answered(&poll.addresses, poll.begun, now);
         }
         shared.tell(&poll.addresses, now);
     }
 
-    /// A poll failed; the values stay, and grow old.
+    /// A poll failed; the old values stay, and age.
     pub fn failed(&self, poll: &Poll, error: RequestError) {
         let now = self.time.now();
         let mut shared = self.shared();
@@ -263,8 +265,8 @@ impl Board {
     }
 }
 
-/// Whether a failure comes only after a time-out or an attempt to connect, which has a wait of its own: then nothing is gained by
-/// another pause before the next poll.
+/// Whether the failure came after a timeout or an attempt to connect, which has its own wait. Another pause
+/// before the next poll is then useless.
 fn took_its_time(error: &RequestError) -> bool {
     matches!(
         error,
@@ -305,7 +307,7 @@ mod tests {
     }
 
     impl Watched {
-        /// What is due now, or how long until something is.
+        /// The query that is due now, or how long until the next.
         fn due(&self) -> Result<Option<Poll_>, Duration> {
             let mut due = pin!(self.board.due());
             match due.as_mut().poll(&mut Context::from_waker(Waker::noop())) {

@@ -1,4 +1,4 @@
-//! The camera's side: photo requests are answered, and the points that were found pushed, on the robot's own connection.
+//! The camera's side: answers photo requests and sends the points found, on the robot's own connection.
 
 use std::fmt;
 
@@ -13,43 +13,44 @@ use crate::pushed::{LostReason, Pushed};
 use crate::robot::Robot;
 use crate::settings::LONGEST_PACK_ID;
 
-/// What came of a request for a photo.
+/// Result of a request for a photo.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shot {
     /// The picture was taken, and these parts are in it; perhaps none.
     Points(Vec<Point>),
-    /// There is no picture. The request is answered with `ret` 0; what the program then does is up to it.
+    /// There is no picture. The request is answered with `ret` 0, and the program decides how to continue.
     Failed,
-    /// Another program is this camera: nothing is sent.
+    /// Another program acts as this camera: nothing is sent.
     NotMine,
 }
 
 /// Why photos are no longer served.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhotosEnded {
-    /// The connection ended, and requests reach nobody. Look at the machine ([`Robot::status`], which connects anew), then serve
-    /// again. Points of a picture that was asked for before are not sent any more.
+    /// The connection ended, and requests arrive no longer. Look at the machine ([`Robot::status`], which
+    /// reconnects), then serve again. Points of a picture that was requested before are not sent any more.
     ConnectionLost(LostReason),
-    /// A handle of this connection sent a stop or a pause while a picture was under way. Its points, and those of later pictures, are
-    /// held back: they could set the arm in motion again. Look at the machine, then serve again.
+    /// A handle of this connection sent a stop or a pause while a picture was under way. Its points, and
+    /// those of later pictures, are held back, because they could set the arm in motion again. Look at the
+    /// machine, then serve again.
     ///
-    /// Where the stop came after the answer or the points had left, they are not called back.
+    /// An answer or points that were sent before the stop are not recalled.
     Stopped,
     /// The handle was closed.
     Closed,
-    /// Somebody else serves the photos of this connection already, over this handle or a clone: both would answer each request.
-    /// Nothing was sent.
+    /// Another call already serves the photos of this connection, over this handle or a clone; both would
+    /// answer each request. Nothing was sent.
     ServedAlready,
-    /// An answer did not leave, or the controller did not take the points. Points that cannot be sent
-    /// ([`RequestError::Invalid`]: no number, or too many for a frame) leave their request without an answer, because `ret` 1 would
-    /// promise them.
+    /// An answer was not sent, or the controller did not take the points. If points cannot be sent
+    /// ([`RequestError::Invalid`]: not a number, or too many for a frame), their request gets no answer,
+    /// because `ret` 1 would promise them.
     Request {
         /// The camera.
         cam_id: i64,
         /// Why.
         error: RequestError,
     },
-    /// So many events were missed while a picture was looked at: photo requests may be among them.
+    /// Events were missed while a picture was processed: photo requests may be among them.
     FellBehind {
         /// How many.
         missed: u64,
@@ -57,16 +58,19 @@ pub enum PhotosEnded {
 }
 
 impl Robot {
-    /// Is the camera of this controller from now on: each photo request (manual 5.1) is handed to `look`, with its `camID`; then
-    /// its points are checked, the request is answered and, if parts were found, their points are sent (manual 5.2).
+    /// Acts as the camera of this controller from now on: passes each photo request (manual 5.1) to `look`,
+    /// with its `camID`. Then it checks the points, answers the request and, if parts were found, sends their
+    /// points (manual 5.2).
     ///
-    /// It ends only when it cannot go on, and nothing that failed is sent again. A connection has one camera service: a second one ends
-    /// at once ([`PhotosEnded::ServedAlready`]). Requests are served one after the other, in their
-    /// order. A program waits for the answer for a time of its own (on the virtual controller the `limit` of its step): where finding takes
-    /// longer than taking the picture, use [`Robot::pushed`], [`Robot::answer_photo`] and [`Robot::add_points`] instead.
+    /// It returns only when it cannot continue, and it sends nothing again that failed. A connection has one
+    /// camera service: a second one returns at once ([`PhotosEnded::ServedAlready`]). Requests are served one
+    /// after the other, in order. The program on the controller limits how long it waits for the answer (on
+    /// the virtual controller with the `limit` of its step). If finding parts takes longer than taking the
+    /// picture, use [`Robot::pushed`], [`Robot::answer_photo`] and [`Robot::add_points`] instead.
     ///
-    /// Points can set the arm in motion, and no guard checks them: none leave after a stop or a pause of this connection that came while
-    /// their picture was under way ([`PhotosEnded::Stopped`]). Requests that come before this is called are not seen.
+    /// Points can set the arm in motion, and no guard checks them. None are sent after a stop or a pause of
+    /// this connection that came while their picture was under way ([`PhotosEnded::Stopped`]). Requests from
+    /// before this call are not seen.
     pub async fn serve_photos<F, Fut>(&self, look: F) -> PhotosEnded
     where
         F: FnMut(i64) -> Fut,
@@ -81,12 +85,12 @@ impl Robot {
         Fut: Future<Output = Shot>,
     {
         let Some(_turn) = self.photos() else { return PhotosEnded::ServedAlready };
-        // Read before listening: what was asked for on an earlier connection is not answered on a later one.
+        // Read this before listening: a request on an earlier connection is not answered on a later one.
         let connection = self.hub().known().connection;
         let same = || self.hub().known().connection == connection;
         let mut pushed = self.pushed();
         let mut stops = self.stops();
-        // So many of the next events are older than a stop.
+        // The number of pending events that are older than a stop.
         let mut overtaken = 0_usize;
         loop {
             let event = tokio::select! {
@@ -135,7 +139,8 @@ impl Robot {
         }
     }
 
-    /// Answers, and sends the points, each only if it `may` leave right then. Points that cannot be sent are not promised.
+    /// Answers, and sends the points, each only if `may` allows it at that moment. Points that cannot be sent
+    /// are not promised.
     async fn answer_shot(&self, cam_id: i64, shot: Shot, may: impl Fn() -> bool) -> Result<(), RequestError> {
         let (ret, points) = match shot {
             Shot::NotMine => return Ok(()),
@@ -153,7 +158,7 @@ impl Robot {
         Ok(())
     }
 
-    /// Whether the points can be a frame, whatever its `packID`.
+    /// Whether the points fit into a frame with any `packID`.
     fn check_points(&self, set: &CameraSet) -> Result<(), Invalid> {
         let settings = self.settings();
         let points = [CameraPoints { cam_id: set.cam_id, points: &set.points }];

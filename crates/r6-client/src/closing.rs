@@ -1,4 +1,4 @@
-//! Closing a handle, and the stops that are under way: a program must not end before they have.
+//! Closing a handle, and the stops that are under way: a program must not end before they end.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -26,12 +26,12 @@ impl Robot {
     /// Ends the connection for all clones and waits until it is closed.
     ///
     /// It waits for a stop that is under way, for 15 s at most. A motion that is being streamed ends here:
-    /// the arm finishes what is in its list ([`crate::RunOptions::stop_on_drop`]: it is stopped), and
-    /// [`Closed::cut_short`] tells what was not sent. That end is waited for, too, for 15 s at most. The
+    /// the arm finishes its list (with [`crate::RunOptions::stop_on_drop`] it is stopped), and
+    /// [`Closed::cut_short`] says what was not sent. It waits for that end, too, for 15 s at most. The
     /// orderly end of the connection itself takes half a second at most.
     ///
-    /// Dropping the last clone does the same in the background; use this where the runtime ends right after.
-    /// Other clones' later requests are not sent ([`crate::NotSent::Closed`]).
+    /// Dropping the last clone does the same in the background. Use this method if the runtime ends right
+    /// after. Later requests of other clones are not sent ([`crate::NotSent::Closed`]).
     pub async fn close(self) -> Closed {
         self.drive(self.close_now()).await
     }
@@ -48,7 +48,7 @@ impl Robot {
         Closed { cut_short }
     }
 
-    /// The stops over this connection, whoever asked for them: other clones, guards, motions that failed.
+    /// The stops over this connection, from any source: other clones, guards, motions that failed.
     #[must_use]
     pub fn stops_under_way(&self) -> StopsUnderWay {
         StopsUnderWay {
@@ -69,17 +69,17 @@ impl StopsUnderWay {
         self.stopping.borrow().under_way > 0
     }
 
-    /// Whether the connection is gone: no stop will ever be under way over it again.
+    /// Whether the connection is gone: no stop can be under way over it again.
     #[must_use]
     pub fn are_gone(&self) -> bool {
         self.stopping.has_changed().is_err()
     }
 
-    /// Waits until no stop is under way, for [`Self::WITHIN`] at most, and tells what became of the last one; `None` if there was
-    /// none. Dropping the future stops nothing.
+    /// Waits until no stop is under way, for [`Self::WITHIN`] at most, and returns the result of the last
+    /// one; `None` if there was no stop. Dropping the future stops nothing.
     ///
     /// # Errors
-    /// In the report: as [`Robot::stop`], and [`Self::not_confirmed`] if one is still under way.
+    /// In the report: as [`Robot::stop`], and [`Self::not_confirmed`] if a stop is still under way.
     pub async fn over(&mut self) -> Option<Result<StopReport, RequestError>> {
         let over = self.stopping.wait_for(|stopping| stopping.under_way == 0);
         match drive(&*self.hand, self.time.timeout(Self::WITHIN, over)).await {
@@ -90,7 +90,7 @@ impl StopsUnderWay {
         }
     }
 
-    /// What to tell of a stop that was waited for so long and is still under way.
+    /// The error to report if a stop is still under way after this time.
     #[must_use]
     pub fn not_confirmed(after: Duration) -> RequestError {
         let request = Work::Command(Command::ActionStop).sent();

@@ -1,16 +1,17 @@
-//! The connection of a handle through all its lives, without a socket: what waits, what leaves when, when it is made anew.
+//! A handle's connection over all its lives, without a socket: its queues, what is sent when, and
+//! reconnecting.
 //!
 //! ```text
 //!                 ┌────────────── lost ──────────────┐
 //!                 ▼                                  │
 //!  (made) ──▶    Up ◀──connected── Connecting ◀──over── Backoff ◀──a query or a stop waits── Down
-//!                 │                     └────────not_connected: all who waited are told────────▲
+//!                 │                     └────────not_connected: all waiting calls fail─────────▲
 //!               close
 //!                 ▼
 //!              Closing ──goodbye said, or half a second──▶ Closed ◀──close── (Down, Backoff, Connecting)
 //! ```
 //!
-//! A hand ([`crate::drive`]) carries out what [`Connection::wants`] says, and tells what came of it.
+//! A hand ([`crate::drive`]) carries out what [`Connection::wants`] says, and reports the result.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -28,12 +29,13 @@ use crate::link::{Lane, Link};
 use crate::pushed::LostReason;
 use crate::settings::RobotSettings;
 
-/// How long a closing connection may take to write what waits, and then to say that it has read everything. A
-/// controller that gets a reset instead of an orderly end may keep the connection's slot for good.
+/// How long a closing connection may take to write its queue, and then to confirm that it has read
+/// everything. A controller that gets a reset instead of an orderly end may keep the connection's slot for
+/// good.
 const CLOSE_WAIT: Duration = Duration::from_millis(500);
 
-/// At this length, and at each doubling of it, a lane is cleared of requests that their callers gave up. So a lane has at most
-/// twice as many requests as there are callers that wait, or this many.
+/// At this length, and at each doubling of it, requests that their callers gave up are removed from a lane.
+/// So a lane holds at most twice as many requests as there are waiting callers, or this many.
 const SWEPT_FROM: usize = 64;
 
 /// What a hand has to do for a connection.
@@ -45,7 +47,7 @@ pub(crate) enum Wants {
     Connect,
     /// Write its output, end our side of the connection, then read until the other side has ended, too.
     Goodbye,
-    /// Let go of the connection, or of the attempt to make one.
+    /// Drop the connection, or the attempt to make one.
     Nothing,
 }
 
@@ -57,11 +59,11 @@ pub(crate) struct Connection {
     settings: RobotSettings,
     hub: Arc<Hub>,
     backoff: Backoff,
-    /// Stops, and what confirms them.
+    /// Stops, and the queries that confirm them.
     urgent: VecDeque<Job>,
     ordinary: VecDeque<Job>,
-    /// Jobs for the next connection: the one that asked for it, and queries that the last one lost. On a connection, what
-    /// waits until the controller has said who it is.
+    /// Jobs for the next connection: the job that asked for it, and queries that the last one lost. While
+    /// connected: jobs that wait until the controller has identified itself.
     held: VecDeque<Job>,
     next_pack_id: u64,
     close_asked: bool,
@@ -88,8 +90,8 @@ enum Phase {
 }
 
 impl Connection {
-    /// A connection that is there. Where it is known already who is meant, it has to say first who is there, like one that was made
-    /// anew.
+    /// Wraps an existing connection. If the expected robot is already known, the controller has to identify
+    /// itself first, as after a reconnect.
     pub fn new(
         (name, takes_whoever_comes): (String, bool),
         settings: RobotSettings,
@@ -114,12 +116,13 @@ impl Connection {
             close_asked: false,
             phase: Phase::Up { link, begun: now },
         };
-        // The watchdog is armed before anything moves: a timer may come a millisecond late, and this process may die in it.
+        // Arm the watchdog before anything moves: a timer may fire a millisecond late, and this process may
+        // die in that time.
         this.tick(now);
         this
     }
 
-    /// What messages call the controller.
+    /// The controller's name in messages.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -129,7 +132,7 @@ impl Connection {
         self.takes_whoever_comes
     }
 
-    /// Takes a request into its lane. The urgent lane leaves first.
+    /// Queues a request in its lane. The urgent lane is sent first.
     pub fn give(&mut self, lane: Lane, job: Job) {
         if self.is_closed() {
             return job.not_sent(NotSent::Closed);
@@ -144,7 +147,7 @@ impl Connection {
         lane.push_back(job);
     }
 
-    /// Nothing more is wanted: what is urgent and waits already still leaves, then the connection ends.
+    /// Asks for the end: urgent requests that already wait are still sent, then the connection ends.
     pub fn close(&mut self) {
         self.close_asked = true;
     }
@@ -164,7 +167,7 @@ impl Connection {
         }
     }
 
-    /// Whether anything is to be done now for which nobody may be waiting.
+    /// Whether there is work to do now that no call may be waiting for.
     pub fn is_busy(&self) -> bool {
         let waits = !(self.urgent.is_empty() && self.ordinary.is_empty() && self.held.is_empty());
         match &self.phase {
@@ -186,7 +189,7 @@ impl Connection {
         }
     }
 
-    /// Hands over what can leave now, and goes from one phase to the next where it is time.
+    /// Hands over the jobs that can be sent now, and changes phase when it is time.
     pub fn go_on(&mut self, now: Instant) {
         match &mut self.phase {
             Phase::Up { link, .. } => {
@@ -236,7 +239,8 @@ impl Connection {
             if link.is_introducing() {
                 link.introduce(now);
                 if !link.is_introducing() {
-                    // Not one of its questions fits into a frame: nothing will wake who waits for the answer.
+                    // None of its questions fits into a frame: no reply will wake the callers that wait for
+                    // one.
                     continue;
                 }
             }
@@ -257,7 +261,7 @@ impl Connection {
         }
     }
 
-    /// The bytes that wait to be written, without those that nobody wants any more.
+    /// The bytes that wait to be written, without those of withdrawn requests.
     pub fn output(&mut self, now: Instant) -> &[u8] {
         match &mut self.phase {
             Phase::Up { link, .. } | Phase::Closing { link, .. } => {
@@ -270,14 +274,14 @@ impl Connection {
         }
     }
 
-    /// The first `bytes` of the output were given to the socket.
+    /// The socket took the first `bytes` of the output.
     pub fn written(&mut self, bytes: usize) {
         if let Phase::Up { link, .. } | Phase::Closing { link, .. } = &mut self.phase {
             link.written(bytes);
         }
     }
 
-    /// Bytes came from the controller. What comes after a goodbye counts for nothing.
+    /// Takes in bytes from the controller. Bytes that arrive while closing are ignored.
     pub fn received(&mut self, bytes: &[u8], now: Instant) {
         if let Phase::Up { link, .. } = &mut self.phase
             && let Err(reason) = link.received(bytes, now)
@@ -286,7 +290,7 @@ impl Connection {
         }
     }
 
-    /// The connection that was wanted is there.
+    /// The hand made the connection.
     pub fn connected(&mut self, now: Instant) {
         self.hub.happened(Event::ConnectedAnew);
         let link = Link::new(&self.settings, false, self.next_pack_id, &self.hub, now);
@@ -295,7 +299,7 @@ impl Connection {
         self.tick(now);
     }
 
-    /// The connection that was wanted could not be made. One attempt answers everybody who waited for it.
+    /// The hand could not make the connection. This one attempt answers all callers that waited for it.
     pub fn not_connected(&mut self, error: &NotSent) {
         self.phase = Phase::Down;
         self.tell_unconnected(error);
@@ -316,7 +320,7 @@ impl Connection {
                     self.hub.doubt_who_answers();
                 }
                 if unidentified {
-                    // One attempt answers everybody who waited for it.
+                    // One attempt answers all callers that waited for it.
                     self.tell_unconnected(&NotSent::Unidentified { address: self.name.clone(), reason });
                 }
             }
@@ -330,7 +334,7 @@ impl Connection {
         }
     }
 
-    /// Time passed: looks after what is due.
+    /// Does what is due at this time.
     pub fn tick(&mut self, now: Instant) {
         if self.deadline().is_none_or(|due| due > now) {
             return;
@@ -366,7 +370,7 @@ impl Connection {
         }
     }
 
-    /// Nobody drives this any more: nothing that waits will ever be answered.
+    /// The driver is gone: no waiting request will be answered.
     pub fn abandoned(&mut self) {
         self.phase = Phase::Closed;
         self.urgent.clear();
@@ -389,15 +393,15 @@ impl Connection {
         }
     }
 
-    /// Keeps a job that is worth a new connection, refuses any other: what a command was meant for may have changed.
-    /// Stops come first.
+    /// Keeps a query or a stop for the next connection. Refuses any other job, because the machine that it
+    /// was meant for may have changed. Stops come first.
     fn hold(&mut self, job: Job) {
         if job.is_moot() {
             return;
         }
         match job.work.sent().effect {
             Effect::Stops => {
-                // A stop that its caller gave up still leaves, but only once.
+                // A stop that its caller gave up is still sent, but only once.
                 let sent = job.work.sent();
                 self.held.retain(|held| !(held.is_given_up() && held.work.sent() == sent));
                 self.held.push_front(job);
@@ -417,7 +421,7 @@ impl Connection {
         self.ordinary.drain(..).for_each(|job| job.not_sent(error.clone()));
     }
 
-    /// The end for good.
+    /// Ends the connection for good.
     fn end(&mut self, error: &NotSent) {
         self.phase = Phase::Closed;
         self.refuse_waiting(error);
@@ -426,7 +430,7 @@ impl Connection {
     }
 }
 
-/// Drops what its callers gave up. A stop that was given up still leaves, but only once.
+/// Drops requests that their callers gave up. A stop that was given up is still sent, but only once.
 fn sweep(lane: &mut VecDeque<Job>) {
     let mut given_up = Vec::new();
     lane.retain(|job| {
@@ -438,8 +442,8 @@ fn sweep(lane: &mut VecDeque<Job>) {
     });
 }
 
-/// A stop leaves at once, unless the controller has yet to say whether it is the one that is meant; what confirms the stop leaves
-/// behind it.
+/// Sends a stop at once, unless the controller still has to show that it is the expected one. The queries
+/// that confirm the stop follow it.
 fn hand_over_urgent(held: &mut VecDeque<Job>, job: Job, link: &mut Link, hub: &Hub, now: Instant) {
     if link.holds_stops() {
         held.push_back(job);
@@ -448,12 +452,13 @@ fn hand_over_urgent(held: &mut VecDeque<Job>, job: Job, link: &mut Link, hub: &H
     let stops = job.work.sent().effect == Effect::Stops;
     hand_over_unless_another(job, link, hub, now);
     if stops && link.is_first() && hub.known().present.is_none() {
-        // Over another connection it has to be known whom the stop was meant for.
+        // To repeat the stop over another connection, the client has to know which robot it was meant for.
         link.begin_introduction();
     }
 }
 
-/// What waited for this connection, or until the controller has said who it is. Stops come first and wait for neither.
+/// Hands over the jobs that waited for this connection, or until the controller identified itself. Stops come
+/// first and wait for neither, unless [`Link::holds_stops`].
 fn hand_over_held(
     held: &mut VecDeque<Job>,
     link: &mut Link,
@@ -475,8 +480,8 @@ fn hand_over_held(
     }
 }
 
-/// Holds commands back until the controller has said who it is, and queries for a while. A stop and the answer to a photo leave at once.
-/// The next connection is compared with that identity.
+/// Holds commands back until the controller has identified itself, and queries for a limited time. A stop and
+/// the answer to a photo are sent at once. The next connection is compared with that identity.
 fn hand_over_once_known(
     held: &mut VecDeque<Job>,
     job: Job,
@@ -494,7 +499,7 @@ fn hand_over_once_known(
             true
         }
         Work::Query(addresses) => !asks_who_is_there(addresses) && link.begin_introduction_for_query(now),
-        // A photo cannot wait. What stops does not come this way on a first connection.
+        // A photo cannot wait. On a first connection, stops do not come this way.
         Work::PhotoAnswer(_) | Work::Command(_) | Work::AddRcc { .. } | Work::AddPoints(_) => {
             link.begin_introduction_for_query(now);
             false
@@ -507,7 +512,7 @@ fn hand_over_once_known(
     }
 }
 
-/// A command that waited long must not leave as a surprise; a query may.
+/// Refuses a command that waited too long, because it must not come as a surprise. A query may still be sent.
 fn hand_over_unless_stale(job: Job, link: &mut Link, hub: &Hub, settings: &RobotSettings, now: Instant) {
     match job.work.sent().effect {
         Effect::Changes | Effect::Moves => {
@@ -521,7 +526,7 @@ fn hand_over_unless_stale(job: Job, link: &mut Link, hub: &Hub, settings: &Robot
     hand_over_unless_another(job, link, hub, now);
 }
 
-/// What was meant for one robot is not sent to another, and what was meant for one connection not over another.
+/// Refuses a job that a stop has overtaken, or that was meant for another robot or another connection.
 fn hand_over_unless_another(job: Job, link: &mut Link, hub: &Hub, now: Instant) {
     if job.is_overtaken(hub.stops_asked()) {
         return job.not_sent(NotSent::Overtaken);
@@ -551,7 +556,7 @@ mod tests {
         let settings = RobotSettings::default();
         let backoff = Backoff::new(settings.reconnect, || 0);
         let mut connection = Connection::new(("robot".to_owned(), false), settings, Arc::default(), backoff);
-        // Otherwise it would have to say first who it is.
+        // Otherwise the controller would have to identify itself first.
         connection.hub.known().present = Some(crate::Identity::default());
         let now = Instant::ORIGIN + Duration::from_millis(2001);
         let places = Places::default();
@@ -596,7 +601,10 @@ mod tests {
         }
         assert!(connection.ordinary.len() <= SWEPT_FROM, "{}", connection.ordinary.len());
         assert!(connection.urgent.len() <= SWEPT_FROM, "{}", connection.urgent.len());
-        assert!(connection.ordinary.iter().any(|job| !job.is_given_up()), "whoever waits keeps its place");
+        assert!(
+            connection.ordinary.iter().any(|job| !job.is_given_up()),
+            "a caller that waits keeps its place"
+        );
         sweep(&mut connection.urgent);
         assert_eq!(connection.urgent.len(), 1, "one stop still leaves");
     }

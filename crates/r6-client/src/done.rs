@@ -17,18 +17,18 @@ use crate::stream::error::{Cause, MotionError};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaitOptions {
     /// The pause between the answer to one read of the state and the next read. Default 50 ms, which real
-    /// controllers bear for hours. There is no minimum: with 0 the state is read as fast as answers come.
+    /// controllers tolerate for hours. There is no minimum: with 0 the state is read as fast as answers come.
     pub interval: Duration,
     /// How long to wait at most. Default 60 s.
     pub timeout: Duration,
-    /// How long the arm has to stand where the controller cannot tell the length of its list. Default 500 ms: arms
-    /// stand up to a third of a second in a corner that is not blended.
+    /// How long the arm has to stand if the controller cannot tell the length of its list. Default 500 ms,
+    /// because arms stand up to a third of a second in a corner that is not blended.
     pub settle: Duration,
-    /// When no motion was seen until then, there was none, or it was shorter than the interval. Default 1 s. Make it
-    /// longer than the longest delay or wait before the first move.
+    /// If no motion was seen within this time, there was no motion, or it was shorter than the interval.
+    /// Default 1 s. Make it longer than the longest delay or wait before the first move.
     pub start_within: Duration,
-    /// The mode in which this controller waits for instructions. Default running (7); some go from auto (2) to
-    /// running by themselves and back (reported, unit B).
+    /// The mode in which this controller waits for instructions. Default running (7). Some controllers switch
+    /// between auto (2) and running on their own (reported, unit B).
     pub idle_mode: OperationMode,
 }
 
@@ -44,17 +44,19 @@ impl Default for WaitOptions {
     }
 }
 
-/// A motion has ended: the arm stands, without alarm, and as far as the controller tells its list is done.
+/// A motion has ended: the arm stands, without alarm, and as far as the controller tells, its list is done.
 ///
-/// [`Self::proof`] says what was seen of it. All of it was read over the connection that the motion was sent on.
+/// [`Self::proof`] says what was observed. All of it was read over the connection that the motion was sent
+/// on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Done {
-    /// The motion, as numbered by [`crate::MotionHandle::number`]; `None` where [`crate::Robot::wait_until_done`] watched what no
-    /// [`crate::Robot::run`] of this handle had sent.
+    /// The motion, as numbered by [`crate::MotionHandle::number`]; `None` if
+    /// [`crate::Robot::wait_until_done`] watched a motion that no [`crate::Robot::run`] of this handle had
+    /// sent.
     pub motion: Option<u64>,
     /// What proves the end.
     pub proof: EndProof,
-    /// `axis-0` to `axis-5`, degrees; `None` where not known.
+    /// `axis-0` to `axis-5`: J1 is `axes[0]`. Degrees, or mm if an axis slides; `None` where not known.
     pub axes: [Option<f64>; AXES],
     /// `world-0` to `world-5`, mm and degrees; `None` where not known.
     pub pose: [Option<f64>; AXES],
@@ -67,7 +69,7 @@ pub struct Done {
 }
 
 impl Done {
-    /// By the last look at a motion that began then.
+    /// From the last look at a motion. `took`: the time since the first read.
     pub(crate) fn of(
         motion: Option<u64>,
         proof: EndProof,
@@ -83,17 +85,18 @@ impl Done {
 /// What proves that a motion has ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EndProof {
-    /// The arm stands where the last move ends, and it moved, or was elsewhere before. Exception: a motion to
-    /// where the arm stands already; then [`Done::moved`] may be false.
+    /// The arm stands where the last move ends, and it moved, or was elsewhere before. Exception: if the
+    /// motion leads to where the arm already stands, [`Done::moved`] may be false.
     Reached,
-    /// Where the last move ends cannot be compared (another tool or work frame), but the controller was seen to work
-    /// through its list step by step, down to the last one.
+    /// The end of the last move cannot be compared (another tool or work frame), but the controller was seen
+    /// to work through its list step by step, down to the last one.
     Consumed,
     /// The arm stands short of the end of the last move, which an input may cut short
     /// ([`crate::Motion::stop_on_input`]).
     CutShort(Missed),
-    /// The arm stands with an empty list, as far as the controller tells; where the motion should have ended is not known
-    /// or does not apply. A motion without a move ends like this, and whatever [`crate::Robot::wait_until_done`] watches.
+    /// The arm stands with an empty list, as far as the controller tells. Where the motion should have ended
+    /// is unknown or does not apply. A motion without a move ends like this, and so does any motion that
+    /// [`crate::Robot::wait_until_done`] watches.
     AtRest,
 }
 
@@ -105,26 +108,26 @@ pub enum WaitError {
         /// Its number.
         code: i64,
     },
-    /// The program does not run (any more): somebody stopped or paused it, or it was never started.
+    /// The program does not run (any more): it was stopped, paused, or never started.
     Stopped {
         /// The mode the controller is in.
         mode: OperationMode,
     },
     /// The connection was lost, and the controller seems to have been switched off and on.
     Restarted(Restart),
-    /// It still went on when the time was up.
+    /// The motion had not ended when the time was up.
     TimedOut {
-        /// The time it was given.
+        /// The time limit.
         after: Duration,
-        /// Instructions left in the list, where the controller tells.
+        /// Instructions left in the list, if the controller tells.
         list_length: Option<i64>,
     },
-    /// The state cannot be read; the motion may go on.
+    /// The state cannot be read; the motion may continue.
     Request(RequestError),
-    /// The connection that the motion was sent on is lost, or another robot answers. What is seen now does not tell whether
-    /// the motion came to its end.
+    /// The connection that the motion was sent on is lost, or another robot answers. The present state does
+    /// not show whether the motion came to its end.
     AnotherConnection,
-    /// The motion of this handle that was waited for did not come to its end.
+    /// The awaited motion of this handle did not come to its end.
     Motion(Box<MotionError>),
 }
 

@@ -1,4 +1,4 @@
-//! Frames that can move the arm and whose outcome is open: a stop may not be called complete while there are any.
+//! Frames that can move the arm and have an open outcome: while there are any, a stop is not complete.
 //!
 //! ```text
 //!  left ──▶ unanswered ──(ok or err)──▶ no doubt
@@ -6,7 +6,7 @@
 //!               └─(time-out, or the connection ended)──▶ lost ──(2 s)────▶ no doubt
 //! ```
 //!
-//! A controller that is busy takes a list a second late and runs it.
+//! A busy controller may take a list a second late and run it.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -17,11 +17,11 @@ use tokio::sync::Notify;
 use crate::error::RequestError;
 use crate::time::Time;
 
-/// How long after the time-out a controller may still take a frame. One was seen to take a list 1 s after it;
-/// this is twice that.
+/// How long after the timeout a controller may still take a frame. A controller was seen to take a list 1 s
+/// after it; this is twice that.
 const TAKEN_LATE: Duration = Duration::from_secs(2);
 
-/// The frames of one handle whose outcome is open.
+/// The frames of one handle with an open outcome.
 #[derive(Debug)]
 pub(crate) struct Doubts {
     shared: Arc<Shared>,
@@ -31,7 +31,8 @@ pub(crate) struct Doubts {
 #[derive(Debug, Default)]
 struct Shared {
     open: Mutex<Open>,
-    /// Wakes those who wait in the order in which they began to: two stops that end together are told apart by that in a simulation.
+    /// Wakes the waiting tasks in the order in which they began to wait. A simulation relies on this order if
+    /// two stops end together.
     changed: Notify,
 }
 
@@ -48,13 +49,13 @@ impl Shared {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Open {
-    /// Frames that left and wait for their reply.
+    /// Frames that were sent and wait for their reply.
     unanswered: usize,
-    /// When the last of those was given up that got no reply.
+    /// When the last frame without a reply was given up.
     lost_at: Option<Instant>,
 }
 
-/// One frame that left. Whatever becomes of its job, this settles the doubt.
+/// One frame that was sent. This settles the doubt however its job ends.
 #[derive(Debug)]
 pub(crate) struct Doubt {
     shared: Arc<Shared>,
@@ -67,14 +68,14 @@ impl Doubts {
         Self { shared: Arc::default(), time }
     }
 
-    /// A frame that can move the arm is handed to the connection.
+    /// Notes a frame that can move the arm, as it is handed to the connection.
     pub fn begin(&self) -> Doubt {
         self.shared.change(|open| open.unanswered += 1);
         Doubt { shared: Arc::clone(&self.shared), time: Arc::clone(&self.time), settled: false }
     }
 
-    /// Until when a frame may still be carried out, as far as is known now; `None` without one. A frame that is unanswered has no
-    /// time yet.
+    /// Until when a frame may still be carried out, as far as is known now; outer `None` without such a
+    /// frame. Inner `None` while a frame is unanswered.
     pub fn until(&self, now: Instant) -> Option<Option<Instant>> {
         let open = *self.shared.open();
         if open.unanswered > 0 {
@@ -91,9 +92,9 @@ impl Doubts {
 }
 
 impl Doubt {
-    /// The request got its answer, or none.
+    /// Settles the doubt, with the answer or with the error in its place.
     pub fn settle<T>(mut self, answer: &Result<T, RequestError>) {
-        // Controllers have run lists that they refused, but at once.
+        // Controllers have run lists that they refused, but they did so at once.
         self.end(matches!(answer, Err(RequestError::OutcomeUnknown(_))));
     }
 

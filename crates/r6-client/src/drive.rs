@@ -1,12 +1,14 @@
-//! What drives a client: a hand carries bytes and time between the pure parts and the world.
+//! Driving a client: a hand carries bytes and time between the pure parts and the world.
 //!
-//! A call that waits for an answer drives the connection for all calls. While no call waits, the hand's keeper drives it, when something
-//! is due.
+//! A call that waits for an answer drives the connection for all calls. While no call waits, the hand's
+//! keeper drives it whenever something is due.
 //!
 //! ```text
-//!  a call:  polls its own operation ──▶ carries bytes as far as it goes ──▶ waits, seated
-//!  an event (bytes, time, an errand): wakes the one who drove last; the keeper, if nobody is seated or others depend on it
-//!  a call that ends or is dropped:  leaves its seat; an event that it was woken by and did not see goes to the next
+//!  a call:    polls its own operation ──▶ carries bytes until it would block ──▶ waits, seated
+//!  an event:  (bytes, time, an errand) wakes the call that drove last; also the keeper, if no call is seated
+//!             or others depend on it
+//!  a call that ends or is dropped:
+//!             leaves its seat; an event that woke it and that it did not handle goes to the next call
 //! ```
 
 use std::fmt;
@@ -35,15 +37,18 @@ pub(crate) struct SharedConnection {
 }
 
 impl fmt::Debug for SharedConnection {
-    /// Nothing of what is in it: that is all that is known of a robot, and who prints a handle wants none of it.
+    /// Prints no fields: they hold everything known of a robot, too much for a printed handle.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("SharedConnection").finish_non_exhaustive()
     }
 }
 
 impl SharedConnection {
-    /// For a connection that is there. `expected`: who has to be at its other end, where that is known; `now`: the time at which it
-    /// begins; `seed`: draws the waits before it is made anew, where the settings do not.
+    /// Wraps an existing connection.
+    ///
+    /// - `expected`: the robot that has to be at its other end, if that is known.
+    /// - `now`: the time at which the connection begins.
+    /// - `seed`: draws the waits before reconnects, if the settings have no seed.
     pub fn open(
         target: (String, bool),
         settings: &RobotSettings,
@@ -59,13 +64,13 @@ impl SharedConnection {
         Arc::new(Self { connection: Mutex::new(connection), errands: Given::default(), hub })
     }
 
-    /// The connection; nobody holds this across an await, and nothing that holds it can panic halfway.
+    /// The connection. No caller holds this guard across an await, and nothing can panic while holding it.
     pub fn connection(&self) -> MutexGuard<'_, Connection> {
         self.connection.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// A connection that is there, and what drives it.
+/// An existing connection, and the hand that drives it.
 #[derive(Clone, Debug)]
 pub(crate) struct Driven {
     pub shared: Arc<SharedConnection>,
@@ -77,25 +82,25 @@ pub(crate) type Second<'h> = Pin<Box<dyn Future<Output = Result<Driven, NotSent>
 
 /// Carries bytes and time.
 pub(crate) trait Hand: fmt::Debug + Send + Sync {
-    /// Says what time it is.
+    /// Updates the time.
     fn tell_time(&self);
 
-    /// Carries bytes, times and errands as far as it goes without waiting; whether anything came in. Wakes who is seated here, or the
-    /// keeper, when there is more.
+    /// Carries bytes, time and errands until it would block. Returns whether anything came in. When there is
+    /// more, it wakes the calls seated here, or the keeper.
     fn carry(&self, seat: &mut Seat, cx: &mut Context<'_>) -> bool;
 
     /// The call is over, or given up.
     fn leave(&self, seat: &mut Seat);
 
-    /// There is something to do for which nobody waits.
+    /// There is work that no call waits for.
     fn nudge(&self);
 
-    /// Makes a second connection to the same address, which is not made anew; `expected`: who has to be at its other end, where that
-    /// is known.
+    /// Opens a second connection to the same address, without reconnects. `expected`: the robot that has to
+    /// be at its other end, if that is known.
     fn second(&self, settings: RobotSettings, expected: Option<Identity>) -> Second<'_>;
 }
 
-/// So often a call looks after its operation in one turn, because something came in.
+/// How often a call polls its operation in one turn because something came in.
 const MOST_TURNS: usize = 8;
 
 /// Drives the connection while this operation waits.
@@ -108,12 +113,12 @@ pub(crate) async fn drive<F: Future>(hand: &dyn Hand, operation: F) -> F::Output
             if let Poll::Ready(output) = operation.as_mut().poll(cx) {
                 return Poll::Ready(output);
             }
-            // What came in may be the answer.
+            // The input may be the answer.
             if !hand.carry(&mut seated.seat, cx) {
                 return Poll::Pending;
             }
         }
-        // Bytes that keep coming must not keep other tasks from their turn.
+        // Bytes that keep coming must not block other tasks.
         cx.waker().wake_by_ref();
         Poll::Pending
     })

@@ -1,6 +1,7 @@
-//! What goes on whether or not a caller waits: a motion that is streamed, a stop, the poller of the subscriptions.
+//! Work that continues whether or not a caller waits: a motion that is streamed, a stop, the poller of the
+//! subscriptions.
 //!
-//! An errand is a future that waits for nothing but this client's replies and times, so that any hand can drive it.
+//! An errand is a future that waits only for this client's replies and times, so that any hand can drive it.
 
 use std::fmt;
 use std::future::Future;
@@ -13,7 +14,7 @@ use futures_util::future::{AbortHandle, Abortable};
 use futures_util::stream::{FuturesUnordered, Stream};
 use tokio::sync::oneshot;
 
-/// An errand whose result goes its own way.
+/// An errand without a result.
 pub(crate) type Boxed = Pin<Box<dyn Future<Output = ()> + Send>>;
 
 /// Errands that were given and that no hand has begun.
@@ -27,7 +28,7 @@ impl fmt::Debug for Given {
 }
 
 impl Given {
-    /// Gives an errand. The receiver gets what comes of it, or learns that it was given up.
+    /// Gives an errand. The receiver gets its result, or learns that it was given up.
     pub fn give<F>(&self, errand: F) -> oneshot::Receiver<F::Output>
     where
         F: Future<Output: Send> + Send + 'static,
@@ -39,7 +40,7 @@ impl Given {
         told
     }
 
-    /// Gives an errand that can be called off.
+    /// Gives an errand that can be aborted.
     pub fn give_abortable(&self, errand: impl Future<Output = ()> + Send + 'static) -> AbortHandle {
         let (abort, registration) = AbortHandle::new_pair();
         let errand = Abortable::new(errand, registration);
@@ -53,7 +54,7 @@ impl Given {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push(errand);
     }
 
-    /// Those that no hand has begun.
+    /// Takes the errands that no hand has begun.
     pub fn take(&self) -> Vec<Boxed> {
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -75,11 +76,11 @@ impl Errands {
         !self.0.is_empty()
     }
 
-    /// Begins those that were given, and drives those that can go on.
+    /// Begins the given errands, and drives those that can continue.
     pub fn drive(&mut self, given: &Given, cx: &mut Context<'_>) {
         self.0.extend(given.take());
         while !self.0.is_empty() {
-            // A panic ends this errand alone. Its receiver learns that nothing will come.
+            // A panic ends only this errand. Its receiver learns that there will be no result.
             match catch_unwind(AssertUnwindSafe(|| Pin::new(&mut self.0).poll_next(cx))) {
                 Ok(Poll::Ready(Some(()))) => {}
                 Err(_panicked) => crate::Event::WorkPanicked.log(""),

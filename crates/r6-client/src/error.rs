@@ -21,19 +21,21 @@ pub use r6_proto::Effect;
 /// Why a request failed, sorted by what the caller must do.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RequestError {
-    /// The request cannot be sent as it is; nothing was sent. The caller has to change it: sending the same again fails again.
+    /// The request cannot be sent as it is, and nothing was sent. The caller has to change it: the same
+    /// request fails again.
     Invalid(Invalid),
     /// Nothing reached the controller: sending again is safe.
     NotSent(NotSent),
     /// The controller understood and said no.
     Refused(Refused),
-    /// It left and no usable reply came back: the controller may have acted.
+    /// The request left, and no usable reply came back: the controller may have acted.
     OutcomeUnknown(OutcomeUnknown),
 }
 
 impl RequestError {
-    /// Whether the same request may be sent again without knowing more: nothing left and it may get through the next time, or it
-    /// can do no harm twice (a query, a stop). False of a request that cannot be sent as it is ([`Self::Invalid`]).
+    /// Whether the same request may be sent again without knowing more. True if nothing left and the next
+    /// attempt may succeed, or if the request does no harm twice (a query, a stop). False of a request that
+    /// cannot be sent as it is ([`Self::Invalid`]).
     #[must_use]
     pub fn may_send_again(&self) -> bool {
         match self {
@@ -46,12 +48,12 @@ impl RequestError {
         }
     }
 
-    /// Whether nothing of the request has left.
+    /// Whether no byte of the request was sent.
     pub(crate) fn nothing_left(&self) -> bool {
         matches!(self, Self::NotSent(_) | Self::Invalid(_))
     }
 
-    /// A query was answered without a value that has to be known.
+    /// The answer to a query lacks a value that is required.
     pub(crate) fn no_value(address: Address) -> Self {
         let answer = format!("no value for {address}");
         OutcomeUnknown::Unclear { request: Sent::QUERY, answer }.into()
@@ -65,88 +67,89 @@ pub enum NotSent {
     Unreachable {
         /// Host and port.
         address: String,
-        /// What the operating system calls it.
+        /// The operating system's kind of error.
         kind: ErrorKind,
-        /// What the operating system says.
+        /// The operating system's message.
         detail: String,
     },
     /// The connection was not made in time.
     ConnectTimedOut {
         /// Host and port.
         address: String,
-        /// The time it was given.
+        /// The time limit of the attempt.
         after: Duration,
     },
-    /// There is no connection. A query or a stop makes a new one; nothing else does.
+    /// There is no connection. Only a query or a stop makes a new one.
     Disconnected,
-    /// The connection was made anew, and the state of the machine, or who it is, was not read since.
+    /// The client reconnected, and the state or the identity of the machine has not been read since.
     StateNotRead,
-    /// The connection was made anew, and another controller is at its other end.
+    /// The client reconnected, and another controller is at the other end.
     AnotherRobot {
-        /// The one that this handle was used with so far.
+        /// The controller that this handle was used with so far.
         expected: Box<Identity>,
-        /// The one that is there now.
+        /// The controller that is there now.
         found: Box<Identity>,
     },
-    /// The connection was made anew, and ended before the controller had said who it is.
+    /// The client reconnected, and the connection ended before the controller had identified itself.
     Unidentified {
         /// Host and port.
         address: String,
         /// How it ended.
         reason: LostReason,
     },
-    /// It can move the arm, and before it left a stop was asked for over this handle.
+    /// The request can move the arm, and a stop was asked for over this handle before it was sent.
     Overtaken,
-    /// It waited too long behind other requests.
+    /// The request waited too long behind other requests.
     Busy {
         /// How long.
         waited: Duration,
     },
-    /// The connection has no room for it: too much waits to be written, or too many requests wait for their replies.
+    /// The connection has no room for it: too many bytes wait to be written, or too many requests wait for
+    /// their replies.
     NoRoom(SendError),
     /// The handle was closed.
     Closed,
     /// The system has no thread or file for the engine of a blocking handle.
     NoEngine {
-        /// What the system says.
+        /// The operating system's message.
         detail: String,
     },
-    /// It was a stop ([`crate::Robot::stop`]): the arm may go on with what is in its list.
+    /// A stop ([`crate::Robot::stop`]) was not sent: the arm may continue with its list.
     NotStopped(Box<NotSent>),
 }
 
-/// A controller's no.
+/// A request that the controller refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refused {
-    /// To a command.
+    /// A command.
     Command {
         /// The command.
         command: CommandName,
-        /// The controller's reason, where it gives one.
+        /// The controller's reason, if it gives one.
         reason: Option<String>,
     },
-    /// To a change of the instruction list. Controllers have answered so and run the list all the same.
+    /// A change of the instruction list. Controllers have refused a list and run it all the same.
     InstructionList {
-        /// The controller's reason, where it gives one.
+        /// The controller's reason, if it gives one.
         reason: Option<String>,
     },
-    /// To points of a camera.
+    /// Points of a camera.
     Points {
-        /// The controller's reason, where it gives one.
+        /// The controller's reason, if it gives one.
         reason: Option<String>,
     },
 }
 
-/// Why nobody knows whether the controller acted.
+/// Why it is unknown whether the controller acted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum OutcomeUnknown {
     /// No reply came in time.
     TimedOut {
         /// What was sent.
         request: Sent,
-        /// The time it was given.
+        /// The time limit of the reply.
         after: Duration,
-        /// What came last in that time and answered nothing; `None` where nothing came.
+        /// The last thing received in that time that answered nothing; `None` if nothing was received.
         heard: Option<String>,
     },
     /// The connection ended before the reply.
@@ -170,14 +173,14 @@ pub enum OutcomeUnknown {
         /// What it says, cut at 48 characters.
         answer: String,
     },
-    /// A query was answered by another controller than the one that this handle was used with before: its values are not
-    /// handed out. [`crate::Robot::accept_identity`] takes it for the one that is meant.
+    /// A controller other than the one used before answered a query: its values are not handed out.
+    /// [`crate::Robot::accept_identity`] accepts it as the expected one.
     AnotherRobot {
         /// What was sent.
         request: Sent,
-        /// The one that this handle was used with so far.
+        /// The controller that this handle was used with so far.
         expected: Box<Identity>,
-        /// The one that answered.
+        /// The controller that answered.
         found: Box<Identity>,
     },
 }
@@ -259,7 +262,7 @@ impl fmt::Display for NotSent {
                 f.write_str("the connection is lost; read the status, which connects anew, then decide whether to send it")
             }
             Self::StateNotRead => f.write_str(
-                "the connection was lost and made anew, and nobody has looked at the machine since, or nothing could be read \
+                "the connection was lost and made anew, and the state of the machine was not read since, or could not be read \
                  of who it is; read the status first, then decide whether to send it",
             ),
             Self::AnotherRobot { expected, found } => write!(
@@ -286,11 +289,11 @@ impl fmt::Display for NotSent {
     }
 }
 
-/// What a person has to know first when a stop could not be sent.
+/// What a person has to know first if a stop could not be sent.
 const NOT_STOPPED: &str =
     "the arm was NOT stopped: it may go on with what is in its list; use the emergency stop";
 
-/// The same where nobody knows what became of a stop.
+/// What a person has to know first if the outcome of a stop is unknown.
 const STOP_UNKNOWN: &str =
     "the arm was NOT seen to stop: it may go on with what is in its list; use the emergency stop";
 
@@ -394,7 +397,7 @@ mod tests {
             assert!(told.starts_with(&format!("the controller refused {command}: no; ")), "{told}");
             assert!(told.contains(words), "{told}");
         }
-        // Only what starts the machine depends on its mode.
+        // Only the advice on commands that start the machine mentions its mode.
         for command in [CommandName::ModifyGspd, CommandName::SwitchMold, CommandName::ModifyOutput] {
             assert!(!told(command, "no").contains("mode"), "{command}");
         }

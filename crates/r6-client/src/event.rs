@@ -1,7 +1,8 @@
-//! What happens at this side of a connection, as data: who was reached, what was lost, what did not come to its end.
+//! Events of the client's side of a connection, as data: connections made and lost, motions that did not
+//! complete.
 //!
-//! [`Hub::happened`](crate::hub::Hub::happened) tells them to subscribers and to the log of `tracing`. What the controller sends unasked is
-//! [`crate::Pushed`].
+//! [`Hub::happened`](crate::hub::Hub::happened) sends them to subscribers and to the log of `tracing`. What
+//! the controller sends unasked is [`crate::Pushed`].
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -16,10 +17,11 @@ use crate::progress::Progress;
 use crate::pushed::LostReason;
 use crate::stream::error::Cause;
 
-/// The longest text that is quoted within an event: names of robots and system errors come from elsewhere.
+/// The longest text quoted within an event, in characters: names of robots and system errors come from
+/// elsewhere.
 const MAX_CHARS: usize = 400;
 
-/// Something that happened at this side of a connection.
+/// Something that happened at the client's side of a connection.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Event {
@@ -34,24 +36,24 @@ pub enum Event {
     },
     /// A connection could not be made.
     NotConnected {
-        /// Why; those who waited for it are told the same.
+        /// Why; the callers that waited for the connection get the same error.
         error: NotSent,
     },
-    /// Another robot answers at this address than the one that is meant.
+    /// A robot other than the expected one answers at this address.
     AnotherRobot {
-        /// Who is there.
+        /// The robot that is there.
         found: Identity,
     },
-    /// A connection that came in from elsewhere than the controller was closed.
+    /// A connection that did not come from the controller was closed.
     StrangerClosed {
-        /// From where.
+        /// Its source.
         peer: SocketAddr,
     },
     /// A request was not answered in time.
     NoReply {
         /// Its word on the wire.
         request: &'static str,
-        /// How long it was waited for.
+        /// How long the client waited.
         after: Duration,
     },
     /// A motion did not come to its end.
@@ -60,27 +62,28 @@ pub enum Event {
         cause: Cause,
         /// How far it had come.
         progress: Progress,
-        /// Its handle was dropped: nobody may ever ask for the error.
+        /// Its handle was dropped, so the program may never read the error.
         dropped: bool,
     },
-    /// A target is not followed any more, and not because its caller ended it.
+    /// A target is no longer followed, for a reason other than its caller ending it.
     FollowingEnded {
         /// Why.
         cause: Cause,
         /// How far it had come.
         progress: Progress,
     },
-    /// Steps are gone from the controller's list, and the arm cannot have made them: somebody else may have cleared it.
+    /// Steps are gone from the controller's list, and the arm cannot have made them: another client may have
+    /// cleared it.
     StepsNotMade {
-        /// Which of the motion, from 0.
+        /// Which steps of the motion, counted from 0.
         steps: Range<usize>,
     },
-    /// Work in the background of a connection panicked and was given up. The connection goes on.
+    /// Work in the background of a connection panicked and was given up. The connection continues.
     WorkPanicked,
 }
 
 impl Event {
-    /// Whether somebody should look at it.
+    /// Whether a person should look at it.
     #[must_use]
     pub fn is_warning(&self) -> bool {
         match self {
@@ -157,7 +160,7 @@ impl Event {
         }
     }
 
-    /// Tells it to the log.
+    /// Writes it to the log.
     pub(crate) fn log(&self, controller: &str) {
         let event = self.text(Language::English);
         match self {
@@ -177,7 +180,7 @@ impl fmt::Display for Event {
     }
 }
 
-/// A text from elsewhere, on one line and not without end.
+/// A text from elsewhere, on one line and cut at [`MAX_CHARS`].
 fn quoted(text: impl fmt::Display) -> String {
     let text = printable(&text.to_string()).to_string();
     match text.char_indices().nth(MAX_CHARS) {

@@ -1,8 +1,9 @@
-//! What was observed of a robot: the only ground of a statement about its arm.
+//! Observations of a robot: the only basis of statements about its arm.
 //!
-//! A statement about an arm ("it stands", "it is done", "this value is fresh") is made by one function, from observations.
-//! Each observation says who answered, over which connection, and when it was asked for. An observation of another robot,
-//! or over another connection, proves nothing, and neither does silence. docs/EVIDENCE.md lists every statement.
+//! One function makes each statement about an arm ("it stands", "it is done", "this value is fresh"), from
+//! observations. Each observation says which robot answered, over which connection, and when it was asked
+//! for. An observation of another robot, or over another connection, proves nothing, and neither does
+//! silence. docs/EVIDENCE.md lists every statement.
 //!
 //! | statement | function |
 //! |---|---|
@@ -23,10 +24,11 @@ use r6_proto::time::Instant;
 
 use crate::identity::Identity;
 
-/// Two positions closer than this (degrees or mm) are the same: encoders tremble in the last digit at rest.
+/// Two positions closer than this (degrees or mm) count as the same: encoders tremble in the last digit at
+/// rest.
 const STILL_WITHIN: f64 = 0.01;
 
-/// Less than this, degrees, is no progress: encoders tremble.
+/// A smaller change, in degrees, is no progress: encoders tremble.
 const NO_PROGRESS: f64 = 1e-3;
 
 /// The robot and the connection that a statement is about.
@@ -34,16 +36,16 @@ const NO_PROGRESS: f64 = 1e-3;
 pub(crate) struct About {
     /// The number of the connection.
     pub connection: u64,
-    /// Who is meant; `None` while nobody has read that.
+    /// The expected robot; `None` until its identity is read.
     pub robot: Option<Identity>,
 }
 
-/// Values that were read in one look at the machine, and where they come from.
+/// Values from one look at the machine, and their origin.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Observation {
-    /// Who answers on this connection; `None` while nobody has read that.
+    /// The robot on this connection; `None` until its identity is read.
     pub robot: Option<Identity>,
-    /// The number of the connection that all of it was answered on.
+    /// The number of the connection that answered all of it.
     pub connection: u64,
     /// When the oldest of the values was asked for.
     pub asked_at: Instant,
@@ -52,14 +54,14 @@ pub(crate) struct Observation {
 }
 
 impl Observation {
-    /// Whether it can say anything of that robot over that connection.
+    /// Whether it can say anything about that robot over that connection.
     pub fn is_about(&self, about: &About) -> bool {
         let same_robot = about.robot.is_none() || self.robot == about.robot;
         self.connection == about.connection && same_robot
     }
 }
 
-/// What one look tells about motion. `None` where the controller has no such value or sent one that cannot be read.
+/// Values about motion from one look. `None` if the controller has no such value or sent an unreadable one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sample {
     pub moving: Option<bool>,
@@ -70,7 +72,7 @@ pub(crate) struct Sample {
     pub pose: [Option<f64>; AXES],
 }
 
-/// What ends a motion: an alarm, or a mode in which nothing runs.
+/// The end of a motion by an alarm, or by a mode in which nothing runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Interrupted {
     ByAlarm { code: i64 },
@@ -78,7 +80,7 @@ pub(crate) enum Interrupted {
 }
 
 impl Sample {
-    /// Refuses what ends a motion.
+    /// Fails if an alarm or the mode ends a motion.
     pub fn check(&self, idle_mode: OperationMode) -> Result<(), Interrupted> {
         if let Some(code) = self.alarm.filter(|code| *code != 0) {
             return Err(Interrupted::ByAlarm { code });
@@ -89,7 +91,7 @@ impl Sample {
         }
     }
 
-    /// Whether an axis is elsewhere than before.
+    /// Whether an axis is at another place than before.
     pub fn went_on_from(&self, before: &[Option<f64>; AXES]) -> bool {
         self.axes.iter().zip(before).any(|(now, before)| match (now, before) {
             (Some(now), Some(before)) => (now - before).abs() > NO_PROGRESS,
@@ -98,7 +100,8 @@ impl Sample {
         })
     }
 
-    /// Whether the arm stood from `before` to this one, by its axes, and by `isMoving` where that is known.
+    /// Whether the arm stood from `before` until this sample, judged by its axes, and by `isMoving` if that
+    /// is known.
     pub fn stands_since(&self, before: &Self) -> bool {
         let same = self.axes.iter().zip(before.axes).all(|(now, before)| match (now, before) {
             (Some(now), Some(before)) => (now - before).abs() <= STILL_WITHIN,
@@ -106,7 +109,7 @@ impl Sample {
             (Some(_), None) | (None, Some(_)) => false,
         });
         let moves = self.moving == Some(true) || before.moving == Some(true);
-        // A flag alone has been seen to lie.
+        // The flag alone has been seen to be wrong.
         !moves && same && self.axes.iter().any(Option::is_some)
     }
 }

@@ -1,4 +1,4 @@
-//! Following a target that moves: one small step after the other, always towards where the target is now.
+//! Following a moving target: one small step after the other, always towards the target's present place.
 
 mod step;
 mod target;
@@ -27,15 +27,15 @@ use crate::stream::error::{Cause, MotionError};
 use crate::stream::options::RunOptions;
 use crate::units::{AxisPosition, Degrees, Percent};
 
-/// Steps in the controller's list at most, where the arm is fed while it moves: the one it makes and the one behind it. More
-/// would be run through although the target is elsewhere by then.
+/// Steps in the controller's list at most, if the arm is fed while it moves: its present step and the next
+/// one. The arm would make further steps although the target is elsewhere by then.
 const MOST_IN_LIST: i64 = 2;
 
-/// No look at target and arm comes sooner after the one before: controllers take up to 26 ms to answer, and more questions would only
-/// wait behind each other.
+/// The shortest time between two looks at target and arm. Controllers take up to 26 ms to answer, and more
+/// questions would only queue up.
 const SHORTEST_INTERVAL: Duration = Duration::from_millis(20);
 
-/// The speed at which an operator's arm followed small steps for good (reported).
+/// The speed at which an operator's arm followed small steps without problems (reported).
 const SPEED: Percent = match Percent::new(20.0) {
     Ok(speed) => speed,
     Err(_) => Percent::MAX,
@@ -43,37 +43,39 @@ const SPEED: Percent = match Percent::new(20.0) {
 
 /// How a moving target is followed.
 ///
-/// The protocol has no command for it: each step is an instruction of its own. **Small steps without a pause have overloaded the
-/// servos of a real arm** (reported); its operator cut the speed to 20 %, made the steps larger, and sent each only while the arm stood.
-/// The default does just that.
+/// The protocol has no command for it: each step is an instruction of its own. **Small steps without a pause
+/// have overloaded the servos of a real arm** (reported). Its operator cut the speed to 20 %, made the steps
+/// larger, and sent each only while the arm stood. The default does just that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FollowOptions {
     /// The time between two looks at target and arm: 20 ms at least. Default 50 ms: 20 times a second.
     pub interval: Duration,
     /// The speed of each step. Default 20 %.
     pub speed: Percent,
-    /// No step is smaller: nearer than this the arm stays where it is. Above 0, and no more than [`Self::largest_step`]. Default 1°;
-    /// mm where an axis slides.
+    /// The smallest step: nearer than this the arm stays where it is. Above 0, and no more than
+    /// [`Self::largest_step`]. Default 1°; mm if an axis slides.
     pub smallest_step: Degrees,
-    /// No step takes an axis further: beyond, all axes go the same share of their way. Above 0, and finite. Default 10°; mm
-    /// where an axis slides.
+    /// The largest step of an axis: if the target is further away, all axes go the same share of their way.
+    /// Above 0, and finite. Default 10°; mm if an axis slides.
     ///
-    /// It bounds, too, how far the arm still goes when targets, program or link are gone: two such steps.
+    /// It also bounds how far the arm still moves after targets, program or link are gone: two such steps.
     pub largest_step: Degrees,
-    /// Whether a step may be appended while the arm makes the one before. It then follows more closely and rounds the corners; two steps
-    /// are in its list at most. Default no. On a real arm try it at low speed, and look at the load of the servos (`curTorque-n`). On
-    /// firmware that does not tell the length of its list (`RemoteCmdLen`) it has no effect.
+    /// Whether a step may be appended while the arm makes the one before. The arm then follows more closely
+    /// and rounds the corners; two steps at most are in its list. Default no. On a real arm try it at low
+    /// speed, and watch the load of the servos (`curTorque-n`). It has no effect on firmware that does not
+    /// report the length of its list (`RemoteCmdLen`).
     pub while_moving: bool,
-    /// How long after it was told ([`TargetSender::send`]) a target counts and a step towards it may still leave, when no other comes,
-    /// not even the same again: a source that hangs must not keep the arm going. Above 0. Default 500 ms.
+    /// How long after [`TargetSender::send`] a target counts and a step towards it may still be sent, if no
+    /// further target arrives, not even the same one. Above 0. Default 500 ms. A source that hangs must not
+    /// keep the arm moving.
     pub fresh_within: Duration,
-    /// How long after a step was accepted the arm may stand elsewhere than at its end. Default 1 s.
+    /// How long after a step was accepted the arm may stand elsewhere than at the step's end. Default 1 s.
     pub start_within: Duration,
-    /// How long a step may go on without any progress. Default 5 s.
+    /// How long a step may take without any progress. Default 5 s.
     pub stall_within: Duration,
     /// As [`crate::WaitOptions::idle_mode`].
     pub idle_mode: OperationMode,
-    /// Whether the arm is stopped and its list cleared when following fails after a step has left. Default yes.
+    /// Whether to stop the arm and clear its list if following fails after a step was sent. Default yes.
     pub stop_on_failure: bool,
 }
 
@@ -96,7 +98,7 @@ impl Default for FollowOptions {
 }
 
 impl FollowOptions {
-    /// Refuses what cannot be followed with.
+    /// Refuses options that following cannot work with.
     fn check(&self) -> Result<(), StepError> {
         let (smallest, largest) = (self.smallest_step.value(), self.largest_step.value());
         let wanted = [
@@ -116,27 +118,28 @@ impl FollowOptions {
     }
 }
 
-/// A target was followed until its source ended.
+/// Result of following a target until its source ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Followed {
     /// Steps that were made.
     pub steps: usize,
-    /// Where the arm stands.
+    /// Where the arm stands: J1 is `axes[0]`. Degrees, or mm if an axis slides; `None` where not known.
     pub axes: [Option<f64>; AXES],
-    /// How far the farthest axis is from the last target that was told, whether or not a step towards it was made. `None` if none was
-    /// told, or it is not known where one of its axes is.
+    /// How far the farthest axis is from the last target sent, whether or not a step towards it was made.
+    /// `None` if no target was sent, or if the position of one of its axes is unknown.
     pub behind: Option<Degrees>,
 }
 
 impl Robot {
     /// Follows a target until its sender is dropped, then waits until the arm stands.
     ///
-    /// Each time the arm is ready for another step, the newest target counts; those that came in between are skipped. A step is
-    /// never sent again, and nothing more is sent once the sender is gone, targets are no longer fresh, the state cannot be
-    /// read, the connection was lost, or a handle of this connection sends a stop. The sender may be dropped before the arm has arrived; send
-    /// the last target for as long as it shall go there.
+    /// Each time the arm is ready for another step, the newest target counts; older ones are skipped. A step
+    /// is never sent again. Sending ends once the sender is gone, targets are no longer fresh, the state
+    /// cannot be read, the connection was lost, or a handle of this connection sends a stop. The sender may
+    /// be dropped before the arm has arrived: to reach the last target, keep sending it.
     ///
-    /// Dropping the future ends it too: the arm finishes the step or two in its list. To stop it at once call [`Robot::stop`].
+    /// Dropping the future ends it too: the arm finishes the step or two in its list. To stop it at once call
+    /// [`Robot::stop`].
     ///
     /// ```
     /// # #[tokio::main(flavor = "current_thread")]
@@ -162,8 +165,8 @@ impl Robot {
     /// ```
     ///
     /// # Errors
-    /// [`MotionError`]: as for [`Robot::run`]; its steps are those that were sent. [`Cause::Step`] names a field of the options that
-    /// cannot be followed with, before anything is asked.
+    /// [`MotionError`]: as for [`Robot::run`]; its steps are those that were sent. [`Cause::Step`] names an
+    /// option that following cannot work with, before anything is sent.
     pub async fn follow(&self, targets: Targets, options: FollowOptions) -> Result<Followed, MotionError> {
         self.drive(self.follow_now(targets, options)).await
     }
@@ -183,7 +186,7 @@ impl Robot {
             biased;
             // This handle keeps the sender alive.
             _stopped = stops.changed() => (Cause::StoppedHere, false),
-            // The arm finishes the step that is under way.
+            // The arm finishes its present step.
             () = self.is_closing() => (Cause::Closed, false),
             result = following.run() => match result {
                 Ok(followed) => return Ok(followed),
@@ -202,22 +205,22 @@ impl Robot {
 /// A target that is being followed.
 struct Following<'r> {
     robot: &'r Robot,
-    /// The robot and connection that it began on: no other gets a step of it.
+    /// The robot and connection that it began on: steps are sent to no other.
     about: About,
-    /// What was seen before it began.
+    /// The status before it began.
     status: Status,
     targets: Targets,
     options: FollowOptions,
     target: AxisPosition,
-    /// When it was told; `None` before the first one.
+    /// When the target was sent; `None` before the first one.
     told_at: Option<Instant>,
-    /// Where the arm stands once all that was sent is done.
+    /// Where the arm stands once all sent steps are done.
     commanded: [Option<f64>; AXES],
     /// Where the last step ends, while it may be under way, and when it was accepted.
     under_way: Option<(Place, Instant)>,
     /// When an axis last moved, and where it was.
     went_on: (Instant, [Option<f64>; AXES]),
-    /// Of a target that is followed, what has left is all.
+    /// The sent steps are all there are: following has no known total.
     progress: Progress,
     failed: u32,
 }
@@ -252,9 +255,9 @@ impl<'r> Following<'r> {
         let mut next = time.now();
         loop {
             time.sleep_until(next).await;
-            // A look that came late puts off those behind it.
+            // A late look delays the looks after it.
             next = time.now() + self.options.interval;
-            // From the look to the answer nobody else's list leaves.
+            // No other list is sent between the look and the answer.
             let _lists = self.robot.lists().await;
             let seen = match self.robot.observe(Lane::Ordinary).await {
                 Ok(seen) => seen,
@@ -269,7 +272,7 @@ impl<'r> Following<'r> {
                 continue;
             }
             self.failed = 0;
-            // What another connection shows says nothing of a step that left on this one, and no other gets a step.
+            // Another connection shows nothing about a step sent on this one, and gets no step.
             let lost = Cause::Unreadable(NotSent::Disconnected.into());
             self.robot.same_connection(&self.about, &seen, self.options.idle_mode, lost).await?;
             self.judge(&sample, self.now())?;
@@ -286,7 +289,7 @@ impl<'r> Following<'r> {
         }
     }
 
-    /// Takes in the newest target; `true` once there is nobody to send another.
+    /// Takes in the newest target; `true` once there is no sender any more.
     fn look_at_target(&mut self) -> bool {
         let (told, ended) = self.targets.newest(self.now());
         (self.target, self.told_at) = (told.target, told.at);
@@ -306,10 +309,10 @@ impl<'r> Following<'r> {
         Cause::of_failed_read(error, self.failed)
     }
 
-    /// What the read tells of the machine and of the step that is under way.
+    /// Judges the machine and the step under way by this sample.
     fn judge(&mut self, sample: &Sample, now: Instant) -> Result<(), Cause> {
         sample.check(self.options.idle_mode)?;
-        // A step on top of somebody else's list would begin nobody knows where.
+        // A step behind another client's list would begin at an unknown place.
         let own = match self.under_way {
             None => 0,
             Some(_) if self.options.while_moving => MOST_IN_LIST,
@@ -326,7 +329,7 @@ impl<'r> Following<'r> {
         match self.under_way {
             Some((end, accepted)) if rests => match end.missed(sample) {
                 None => self.under_way = None,
-                // A controller may answer before it says that it moves.
+                // A controller may answer before it reports that it moves.
                 Some(missed) if now - accepted >= self.options.start_within => {
                     return Err(Cause::Elsewhere(missed));
                 }
@@ -350,7 +353,7 @@ impl<'r> Following<'r> {
 
     fn has_room(&self, sample: &Sample) -> bool {
         let room = sample.list_length.is_some_and(|length| length < MOST_IN_LIST);
-        // Between the acknowledgement and the first move, a list may seem to be empty that is not.
+        // Between the acknowledgement and the first move, a list that is not empty may seem to be.
         let begun = self.under_way.is_none_or(|(_, accepted)| accepted <= self.went_on.0);
         match self.under_way {
             None => sample.moving == Some(false),
@@ -358,7 +361,7 @@ impl<'r> Following<'r> {
         }
     }
 
-    /// Sends one step towards the target, if it is worth one.
+    /// Sends one step towards the target, unless the step would be too small.
     async fn step(&mut self, sample: &Sample) -> Result<(), Cause> {
         let Some(Step { to, end }) = step::towards(&self.commanded, &self.target, &self.options) else {
             return Ok(());
@@ -369,7 +372,7 @@ impl<'r> Following<'r> {
         }
         if let Some(guard) = self.robot.guard() {
             let from = Start { axes: self.commanded, pose: sample.pose };
-            // Steps are counted from the first that was sent, as in the progress.
+            // Steps are counted from the first one sent, as in the progress.
             let counted =
                 |violation: Violation| Violation { step: self.progress.left + violation.step, ..violation };
             guard
@@ -379,7 +382,7 @@ impl<'r> Following<'r> {
         }
         let place = Place::of(&instruction.action);
         self.progress.left += 1;
-        // A step that waits behind other requests must not leave for a target that is old by then.
+        // A step that waits behind other requests must not be sent towards an outdated target.
         let leave_by = self.told_at.map(|at| at + self.options.fresh_within);
         let terms = Terms { leave_by, only_on: Some(self.about.connection), ..Terms::default() };
         let step = Work::AddRcc { replace: false, instructions: vec![instruction] };
@@ -402,7 +405,7 @@ impl<'r> Following<'r> {
     }
 }
 
-/// A value without which nobody can judge the arm, and which is missing.
+/// The address of a value that is missing and without which the arm cannot be judged.
 fn unreadable(sample: &Sample) -> Option<Address> {
     match (sample.alarm, sample.mode, sample.moving) {
         (None, _, _) => Some(Address::CurAlarm),

@@ -1,6 +1,6 @@
-//! A guard: an envelope that lists are held against before anything of them is sent.
+//! A guard: an envelope that lists are checked against before any step is sent.
 //!
-//! It compares numbers with numbers and is no measure of protection (docs/SAFETY.md).
+//! It compares numbers with numbers and is not a protective measure (docs/SAFETY.md).
 
 mod arc;
 pub(crate) mod violation;
@@ -14,16 +14,17 @@ use crate::guard::walk::Walk;
 use crate::units::position::AxisUnits;
 use crate::units::{AxisCoordinate, Degrees, Millimetres, MillimetresPerSecond, Percent};
 
-/// What a list may ask for. What is not set is not checked; limits that are the wrong way round, the lowest above the
-/// highest, let nothing pass, and say so.
+/// Limits for lists. A limit that is not set is not checked. Limits in the wrong order, the lowest above the
+/// highest, let nothing pass, and the error says so.
 ///
-/// Speeds are those of the list, before the global speed. Axis limits are held against the targets of axis moves, and
-/// the workspace against those of linear and curve moves: without a model of the arm nobody can tell one from the other.
-/// Where both matter, allow only one kind of move ([`Self::only`]). A straight line between two points of the workspace
-/// does not leave it; of a curve the whole arc is checked.
+/// Speeds are those of the list, before the global speed. Axis limits apply to the targets of axis moves, and
+/// the workspace to those of linear and curve moves, because the client has no model of the arm to convert
+/// between them. If both matter, allow only one kind of move ([`Self::only`]). A straight line between two
+/// points of the workspace does not leave it; of a curve the whole arc is checked.
 ///
-/// What cannot be told counts as beyond: a step length from an unknown place, a workspace in another work frame. While an input is
-/// watched that stops the motion (action 52), a move may end anywhere on its way, and where the next one begins is unknown.
+/// An unknown value counts as beyond the limit: a step length from an unknown place, a workspace in another
+/// work frame. While an input is watched that stops the motion (action 52), a move may end anywhere on its
+/// way. The start of the next one is then unknown.
 ///
 /// ```
 /// use r6_client::units::{AxisPosition, Degrees, Percent};
@@ -47,21 +48,21 @@ pub struct Envelope {
     largest_axis_step: Option<Degrees>,
     largest_distance: Option<Millimetres>,
     only: Option<Vec<i64>>,
-    /// Others that have to be passed, too; each of them has none, and none is there twice.
+    /// Further envelopes that have to be passed, too. Their own `also` is empty, and each occurs once.
     also: Vec<Envelope>,
 }
 
-/// Where the arm stands before the first step.
+/// The position of the arm before the first step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Start {
     pub axes: [Option<f64>; AXES],
     pub pose: [Option<f64>; AXES],
 }
 
-/// What else a list has to reckon with.
+/// Further facts that the check of a list depends on.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Reckoning {
-    /// A tool or a workbench was told that may not be the one of the limits.
+    /// A tool or a workbench was set that may differ from that of the limits.
     pub frame_is_unknown: bool,
     /// An input may stop any move.
     pub may_be_cut: bool,
@@ -74,23 +75,25 @@ impl Envelope {
         Self::default()
     }
 
-    /// No move is faster than this. A move at the path speed is held against [`Self::path_speed_cap`] instead, and is
-    /// beyond where there is none: nobody knows for sure how many percent so many mm/s are.
+    /// Limits the speed of moves. A move at the path speed is checked against [`Self::path_speed_cap`]
+    /// instead. Without that cap it counts as beyond, because the client cannot convert mm/s to percent for
+    /// sure.
     #[must_use]
     pub fn speed_cap(mut self, cap: Percent) -> Self {
         self.speed_cap = Some(cap);
         self
     }
 
-    /// No path speed (action 51) is higher than this.
+    /// Limits the path speed (action 51).
     #[must_use]
     pub fn path_speed_cap(mut self, cap: MillimetresPerSecond) -> Self {
         self.path_speed_cap = Some(cap);
         self
     }
 
-    /// No axis move takes this axis further than this: degrees, or millimetres for an axis that slides; the lowest first. A target in
-    /// the other unit goes beyond ([`Checked::Unit`]). An axis without limits in millimetres counts as one that turns.
+    /// Limits the targets of this axis in axis moves: degrees, or millimetres for an axis that slides; the
+    /// lowest first. A target in the other unit is beyond the limit ([`Checked::Unit`]). An axis without
+    /// limits in millimetres counts as a turning axis.
     #[must_use]
     pub fn axis_limits<T: Into<AxisCoordinate>>(mut self, axis: AxisIndex, lowest: T, highest: T) -> Self {
         if let Some(slot) = self.axis_limits.get_mut(axis.index()) {
@@ -99,7 +102,8 @@ impl Envelope {
         self
     }
 
-    /// No linear or curve move leaves this box: X, Y, Z, each from its lowest to its highest, in the work frame in use.
+    /// Limits linear and curve moves to this box: X, Y, Z, each from its lowest to its highest, in the work
+    /// frame in use.
     #[must_use]
     pub fn workspace(mut self, lowest: [Millimetres; 3], highest: [Millimetres; 3]) -> Self {
         let ([x, y, z], [to_x, to_y, to_z]) = (lowest, highest);
@@ -107,34 +111,34 @@ impl Envelope {
         self
     }
 
-    /// No axis move turns an axis by more than this, from the present position and from target to target.
+    /// Limits how far an axis move turns an axis, from the present position and from target to target.
     #[must_use]
     pub fn largest_axis_step(mut self, largest: Degrees) -> Self {
         self.largest_axis_step = Some(largest);
         self
     }
 
-    /// No linear or curve move ends further than this from where it begins, and no axis that slides goes further.
+    /// Limits the distance from start to end of linear and curve moves, and of each sliding axis.
     #[must_use]
     pub fn largest_distance(mut self, largest: Millimetres) -> Self {
         self.largest_distance = Some(largest);
         self
     }
 
-    /// Only these actions, by their numbers: 4 axis move, 10 linear move, 17 curve move, 51 path speed, 52 stop on
-    /// a signal, 100 wait, 200 output, 204 outputs of a board, 800 workbench.
+    /// Allows only these actions, by their numbers: 4 axis move, 10 linear move, 17 curve move, 51 path
+    /// speed, 52 stop on a signal, 100 wait, 200 output, 204 outputs of a board, 800 workbench.
     #[must_use]
     pub fn only(mut self, actions: impl IntoIterator<Item = i64>) -> Self {
         self.only = Some(actions.into_iter().collect());
         self
     }
 
-    /// An envelope that a list passes only if it passes this one and the other, each on its own.
+    /// Combines two envelopes: a list has to pass this one and the other, each separately.
     #[must_use]
     pub fn and(mut self, mut other: Self) -> Self {
         let others = std::mem::take(&mut other.also);
         for one in std::iter::once(other).chain(others) {
-            // Whoever guards again and again has no more to check for it.
+            // Adding the same guard again and again does not lengthen the check.
             if !self.all().any(|known| known.same_bounds(&one)) {
                 self.also.push(one);
             }
@@ -147,12 +151,12 @@ impl Envelope {
         alone(self) == alone(other)
     }
 
-    /// This envelope, and those that have to be passed, too.
+    /// This envelope, and the further ones that have to be passed, too.
     fn all(&self) -> impl Iterator<Item = &Self> {
         std::iter::once(self).chain(&self.also)
     }
 
-    /// Limits between which there is nothing are a mistake: whoever swapped them means something else.
+    /// Refuses limits in the wrong order: they are a mistake, probably swapped.
     fn in_order(&self) -> Result<(), Violation> {
         let wrong = |what, limit| Err(Violation { step: 0, what, value: None, limit });
         for (axis, limits) in AxisIndex::ALL.into_iter().zip(self.axis_limits) {
@@ -162,7 +166,7 @@ impl Envelope {
                 return wrong(Checked::Unit(axis, slides), (lowest.value(), highest.value()));
             }
             let (lowest, highest) = (lowest.value(), highest.value());
-            // What is no number is in no order.
+            // A range with NaN is empty.
             if (lowest..=highest).is_empty() {
                 return wrong(Checked::Axis(axis, slides), (lowest, highest));
             }
@@ -176,11 +180,11 @@ impl Envelope {
         Ok(())
     }
 
-    /// Checks a motion, without the step from the present position to the first target. Of a motion that repeats, the step from
-    /// the last target back to the first is checked, too.
+    /// Checks a motion, without the step from the present position to the first target. If the motion
+    /// repeats, the step from the last target back to the first is checked, too.
     ///
     /// # Errors
-    /// [`Violation`]: the first step that goes beyond. A motion that is wrong in itself is not looked at:
+    /// [`Violation`]: the first step that goes beyond. A motion with a wrong step is not checked:
     /// [`crate::Robot::run`] refuses it.
     pub fn check_motion(&self, motion: &crate::Motion) -> Result<(), Violation> {
         let steps = motion.instructions().unwrap_or_default();
@@ -192,7 +196,7 @@ impl Envelope {
         })
     }
 
-    /// Whether the present position has to be known.
+    /// Whether the check needs the present position.
     pub(crate) fn needs_start(&self) -> bool {
         self.all().any(|envelope| {
             envelope.largest_axis_step.is_some()
@@ -201,7 +205,8 @@ impl Envelope {
         })
     }
 
-    /// Checks a list that begins with the arm at `from`. Steps beyond `units` were given as bare numbers.
+    /// Checks a list that begins with the arm at `from`. Steps without an entry in `units` were given as bare
+    /// numbers.
     pub(crate) fn check(
         &self,
         steps: &[Instruction],

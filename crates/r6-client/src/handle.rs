@@ -1,4 +1,4 @@
-//! The handle of a motion that runs: what has become of each of its steps.
+//! The handle of a running motion: the state of each of its steps.
 
 use std::fmt;
 use std::sync::Arc;
@@ -15,25 +15,25 @@ use crate::stop::report::StopReport;
 use crate::stream::error::{Cause, MotionError};
 use crate::stream::task::{Ended, Wish};
 
-/// A motion that runs ([`Robot::run`]).
+/// A running motion ([`Robot::run`]).
 ///
-/// Dropping it does not end the motion: it is streamed on to its end, and [`Robot::wait_until_done`] waits for that. With
-/// [`crate::RunOptions::stop_on_drop`] the arm is stopped instead. Both take a runtime that lives on; use [`Self::stop`] or
-/// [`Self::finished`] where it might not.
+/// Dropping it does not end the motion: it is streamed to its end, and [`Robot::wait_until_done`] waits for
+/// that. With [`crate::RunOptions::stop_on_drop`] the arm is stopped instead. Both need a runtime that keeps
+/// running. If it might not, use [`Self::stop`] or [`Self::finished`].
 #[must_use = "if the handle is dropped, only wait_until_done and the next motion report that the motion failed"]
 pub struct MotionHandle {
     pub(crate) robot: Robot,
     pub(crate) number: u64,
     pub(crate) progress: watch::Receiver<Progress>,
-    /// Tells what the owner wishes; dropped with the handle.
+    /// Sends the owner's wish; dropped with the handle.
     pub(crate) end: Option<oneshot::Sender<Wish>>,
     pub(crate) task: oneshot::Receiver<Ended>,
-    /// How it ended, once that was seen.
+    /// How the motion ended, once that was received.
     pub(crate) outcome: Option<Ended>,
     pub(crate) steps: Vec<Instruction>,
 }
 
-/// Without its steps, which may be many.
+/// Omits the steps, which may be many.
 impl fmt::Debug for MotionHandle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("MotionHandle").field("progress", &self.progress()).finish_non_exhaustive()
@@ -41,19 +41,20 @@ impl fmt::Debug for MotionHandle {
 }
 
 impl MotionHandle {
-    /// The number of the motion among those of its robot's handle, counted from 1: [`Done::motion`] names it.
+    /// The number of the motion among those of its robot's handle, counted from 1: [`Done::motion`] has the
+    /// same number.
     #[must_use]
     pub fn number(&self) -> u64 {
         self.number
     }
 
-    /// How far it is now.
+    /// The present progress.
     #[must_use]
     pub fn progress(&self) -> Progress {
         *self.progress.borrow()
     }
 
-    /// A receiver that is told of every change: a stream of progress.
+    /// A receiver of every change: a stream of progress.
     #[must_use]
     pub fn watch(&self) -> watch::Receiver<Progress> {
         self.progress.clone()
@@ -72,19 +73,22 @@ impl MotionHandle {
         Some(StepHandle { step, progress: self.progress.clone(), hand: Arc::clone(self.robot.hand()) })
     }
 
-    /// Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state, not by "ok".
+    /// Waits until the arm stands at the end of the motion, with nothing left in its list. This is judged by
+    /// the state, not by "ok".
     ///
-    /// Dropping the future drops the handle; [`Self::wait`] leaves it.
+    /// Dropping the future drops the handle; [`Self::wait`] keeps it.
     ///
     /// # Errors
-    /// [`MotionError`]: why it ended before, what became of the steps, and what became of the arm.
+    /// [`MotionError`]: why the motion ended early, and the state of the steps and of the arm.
     pub async fn finished(mut self) -> Result<Done, MotionError> {
         self.wait().await
     }
 
-    /// As [`Self::finished`], without giving the handle away: dropping the future changes nothing, and it may be asked again.
+    /// As [`Self::finished`], but keeps the handle: dropping the future changes nothing, and it may be called
+    /// again.
     ///
-    /// For whoever waits for something else, too, and then stops: `select!` between this and a Ctrl-C, then [`Self::stop`].
+    /// Use it to wait for something else, too, and then to stop: `select!` between this and a Ctrl-C, then
+    /// [`Self::stop`].
     ///
     /// # Errors
     /// As [`Self::finished`].
@@ -99,7 +103,7 @@ impl MotionHandle {
         }
         let ended = match (&mut self.task).await {
             Ok(ended) => ended,
-            // The task does not panic; a runtime that was shut down ends it.
+            // The task does not panic, but a runtime that shuts down drops it.
             Err(_gone) => {
                 let progress = Progress { ended: true, ..self.progress() };
                 let result = Err(MotionError { cause: Cause::Abandoned, progress, stop: None });
@@ -111,8 +115,8 @@ impl MotionHandle {
         ended
     }
 
-    /// Ends the streaming: nothing more is sent, and the arm finishes what is in its list. Tells what had left by then. A stop of
-    /// somebody else that is under way is waited for.
+    /// Ends the streaming: nothing more is sent, and the arm finishes what is in its list. Returns what was
+    /// sent until then. If another caller's stop is under way, it waits for that.
     pub async fn release(mut self) -> Progress {
         if let Some(end) = self.end.take() {
             end.send(Wish::Release).ok();
@@ -121,8 +125,8 @@ impl MotionHandle {
         self.progress()
     }
 
-    /// Ends the streaming and stops the arm, verified, its list cleared ([`Robot::stop`]). A motion that has ended is stopped
-    /// all the same.
+    /// Ends the streaming, stops the arm, verifies that, and clears its list ([`Robot::stop`]). It also stops
+    /// the arm if the motion has already ended.
     ///
     /// # Errors
     /// As [`Robot::stop`].
@@ -135,13 +139,13 @@ impl MotionHandle {
             Ended { result: Err(MotionError { stop: Some(stopped), .. }), stopped_as_asked: true } => {
                 *stopped
             }
-            // Whatever stopped it before, the arm may have been started again since.
+            // Even if something stopped the arm before, it may have been started again since.
             Ended { .. } => robot.stop().await,
         }
     }
 }
 
-/// One step of a motion that runs. It outlives the motion's handle, and does not keep the motion running.
+/// One step of a running motion. It may outlive the motion's handle, and does not keep the motion running.
 #[derive(Clone, Debug)]
 pub struct StepHandle {
     step: usize,
@@ -156,18 +160,18 @@ impl StepHandle {
         self.step
     }
 
-    /// What has become of it.
+    /// The state of the step.
     #[must_use]
     pub fn state(&self) -> StepState {
         self.progress.borrow().step(self.step).unwrap_or(StepState::Queued)
     }
 
-    /// Waits until its turn has come; `false` if it never will, as far as is known.
+    /// Waits until its turn has come; `false` if the motion ended before that was seen.
     pub async fn started(&mut self) -> bool {
         self.wait_for(|state| matches!(state, StepState::Running | StepState::Done)).await
     }
 
-    /// Waits until it is over; `false` if that was not seen.
+    /// Waits until the step is done; `false` if that was not seen.
     pub async fn done(&mut self) -> bool {
         self.wait_for(|state| state == StepState::Done).await
     }

@@ -1,4 +1,5 @@
-//! What drives a client. Besides `blocking`, which wraps it for threads, these files alone know clocks, sockets, tasks and threads.
+//! The drivers of a client. Only these files, and `blocking`, which wraps it for threads, know clocks,
+//! sockets, tasks and threads.
 
 pub(crate) mod blocking;
 pub mod callback;

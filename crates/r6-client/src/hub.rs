@@ -1,4 +1,5 @@
-//! What is known over a connection, besides what waits on it: who answers, what its firmware lacks, how good the link is.
+//! What is known over a connection besides its requests: who answers, what the firmware lacks, how good the
+//! link is.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -18,25 +19,25 @@ use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
 use crate::reply::Places;
 use crate::time::Time;
 
-/// What a connection tells its handles besides answers.
+/// State that a connection shares with its handles, besides answers.
 #[derive(Debug)]
 pub(crate) struct Hub {
-    /// What time it is.
+    /// The clock.
     pub time: Arc<Time>,
-    /// Whether the handle was closed, and nothing is under way any more.
+    /// Whether the handle was closed and nothing is under way any more.
     pub closed: watch::Sender<bool>,
-    /// What messages call the controller, once there is a connection.
+    /// The controller's name in messages, once there is a connection.
     pub name: OnceLock<Box<str>>,
-    /// `None` once the handle is closed. That ends every receiver.
+    /// `None` once the handle is closed, which ends every receiver.
     pushed: Mutex<Option<broadcast::Sender<Pushed>>>,
-    /// Likewise.
+    /// `None` once the handle is closed, which ends every receiver.
     events: Mutex<Option<broadcast::Sender<Event>>>,
     known: Mutex<Known>,
     meter: Mutex<Meter>,
     pub board: Board,
-    /// Frames that can move the arm and whose outcome is open.
+    /// Frames that can move the arm and have an open outcome.
     pub doubts: Doubts,
-    /// Where answers are put down.
+    /// The places that answers are written to.
     pub places: Places,
     /// How many stops and pauses were asked for.
     stops_asked: AtomicU64,
@@ -46,35 +47,36 @@ pub(crate) struct Hub {
 #[derive(Debug, Default)]
 pub(crate) struct Known {
     pub learned: LearnedDialect,
-    /// Once it was asked for: the version, if there is one.
+    /// The version, once asked for; inner `None` if the controller has none.
     pub firmware: Option<Option<String>>,
     /// Addresses that it does not support.
     pub unsupported: BTreeSet<Address>,
-    /// Addresses that some controllers lack, and that had a value here.
+    /// Addresses that some controllers lack but that had a value here.
     pub supported: BTreeSet<Address>,
-    /// Whether the last query had a reply with a number of values that nothing explains.
+    /// Whether the last query had a reply with an unexplained number of values.
     pub doubts_lists: bool,
     /// How often lists were doubted, over all connections.
     pub doubts: u64,
-    /// How often in a row an address had no value when it was asked for alone, of those that it should have.
+    /// For addresses that should have a value: how often in a row one had none when asked for alone.
     pub empty: BTreeMap<Address, u8>,
     /// Counts the connections, so that no answer of one is kept for the next.
     pub connection: u64,
-    /// Who is there, once that was read.
+    /// The robot that is there, once its identity was read.
     pub present: Option<Identity>,
-    /// Who is meant: the one that was there first, or that was accepted since.
+    /// The expected robot: the first one on this handle, or the one accepted since.
     pub expected: Option<Identity>,
     /// Whether values were handed out over the present connection.
     pub handed_out: bool,
-    /// Whether values were handed out over a connection that ended before its robot was identified, and no caller has read mode and
-    /// alarm since. Then it is not known whether the robot that answers now is the one that those values came from.
+    /// Whether values were handed out over a connection that ended before its robot was identified, and no
+    /// caller has read mode and alarm since. Then those values may come from a robot other than the present
+    /// one.
     pub read_of_nobody: bool,
-    /// The other robot that answered on the connection before this one, if another one did.
+    /// The unexpected robot that answered on the connection before this one, if there was one.
     pub stranger_before: Option<Identity>,
 }
 
 impl Known {
-    /// A reply on this connection had a number of values that nothing explains.
+    /// Records that a reply on this connection had an unexplained number of values.
     pub fn doubt_lists(&mut self, connection: u64) {
         if self.connection == connection {
             self.doubts_lists = true;
@@ -103,7 +105,7 @@ impl Default for Hub {
 }
 
 impl Hub {
-    /// What is known; nobody holds this across an await, and nothing that holds it can panic halfway.
+    /// What is known. No caller holds this guard across an await, and nothing can panic while holding it.
     pub fn known(&self) -> MutexGuard<'_, Known> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -115,8 +117,9 @@ impl Hub {
 
     /// Takes in the answer to the identity query.
     ///
-    /// `certain`: every part of it could be read. If some parts could not be read and the others are those of the expected robot, the
-    /// controller stays unknown: another robot of the same model may differ in those parts alone.
+    /// `certain`: every part of it could be read. If some parts could not be read and the others match the
+    /// expected robot, the controller stays unknown, because another robot of the same model may differ in
+    /// those parts alone.
     pub fn introduced(&self, mut found: Found, certain: bool, first: bool) {
         {
             let mut known = self.known();
@@ -139,26 +142,27 @@ impl Hub {
         }
     }
 
-    /// Whether it is known who is meant, and not who is there.
+    /// Whether the expected robot is known but the present one is not.
     pub fn is_unidentified(&self) -> bool {
         let known = self.known();
         known.expected.is_some() && known.present.is_none()
     }
 
-    /// The next connection may lead to another robot. If it is not known which one is meant, nothing that is seen there confirms a stop
-    /// until a caller has read mode and alarm.
+    /// Notes that the next connection may lead to another robot. If the expected robot is not known, nothing
+    /// that is read there confirms a stop until a caller has read mode and alarm.
     pub fn doubt_who_answers(&self) {
         let mut known = self.known();
         known.read_of_nobody |= known.expected.is_none();
     }
 
-    /// Who answers on this connection; `None` if it is not the present one, or nobody has read that.
+    /// The robot on this connection. `None` if it is not the present connection, or its identity has not been
+    /// read.
     pub fn identity_on(&self, connection: u64) -> Option<Identity> {
         let known = self.known();
         if known.connection == connection { known.present.clone() } else { None }
     }
 
-    /// Who is meant, and who is there instead on this connection, or was on the one before.
+    /// The expected robot, and the different one found on this connection or on the one before.
     pub fn stranger_on(&self, connection: u64) -> Option<(Identity, Identity)> {
         let known = self.known();
         let expected = known.expected.as_ref()?;
@@ -170,14 +174,14 @@ impl Hub {
         (expected != found).then(|| (expected.clone(), found.clone()))
     }
 
-    /// Why no command may leave: another robot is there than the one that is meant.
+    /// Why no command may be sent: a robot other than the expected one is there.
     pub fn stranger(&self) -> Option<NotSent> {
         let connection = self.known().connection;
         let (expected, found) = self.stranger_on(connection)?;
         Some(NotSent::AnotherRobot { expected: Box::new(expected), found: Box::new(found) })
     }
 
-    /// A stop or a pause is asked for.
+    /// Counts a stop or a pause that was asked for.
     pub fn stop_asked(&self) {
         self.stops_asked.fetch_add(1, Ordering::SeqCst);
     }
@@ -187,29 +191,29 @@ impl Hub {
         self.stops_asked.load(Ordering::SeqCst)
     }
 
-    /// What happens from now on.
+    /// Receives unsolicited events from now on.
     pub fn subscribe_to_pushed(&self) -> broadcast::Receiver<Pushed> {
         let pushed = self.pushed.lock().unwrap_or_else(PoisonError::into_inner);
-        // The sender of a closed handle is gone, and so is this one at once.
+        // After the handle is closed its sender is gone: this receiver ends at once.
         pushed.as_ref().map_or_else(|| broadcast::Sender::new(1).subscribe(), broadcast::Sender::subscribe)
     }
 
-    /// The handle is closed: nothing comes any more.
+    /// The handle is closed: ends all receivers.
     pub fn end(&self) {
         self.board.close();
-        // Ends what [`crate::Robot::pushed`] gave out.
+        // Ends the receivers of [`crate::Robot::pushed`].
         self.pushed.lock().unwrap_or_else(PoisonError::into_inner).take();
         self.events.lock().unwrap_or_else(PoisonError::into_inner).take();
         self.closed.send_replace(true);
     }
 
-    /// Whether somebody listens to what happens by itself.
+    /// Whether there is a receiver of unsolicited events.
     pub fn is_watched(&self) -> bool {
         let pushed = self.pushed.lock().unwrap_or_else(PoisonError::into_inner);
         pushed.as_ref().is_some_and(|pushed| pushed.receiver_count() > 0)
     }
 
-    /// Tells the subscribers; there may be none.
+    /// Sends to the subscribers; there may be none.
     pub fn push(&self, pushed: Pushed) {
         tracing::debug!(?pushed);
         if let Some(sender) = &*self.pushed.lock().unwrap_or_else(PoisonError::into_inner) {
@@ -217,13 +221,13 @@ impl Hub {
         }
     }
 
-    /// What happens at this side, from now on.
+    /// Receives the client's own events, from now on.
     pub fn subscribe_to_events(&self) -> broadcast::Receiver<Event> {
         let events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
         events.as_ref().map_or_else(|| broadcast::Sender::new(1).subscribe(), broadcast::Sender::subscribe)
     }
 
-    /// Tells the log and the subscribers; there may be none.
+    /// Writes to the log and to the subscribers; there may be none.
     pub fn happened(&self, event: Event) {
         event.log(self.name.get().map_or("", |name| name));
         if let Some(sender) = &*self.events.lock().unwrap_or_else(PoisonError::into_inner) {
@@ -235,7 +239,7 @@ impl Hub {
         self.known().learned = learned;
     }
 
-    /// The next connection may lead to another controller: what was known is forgotten.
+    /// Forgets what was known, except the expected robot: the next connection may lead to another controller.
     pub fn connection_lost(&self, reason: LostReason) {
         {
             let mut known = self.known();

@@ -1,4 +1,4 @@
-//! Who a controller says that it is, and what was found on a connection that was made anew.
+//! The identity that a controller reports, and the state found on a connection after a reconnect.
 
 use std::fmt;
 
@@ -7,21 +7,21 @@ use r6_proto::{OperationMode, printable};
 
 use crate::query::result::QueryResult;
 
-/// What tells one controller from another. There is no serial number on the wire.
+/// The values that distinguish controllers. There is no serial number on the wire.
 pub(crate) const IDENTITY: [Address; 3] = [Address::Version, Address::MachineName, Address::AxisNum];
 
-/// So many characters of a text are told in an error; names on pendants are shorter.
+/// How many characters of a text an error shows; names on pendants are shorter.
 const TOLD_CHARS: usize = 64;
 
-/// Whether a query of these tells who is there.
+/// Whether a query of these reads the whole identity.
 pub(crate) fn asks_who_is_there(addresses: &[Address]) -> bool {
     IDENTITY.iter().all(|address| addresses.contains(address))
 }
 
-/// What a controller says of itself. `None` where it has no such value.
+/// What a controller reports about itself. `None` if it has no such value.
 ///
-/// Two controllers of one model, firmware and name cannot be told apart: give each machine a name of its own on its
-/// pendant.
+/// Two controllers with the same model, firmware and name cannot be distinguished: give each machine its own
+/// name on its pendant.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     /// `version`.
@@ -32,24 +32,26 @@ pub struct Identity {
     pub axis_count: Option<i64>,
 }
 
-/// What was found on a connection that was made anew, before anything else was sent on it, a stop apart.
+/// What was found after a reconnect, before anything else was sent, except a stop.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// Who answered. If a part of it could not be read and the rest is the same as before, it is not known whether this is the same
-    /// robot: no command leaves until a query has read all of it, such as [`crate::Robot::status`].
+    /// The robot that answered. If a part of it could not be read and the rest is as before, it may be
+    /// another robot. Then no command is sent until a query has read all of it, such as
+    /// [`crate::Robot::status`].
     pub identity: Identity,
-    /// Whether that is another controller than before: then no command leaves until [`crate::Robot::accept_identity`].
+    /// Whether it is a controller other than before: then no command is sent until
+    /// [`crate::Robot::accept_identity`].
     pub another: bool,
     /// `curMode`.
     pub mode: Option<OperationMode>,
     /// `curAlarm`: 0 for none.
     pub alarm: Option<i64>,
-    /// `RemoteCmdLen`: instructions that are left in the list, which nobody resumes by himself.
+    /// `RemoteCmdLen`: instructions left in the list. The client never resumes them.
     pub list_length: Option<i64>,
 }
 
 impl Identity {
-    /// Whether every value that was read here is the same there.
+    /// Whether `other` has the same value for every value that was read here.
     pub(crate) fn is_part_of(&self, other: &Self) -> bool {
         let same = |mine: &Option<String>, other: &Option<String>| mine.is_none() || mine == other;
         same(&self.firmware, &other.firmware)

@@ -1,8 +1,8 @@
-//! The questions that tell who is at the other end: asked before the first request, and again on a connection that was made anew.
+//! The identity query: sent before the first request, and again after a reconnect.
 //!
 //! ```text
 //!  all in one query ──each has a value──▶ known
-//!    └─ one has none ──▶ each alone ──has a value, or gives none three times──▶ known, or known to be missing
+//!    └─ one lacks a value ─▶ each alone ─has a value, or lacks it three times─▶ known, or known missing
 //!  no answer ──▶ the same question again ──no answer──▶ the controller counts as dead
 //! ```
 
@@ -16,39 +16,40 @@ use crate::error::RequestError;
 use crate::identity::{Found, IDENTITY, Identity};
 use crate::job::Answer;
 
-/// What is read on a connection that was made anew. All of it is in the oldest manual, so one query has it.
+/// The addresses read after a reconnect. The oldest manual has all of them, so one query suffices.
 const AGAIN: [Address; 5] =
     [Address::Version, Address::MachineName, Address::AxisNum, Address::CurMode, Address::CurAlarm];
 
-/// Time-outs after which a controller that does not say who it is counts as dead: a lost reply passes, and whoever
-/// waits behind it waits twice the reply time-out at most.
+/// Timeouts of the identity query after which the controller counts as dead. One lost reply is tolerated, and
+/// requests behind it wait twice the reply timeout at most.
 const MAX_TIMEOUTS: u32 = 2;
 
-/// How often one address is asked for alone until it is believed that the controller has no such value, or none that can be read: one
-/// odd reply must not make another robot of it.
+/// How often one address is asked for alone until the client believes that the controller has no such value,
+/// or no readable one: a single odd reply must not make it a different robot.
 const MAX_ODD: u32 = 3;
 
-/// Asks a controller who it is: one query where the firmware has everything, single ones where it leaves values out.
+/// Asks a controller for its identity: one query if the firmware has everything, single ones if values are
+/// missing.
 #[derive(Debug)]
 pub(crate) struct Introduction {
-    /// What is still to be asked; the first is under way.
+    /// The queries still to be sent; the first is under way.
     parts: VecDeque<Vec<Address>>,
     read: Vec<(Address, Reading)>,
-    /// What had a value that cannot be one, each time.
+    /// Addresses with an unreadable value, each time.
     unreadable: Vec<Address>,
     timeouts: u32,
-    /// How often the one that is under way gave no value.
+    /// How often the query under way gave no value.
     odd: u32,
 }
 
 impl Introduction {
-    /// On a handle's first connection: who is there, so that it can be known again.
+    /// For a handle's first connection: reads the identity, so that the robot can be recognised later.
     pub fn first() -> Self {
         Self::asking([IDENTITY.to_vec()])
     }
 
-    /// On a connection that was made anew: who is there, in what state, and what is left in its list. Older firmware
-    /// lacks the list's length, which is therefore asked for alone.
+    /// For a connection after a reconnect: reads the identity, the state, and the length of the list. Older
+    /// firmware lacks that length, so it is asked for alone.
     pub fn again() -> Self {
         Self::asking([AGAIN.to_vec(), vec![Address::RemoteCmdLen]])
     }
@@ -57,12 +58,13 @@ impl Introduction {
         Self { parts: parts.into(), read: Vec::new(), unreadable: Vec::new(), timeouts: 0, odd: 0 }
     }
 
-    /// What is to be asked next; `None` when all is known.
+    /// The next query; `None` when all is known.
     pub fn next(&self) -> Option<&[Address]> {
         self.parts.front().map(Vec::as_slice)
     }
 
-    /// The answer to [`Self::next`]. Whatever gives no value when it is asked for alone, again and again, is none.
+    /// Takes in the answer to [`Self::next`]. An address that repeatedly has no value when asked for alone
+    /// counts as missing.
     pub fn answered(&mut self, answer: Result<Answer, RequestError>) {
         let Some(asked) = self.parts.pop_front() else { return };
         let mut missing = Vec::new();
@@ -82,7 +84,7 @@ impl Introduction {
             [] => self.odd = 0,
             [address] => {
                 self.odd += 1;
-                // Older firmware lacks the length of its list, and nobody is told apart by it.
+                // Older firmware lacks the length of its list, and that is not part of the identity.
                 if self.odd < MAX_ODD && IDENTITY.contains(address) {
                     self.parts.push_front(missing);
                 } else {
@@ -99,18 +101,18 @@ impl Introduction {
         }
     }
 
-    /// No answer came in time: it is asked again. `true` if that has been tried often enough.
+    /// No answer came in time: the query is sent again. `true` if it was tried often enough.
     pub fn timed_out(&mut self) -> bool {
         self.timeouts += 1;
         self.timeouts >= MAX_TIMEOUTS
     }
 
-    /// Whether all that tells who is there was read, or is known to be missing.
+    /// Whether every part of the identity was read, or is known to be missing.
     pub fn is_certain(&self) -> bool {
         !self.unreadable.iter().any(|address| IDENTITY.contains(address))
     }
 
-    /// What was read.
+    /// The values that were read.
     pub fn found(self) -> Found {
         let mut found = Found {
             identity: Identity::default(),
@@ -152,7 +154,7 @@ mod tests {
     }
 
     fn answer(values: Vec<Reading>) -> Result<Answer, RequestError> {
-        // Which address each is the value of, the introduction knows.
+        // The introduction knows which address each value belongs to.
         let rows = values.into_iter().map(|value| (Address::Version, Ok(value))).collect();
         Ok(Answer::Values { rows, on: ON })
     }

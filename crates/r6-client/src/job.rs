@@ -1,4 +1,4 @@
-//! What handles give to the connection: a request and the place where its answer goes.
+//! The jobs that handles give to the connection: a request and the place for its answer.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,7 +22,7 @@ use r6_proto::time::Instant;
 pub struct Accepted {
     /// How long the reply took.
     pub after: Duration,
-    /// How many points were taken; only AddPoints tells.
+    /// How many points were taken; only the reply to AddPoints has this.
     pub points: Option<u64>,
 }
 
@@ -35,7 +35,7 @@ pub struct CameraSet {
     pub points: Vec<Point>,
 }
 
-/// A request that owns what it sends.
+/// A request that owns its data.
 #[derive(Clone, Debug)]
 pub(crate) enum Work {
     Query(Arc<[Address]>),
@@ -45,20 +45,20 @@ pub(crate) enum Work {
     PhotoAnswer(PhotoAnswer),
 }
 
-/// What came back.
+/// What came back for a request.
 #[derive(Debug)]
 pub(crate) enum Answer {
     /// Each address with its value.
     Values { rows: Rows, on: Answered },
-    /// Another number of values than addresses: nobody knows which is which.
+    /// The number of values differs from that of the addresses, so they cannot be matched.
     Mismatch { answered: usize, on: Answered },
-    /// The controller took it.
+    /// The controller accepted the request.
     Accepted { accepted: Accepted, on: Answered },
-    /// It left; the controller does not answer such a request.
+    /// The request was sent; the controller does not answer requests of this kind.
     Left,
 }
 
-/// Over which connection a reply came, when it was asked for, and how long it took.
+/// The connection that a reply came over, when the request was made, and how long the reply took.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Answered {
     pub connection: u64,
@@ -66,59 +66,60 @@ pub(crate) struct Answered {
     pub after: Duration,
 }
 
-/// On what terms a request may leave. The default: at any time, on any connection.
+/// The conditions for sending a request. The default: at any time, on any connection.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Terms {
     /// As [`Job::leave_by`].
     pub leave_by: Option<Instant>,
     /// As [`Job::only_on`].
     pub only_on: Option<u64>,
-    /// As [`Job::stops_before`], where the caller asked before this was given to the connection.
+    /// As [`Job::stops_before`], if the caller asked before the job was given to the connection.
     pub stops_before: Option<u64>,
 }
 
-/// One request on its way.
+/// A request under way.
 #[derive(Debug)]
 pub(crate) struct Job {
     pub work: Work,
     pub asked_at: Instant,
-    /// When it must have left; later it would be a surprise.
+    /// The latest time to send it; later it would be a surprise.
     pub leave_by: Option<Instant>,
-    /// The number of the connection that it may leave on: what goes on with a motion does not on another.
+    /// The only connection it may be sent on, by number: a motion does not continue on another one.
     pub only_on: Option<u64>,
-    /// How many stops had been asked for when the caller asked for this: what can move the arm does not leave after a later one.
+    /// How many stops had been asked for when the caller asked for this. A request that can move the arm is
+    /// not sent after a later stop.
     pub stops_before: u64,
     /// When it was put into the output of its connection.
     pub sent_at: Instant,
-    /// How the connection ended that it left on, if it did before.
+    /// How an earlier connection ended that this was sent on, if there was one.
     pub lost: Option<LostReason>,
-    /// Whether it is being sent for the second time: a query, over a new connection.
+    /// Whether it is sent for the second time: a query, over a new connection.
     pub retried: bool,
-    /// Whether no caller looks at what it reads before the next command.
+    /// Whether its values are not looked at by a caller before the next command.
     pub background: bool,
-    /// Open from when a frame that can move the arm was handed over until its outcome is known.
+    /// Set when a frame that can move the arm is handed over, until its outcome is known.
     pub doubt: Option<Doubt>,
-    /// Where the values of its reply go: room of an earlier reply, or none yet.
+    /// Storage for the values of its reply, reused from an earlier reply if there was one.
     pub rows: Rows,
     reply: ReplyTo,
 }
 
 impl Work {
-    /// What to call it, and what it can do.
+    /// The request's word and its effect.
     pub fn sent(&self) -> Sent {
         let (word, effect) = match self {
             Self::Query(_) => ("query", Effect::Reads),
             Self::Command(command) => (command.name().word(), command.name().effect()),
             Self::AddRcc { instructions, .. } if instructions.is_empty() => ("AddRCC", Effect::Changes),
             Self::AddRcc { .. } => ("AddRCC", Effect::Moves),
-            // A program may wait for nothing but these points.
+            // A program may be waiting for exactly these points.
             Self::AddPoints(_) => ("AddPoints", Effect::Moves),
             Self::PhotoAnswer(_) => ("photo", Effect::Changes),
         };
         Sent { word, effect }
     }
 
-    /// Whether somebody has to have read mode and alarm on a connection that was made anew before it may leave.
+    /// Whether a caller has to read mode and alarm after a reconnect before this may be sent.
     pub fn needs_known_state(&self) -> bool {
         match self {
             Self::Query(_) | Self::PhotoAnswer(_) => false,
@@ -128,7 +129,7 @@ impl Work {
         }
     }
 
-    /// Whether it must not reach another robot than the one that is meant: everything but a question.
+    /// Whether it must reach only the expected robot: everything but a query.
     pub fn is_for_one_robot(&self) -> bool {
         match self {
             Self::Query(_) => false,
@@ -136,7 +137,7 @@ impl Work {
         }
     }
 
-    /// Puts it into the session's output. `None` if no reply will come.
+    /// Writes the request to the session's output. `None` if it gets no reply.
     pub fn send(&self, session: &mut ClientSession, now: Instant) -> Result<Option<Ticket>, SendError> {
         let cameras: Vec<CameraPoints<'_>>;
         let request = match self {
@@ -153,9 +154,9 @@ impl Work {
         session.send(now, &request).map(|ticket| request.expects_reply().then_some(ticket))
     }
 
-    /// What the reply says.
+    /// Evaluates the reply.
     ///
-    /// `rows`: room for its values.
+    /// `rows`: storage for its values.
     pub fn answer(&self, message: &Message<'_>, on: Answered, rows: Rows) -> Result<Answer, RequestError> {
         let request = self.sent();
         match (self, &message.body) {
@@ -190,7 +191,7 @@ impl Work {
     }
 }
 
-/// What a message is, in words: for one that came where another kind was due.
+/// Names the kind of a message that arrived in place of another kind.
 fn kind_of(body: &Body<'_>) -> &'static str {
     match body {
         Body::Query(_) => "a query",
@@ -238,27 +239,27 @@ impl Job {
         }
     }
 
-    /// Whether the caller does not wait for the answer any more.
+    /// Whether the caller no longer waits for the answer.
     pub fn is_given_up(&self) -> bool {
         self.reply.is_given_up()
     }
 
-    /// Whether nobody waits for the answer any more. A stop is wanted all the same.
+    /// Whether the job can be dropped, because its caller gave it up. A stop is never dropped.
     pub fn is_moot(&self) -> bool {
         self.is_given_up() && self.work.sent().effect != Effect::Stops
     }
 
-    /// Whether it must not leave any more.
+    /// Whether it is too late to send it.
     pub fn is_overdue(&self, now: Instant) -> bool {
         self.leave_by.is_some_and(|by| now > by)
     }
 
-    /// Whether it can move the arm, and a stop was asked for after it.
+    /// Whether it can move the arm and a stop was asked for after it.
     pub fn is_overtaken(&self, stops: u64) -> bool {
         self.work.sent().effect == Effect::Moves && self.stops_before != stops
     }
 
-    /// Gives the answer. A caller that is gone does not need it.
+    /// Gives the answer to the caller, if it still waits.
     pub fn finish(mut self, answer: Result<Answer, RequestError>) {
         if let Some(doubt) = self.doubt.take() {
             doubt.settle(&answer);
@@ -266,7 +267,7 @@ impl Job {
         self.reply.put(answer);
     }
 
-    /// It did not leave this time; whether it ever did decides what the caller is told.
+    /// The request was not sent this time. The caller's error depends on whether it was sent before.
     pub fn not_sent(self, error: impl Into<RequestError>) {
         let error = match self.lost {
             None => error.into(),

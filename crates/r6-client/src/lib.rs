@@ -1,22 +1,25 @@
-//! A robot behind one TCP connection: typed queries, commands and instructions for Huacheng R6 / HC1 controllers.
+//! A robot behind one TCP connection: typed queries, commands and instructions for Huacheng R6 / HC1
+//! controllers.
 //!
-//! [`Robot`] is the handle; its clones share one connection. Whoever waits for an answer drives that connection for all (`drive.rs`); what
-//! leaves when is decided by a state machine without a socket (`connection.rs`), and only `hands/` and `blocking/` know sockets, clocks and tasks.
+//! [`Robot`] is the handle; its clones share one connection. A call that waits for an answer drives that
+//! connection for all calls (`drive.rs`). A state machine without a socket decides what is sent and when
+//! (`connection.rs`). Only `hands/` and `blocking/` know sockets, clocks and tasks.
 //! [`r6_proto::client::ClientSession`] knows the protocol.
 //!
-//! Errors are sorted by what the caller must do ([`RequestError`]): nothing left, the controller said no, or nobody
-//! knows. Only queries are ever repeated by this crate. "ok" means accepted, not done: whether the arm moved is read
-//! from its state ([`Robot::wait_until_done`], [`Robot::stop`]).
+//! Errors are sorted by what the caller must do ([`RequestError`]): change the request, send it again, read
+//! why the controller refused it, or find out whether it was carried out. This crate repeats only queries,
+//! and the commands of [`Robot::stop`]. "ok" means accepted, not done: the state of the arm shows whether it
+//! moved ([`Robot::wait_until_done`], [`Robot::stop`]).
 //!
-//! Values that are wanted again and again are subscribed to ([`Robot::subscribe`]): one poller reads them for all clones.
-//! After a connection was made anew, who answers there is read first, and no command goes to another robot than before
-//! ([`Robot::accept_identity`]).
-//! A [`Motion`] is put together from typed values ([`units`]), streamed by [`Robot::run`] and followed through its
-//! [`MotionHandle`]; [`Robot::with_guard`] holds it against an [`Envelope`] first.
+//! To read values repeatedly, subscribe to them ([`Robot::subscribe`]): one poller reads them for all clones.
+//! After a reconnect, the client first reads the identity of the robot. It sends no command to a robot other
+//! than the one before ([`Robot::accept_identity`]). A [`Motion`] is built from typed values ([`units`]),
+//! streamed by [`Robot::run`] and followed through its [`MotionHandle`]. [`Robot::with_guard`] checks it
+//! against an [`Envelope`] first.
 //!
-//! [`blocking`] is all of this without `async`.
+//! [`blocking`] offers all of this without `async`.
 //!
-//! A stop sent from here is an ordinary command on a network. It is no emergency stop.
+//! The stop of this crate is an ordinary command on a network. It is not an emergency stop.
 #![cfg_attr(not(test), warn(clippy::indexing_slicing, clippy::expect_used, clippy::panic))]
 
 mod backoff;
@@ -47,6 +50,7 @@ mod motions;
 mod moves;
 mod observe;
 mod path;
+mod pendant;
 mod poll_plan;
 mod progress;
 mod pushed;
@@ -85,9 +89,9 @@ pub use moves::{MAX_STEPS, Motion, StepError};
 pub use path::place::Missed;
 pub use pushed::{LostReason, Pushed};
 pub use query::{NoReading, QueryResult};
-pub use r6_proto::io_point::PairMask;
+pub use r6_proto::io_point::{IoPoint, PairMask, PointKind};
 pub use r6_proto::message::instruction::{
-    BlendLevel, BoardOutput, Instruction, OutputBoard, OutputKind, WaitCondition, WaitSource,
+    BlendLevel, BoardOutput, Instruction, OutputBoard, OutputKind, WaitCondition, WaitSource, WrongPoint,
 };
 pub use r6_proto::message::{PhotoAnswer, Point, Reading};
 pub use r6_proto::{Address, AxisIndex, AxisMask, Command, OperationMode, RegisterIndex};

@@ -1,4 +1,4 @@
-//! One connection, without the socket: which jobs are under way on it, and what its session says about them.
+//! One connection, without the socket: the jobs under way on it, and the events of its session.
 
 mod identification;
 
@@ -19,26 +19,27 @@ use crate::pushed::{LostReason, Pushed};
 use crate::query::result::Rows;
 use crate::settings::{Heartbeat, RobotSettings};
 
-/// Ordinary requests that may wait for their replies at once: enough to keep a connection busy, few enough that
-/// a controller whose replies take 20 ms is at most 160 ms behind.
+/// Ordinary requests that may wait for their replies at once. Enough to keep a connection busy, and few
+/// enough that a controller whose replies take 20 ms is at most 160 ms behind.
 const MAX_IN_FLIGHT: usize = 8;
 
 /// Room beyond [`MAX_IN_FLIGHT`] that only stops, and the queries that confirm them, may take.
 const RESERVED_FOR_STOPS: usize = 8;
 
-/// Requests in all that may wait for their replies, those that their callers gave up among them: a program that gives up one pause after
-/// the other must not keep a stop waiting for the replies to them, nor send without end to a controller that answers nothing.
+/// Requests in all that may wait for their replies, including those that their callers gave up. A program
+/// that gives up one pause after the other must not make a stop wait for their replies. Nor may it send
+/// without end to a controller that does not answer.
 const MOST_UNANSWERED: usize = 64;
 
-/// Room beyond that for the query that asks who is there.
+/// Extra room for the identity query.
 const RESERVED_FOR_INTRODUCTION: usize = 1;
 
-/// Time-outs in a row, without a reply in between, after which the connection counts as dead. One list that is
-/// too long for a controller gets no reply either, so one is not enough.
+/// Timeouts in a row, without a reply in between, after which the connection counts as dead. One is not
+/// enough, because a list that is too long for a controller gets no reply either.
 const SILENT_TIMEOUTS: u32 = 3;
 
-/// What has to be read on a connection that was made anew before a command may leave: behind our back the machine may
-/// have been stopped, put into another mode, or have raised an alarm.
+/// What has to be read after a reconnect before a command may be sent. In the meantime the machine may have
+/// been stopped or put into another mode, or may have raised an alarm.
 pub(crate) const STATE: [Address; 2] = [Address::CurMode, Address::CurAlarm];
 
 /// One connection's session and the jobs that wait on it.
@@ -46,17 +47,18 @@ pub(crate) const STATE: [Address; 2] = [Address::CurMode, Address::CurAlarm];
 pub(crate) struct Link {
     session: ClientSession,
     in_flight: InFlight,
-    /// A job that is done once its bytes have left.
+    /// A job that is done once its bytes are sent.
     leaving: Option<Job>,
     /// Whether any byte of `leaving` was given to the socket.
     leaving_began: bool,
     /// Since when there has been something to write.
     output_since: Option<Instant>,
-    /// How long a reply may take, and a frame to leave.
+    /// How long a reply may take, and also how long sending a frame may take.
     reply_timeout: Duration,
     heartbeat: Option<(Duration, Instant)>,
     silent: u32,
-    /// When bytes last came that were no frame yet, and when the last frame that answered nothing, with what it was.
+    /// When bytes last arrived that did not complete a frame. `unusable`: when the last frame that answered
+    /// nothing arrived, and what it was.
     heard: Option<Instant>,
     unusable: Option<(Instant, String)>,
     /// Whether the controller ever answered on this connection.
@@ -65,13 +67,14 @@ pub(crate) struct Link {
     handed_out: bool,
     /// The number of this connection.
     connection: u64,
-    /// What has to be read before commands may leave; nothing on a handle's first connection.
+    /// What has to be read before commands may be sent; empty on a handle's first connection.
     unread: Vec<Address>,
     who: Identification,
     hub: Arc<Hub>,
 }
 
-/// The jobs that wait for their replies, the longest waiting first: few, and the first is nearly always the next to be answered.
+/// The jobs that wait for their replies, oldest first. They are few, and the first is nearly always answered
+/// next.
 #[derive(Debug, Default)]
 struct InFlight(VecDeque<(Ticket, Job)>);
 
@@ -103,20 +106,20 @@ impl InFlight {
     }
 }
 
-/// The two lanes.
+/// The lanes of requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lane {
-    /// One frame at a time, behind those that wait for a reply.
+    /// One frame at a time, behind the requests that wait for a reply.
     Ordinary,
-    /// Like ordinary, and what it reads was not looked at by the caller of a command: it lets no command through.
+    /// Like ordinary, but its values do not count as read by the caller: they do not unlock commands.
     Background,
-    /// Stops and what confirms them: ahead of everything that is not already being written.
+    /// Stops and the queries that confirm them: ahead of everything that is not already being written.
     Urgent,
 }
 
 impl Link {
-    /// `first` tells whether this is the handle's first connection; on a later one the state has to be read before
-    /// a command leaves.
+    /// `first`: whether this is the handle's first connection. On a later one, the state has to be read
+    /// before a command is sent.
     pub fn new(
         settings: &RobotSettings,
         first: bool,
@@ -162,8 +165,8 @@ impl Link {
 
     /// Whether a job of this lane may be handed over now.
     ///
-    /// Ordinary frames are handed over one at a time, so that a stop waits for one frame at most, and not before the
-    /// controller has said who it is.
+    /// Ordinary frames are handed over one at a time, so that a stop waits for one frame at most. While the
+    /// controller has yet to identify itself, they may have to wait.
     pub fn has_room(&self, lane: Lane) -> bool {
         match lane {
             Lane::Urgent => {
@@ -178,8 +181,9 @@ impl Link {
         }
     }
 
-    /// A firmware that does not say which request it answers gets one at a time: where one reply is lost, the next one would be
-    /// taken for it. So does one that has not answered yet, besides the question who is there, which some may not answer.
+    /// Firmware that does not name the request it answers gets one request at a time: if a reply is lost, the
+    /// next reply would be taken for it. The same holds for firmware that has not answered yet. The identity
+    /// query does not count then, because some firmware may not answer it.
     fn most_in_flight(&self) -> usize {
         match self.session.learned().echoes_pack_id {
             Some(false) => 1,
@@ -188,7 +192,7 @@ impl Link {
         }
     }
 
-    /// Whether a stop has to wait: the controller is about to say whether it is the one that the stop is meant for.
+    /// Whether a stop has to wait until the controller has shown that it is the expected one.
     pub fn holds_stops(&self) -> bool {
         self.who.holds_stops()
     }
@@ -203,22 +207,23 @@ impl Link {
         !self.in_flight.is_empty() || self.who.is_under_way()
     }
 
-    /// Whether the controller has yet to say who it is.
+    /// Whether the controller has yet to identify itself.
     pub fn is_introducing(&self) -> bool {
         self.who.is_open()
     }
 
-    /// Has the controller asked who it is, on a first connection; nothing ordinary leaves before it has said so.
+    /// Starts the identity query on a first connection; no ordinary request is sent before the answer.
     pub fn begin_introduction(&mut self) {
         self.who.begin();
     }
 
-    /// The same for a request that leaves without it where the controller does not say who it is. Whether it has to wait.
+    /// The same for a request that is sent even if the controller does not identify itself. Returns whether
+    /// it has to wait.
     pub fn begin_introduction_for_query(&mut self, now: Instant) -> bool {
         self.who.begin_for_query(now)
     }
 
-    /// Sends the introduction's next query, if it is its turn.
+    /// Sends the next identity query, if it is due.
     pub fn introduce(&mut self, now: Instant) {
         while self.output().is_empty()
             && let Some(asked) = self.who.question()
@@ -227,12 +232,12 @@ impl Link {
                 Ok(ticket) => {
                     self.who.asked(ticket);
                     self.output_since.get_or_insert(now);
-                    // A controller that answers all else is no worse link.
+                    // If the answer is optional, a missing one must not lower the link quality.
                     if self.who.has_to_answer() {
                         self.hub.meter().asked(now);
                     }
                 }
-                // Too long for the frames of these settings: then in smaller parts, or not at all.
+                // Too long for a frame of these settings: ask in smaller parts, or not at all.
                 Err(error) => {
                     self.who.answered(Err(error.into()));
                     self.end_introduction();
@@ -241,7 +246,7 @@ impl Link {
         }
     }
 
-    /// Tells who is there, once that is known.
+    /// Reports the identity, once the query is over.
     fn end_introduction(&mut self) {
         if let Some(introduction) = self.who.ended() {
             let certain = introduction.is_certain();
@@ -249,7 +254,7 @@ impl Link {
         }
     }
 
-    /// Sends the job's request, or says at once why not.
+    /// Sends the job's request, or tells the job at once why not.
     pub fn hand_over(&mut self, mut job: Job, now: Instant) {
         if job.is_moot() {
             return;
@@ -281,13 +286,13 @@ impl Link {
         self.session.poll_transmit().unwrap_or_default()
     }
 
-    /// Takes back what no longer has a caller, or should have left before now, and of which nothing has left; a stop is never taken back.
+    /// Withdraws unsent requests that have no caller any more or are overdue. A stop is never withdrawn.
     pub fn withdraw_moot(&mut self, now: Instant) {
         let why = |job: &Job| NotSent::Busy { waited: now.since(job.asked_at) };
         self.withdraw(|job| job.is_moot() || job.is_overdue(now), why);
     }
 
-    /// Takes back what can move the arm, was asked for before the last stop, and of which nothing has left.
+    /// Withdraws unsent requests that can move the arm and were asked for before the last stop.
     pub fn withdraw_overtaken(&mut self) {
         let stops = self.hub.stops_asked();
         self.withdraw(|job| job.is_overtaken(stops), |_| NotSent::Overtaken);
@@ -308,7 +313,7 @@ impl Link {
         }
     }
 
-    /// The first `bytes` of the output were given to the socket.
+    /// The socket took the first `bytes` of the output.
     pub fn written(&mut self, bytes: usize) {
         tracing::trace!(sent = %String::from_utf8_lossy(self.output().get(..bytes).unwrap_or_default()));
         self.session.transmitted(bytes);
@@ -321,7 +326,7 @@ impl Link {
         }
     }
 
-    /// Bytes came from the controller.
+    /// Takes in bytes from the controller.
     pub fn received(&mut self, bytes: &[u8], now: Instant) -> Result<(), LostReason> {
         tracing::trace!(received = %String::from_utf8_lossy(bytes));
         self.heard = Some(now);
@@ -331,7 +336,7 @@ impl Link {
             self.settle(now)?;
             rest = match rest.get(taken..) {
                 Some(rest) if taken > 0 => rest,
-                // The session has read all it had and still has no room: what follows would make no sense.
+                // The session has handled its input and still has no room: the rest would make no sense.
                 Some(_) | None => return Err(LostReason::OutOfStep),
             };
         }
@@ -341,13 +346,13 @@ impl Link {
     /// When [`Self::tick`] is due.
     pub fn deadline(&self) -> Option<Instant> {
         let stalled = self.output_since.map(|since| since + self.reply_timeout);
-        // Behind bytes that do not leave, another heartbeat is of no use.
+        // While bytes are stuck, another heartbeat is useless.
         let beat = self.heartbeat.filter(|_| self.output().is_empty()).map(|(_, due)| due);
         let due = earlier(self.session.poll_timeout(), stalled);
         earlier(earlier(due, beat), self.who.deadline())
     }
 
-    /// Time passed: heartbeats, overdue replies, bytes that do not leave.
+    /// Handles what is due: heartbeats, overdue replies, stuck bytes.
     pub fn tick(&mut self, now: Instant) -> Result<(), LostReason> {
         self.who.tick(now);
         if self.output_since.is_some_and(|since| since + self.reply_timeout <= now) {
@@ -366,7 +371,7 @@ impl Link {
         self.settle(now)
     }
 
-    /// Tells the waiting jobs and the subscribers what the session has to say.
+    /// Passes the events of the session to the waiting jobs and the subscribers.
     fn settle(&mut self, now: Instant) -> Result<(), LostReason> {
         let hub = Arc::clone(&self.hub);
         let mut replied = false;
@@ -445,7 +450,7 @@ impl Link {
                     self.unusable = Some((now, error.to_string()));
                     hub.push(Pushed::NotJson(error));
                 }
-                // Only after `abandon`.
+                // Only `abandon` causes these.
                 Event::Lost { .. } => {}
                 Event::OutOfStep => lost = Some(LostReason::OutOfStep),
             }
@@ -466,9 +471,10 @@ impl Link {
         self.answered
     }
 
-    /// The connection ended: what never left says so, queries that left once are handed back, all else is unknown.
+    /// Ends all jobs of a lost connection. An unsent job fails as not sent, a query is handed back once, and
+    /// the outcome of any other job is unknown.
     ///
-    /// Returns the queries that are to be asked again and the number that the next session's first request has.
+    /// Returns the queries to ask again, and the number for the next session's first request.
     pub fn abandon(mut self, reason: LostReason, now: Instant) -> (VecDeque<Job>, u64) {
         let mut again = VecDeque::new();
         self.session.handle_disconnect();
@@ -509,7 +515,7 @@ fn earlier(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
     }
 }
 
-/// What came last since a request was sent.
+/// What was received last since a request was sent.
 fn heard_since(
     sent: Instant,
     heard: Option<Instant>,
@@ -521,7 +527,7 @@ fn heard_since(
     }
 }
 
-/// Whether this answer tells the value of the address.
+/// Whether this answer has a value for the address.
 fn reads(wanted: Address, answer: &Result<Answer, RequestError>) -> bool {
     let Ok(Answer::Values { rows, .. }) = answer else { return false };
     rows.iter().any(|(address, value)| *address == wanted && value.is_ok())
@@ -609,7 +615,7 @@ mod tests {
         second.hand_over(again.pop_front().unwrap(), at(2));
         let (again, _) = second.abandon(LostReason::ClosedByPeer, at(3));
         assert!(again.is_empty());
-        // It never left the second time, but it did the first time.
+        // It was never sent the second time, but the first time it was.
         assert!(matches!(error(answer), RequestError::OutcomeUnknown(OutcomeUnknown::ConnectionLost { .. })));
     }
 
@@ -619,7 +625,7 @@ mod tests {
         assert_eq!(link.tick(at(0)), Ok(()));
         let bytes = link.output().len();
         link.written(bytes - 1);
-        // The next heartbeat is due at 1 s, but stands behind the first: no deadline lies in the past.
+        // The next heartbeat is due at 1 s but waits behind the first: no deadline lies in the past.
         assert_eq!(link.deadline(), Some(at(2000)));
         assert_eq!(link.tick(at(1999)), Ok(()));
         assert_eq!(link.tick(at(2000)), Err(LostReason::Stalled));
@@ -645,7 +651,7 @@ mod tests {
         link.written(link.output().len());
         assert!(
             !link.has_room(Lane::Ordinary),
-            "nobody knows yet whether this firmware says what it answers"
+            "it is not known yet whether this firmware says what it answers"
         );
         assert!(link.has_room(Lane::Urgent));
         link.received(br#"{"reqType":"query","packID":"1","queryData":["2"]}"#, at(0)).unwrap();

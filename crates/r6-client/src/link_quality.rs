@@ -1,4 +1,4 @@
-//! How good the connection is, told by the replies to our own requests.
+//! How good the connection is, measured by the replies to the client's own requests.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -8,11 +8,11 @@ use r6_proto::time::Instant;
 
 use crate::settings::Liveness;
 
-/// Replies that latencies are told of: a minute of polling at 15 Hz. They are kept one by one, so that the quantiles are
+/// Replies kept for the latencies: a minute of polling at 15 Hz. Each is kept, so that the quantiles are
 /// exact; a histogram of two digits' precision would take as much room.
 const KEPT_REPLIES: usize = 1024;
 
-/// No older reply counts.
+/// Older replies do not count.
 const WINDOW: Duration = Duration::from_secs(60);
 
 /// How good the connection is: [`crate::Robot::link_quality`].
@@ -20,7 +20,7 @@ const WINDOW: Duration = Duration::from_secs(60);
 /// All counts are those of the handle and its clones since [`crate::Robot::connect`], over all connections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LinkQuality {
-    /// Whether the controller lives, as far as its replies tell.
+    /// Whether the controller is alive, judged by its replies.
     pub state: LinkState,
     /// How long replies took; `None` if there was none in the last minute.
     pub latency: Option<Latency>,
@@ -36,22 +36,23 @@ pub struct LinkQuality {
     pub strays: u64,
     /// Bytes that were no frame, and frames that were no JSON.
     pub garbled: u64,
-    /// Times the connection was made anew.
+    /// How often the client reconnected.
     pub reconnects: u64,
     /// How long ago the last reply came; `None` if there never was one.
     pub last_reply: Option<Duration>,
-    /// How long the oldest request has waited without any reply coming, or how long the connection is gone.
+    /// How long the oldest request has waited without any reply arriving, or how long the connection is gone.
     pub silent_for: Option<Duration>,
 }
 
-/// Whether the controller lives. Only a reply to a request of ours says so: an open socket proves nothing.
+/// Whether the controller is alive. Only a reply to the client's own request shows that: an open socket
+/// proves nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LinkState {
     /// A reply came within [`Liveness::suspect_after`].
     Alive,
-    /// Nothing was asked for so long that nobody knows.
+    /// Nothing was asked for so long that it is unknown.
     Unknown,
-    /// The connection is gone, or no reply came for [`Liveness::suspect_after`] though something was asked.
+    /// The connection is gone, or something was asked and no reply came for [`Liveness::suspect_after`].
     Suspect,
     /// The same for [`Liveness::dead_after`].
     Dead,
@@ -62,11 +63,11 @@ pub enum LinkState {
 pub struct Latency {
     /// How many.
     pub count: usize,
-    /// Half of them took no longer.
+    /// Half of them took at most this long.
     pub p50: Duration,
-    /// Nine of ten took no longer.
+    /// Nine of ten took at most this long.
     pub p90: Duration,
-    /// 99 of 100 took no longer.
+    /// 99 of 100 took at most this long.
     pub p99: Duration,
     /// The longest.
     pub max: Duration,
@@ -75,7 +76,7 @@ pub struct Latency {
 impl Latency {
     fn of(mut took: Vec<Duration>) -> Option<Self> {
         took.sort_unstable();
-        // The smallest value that so many percent do not exceed.
+        // The smallest value that this percentage of the replies does not exceed.
         let rank = |percent: usize| took.get((took.len() * percent).div_ceil(100).checked_sub(1)?).copied();
         Some(Self { count: took.len(), p50: rank(50)?, p90: rank(90)?, p99: rank(99)?, max: rank(100)? })
     }
@@ -87,7 +88,7 @@ pub(crate) struct Meter {
     took: VecDeque<(Instant, Duration)>,
     pub counts: Counts,
     last_reply: Option<Instant>,
-    /// Since when something has been asked without any reply, or since when there has been no connection.
+    /// Since when a request has waited without any reply, or since when there has been no connection.
     silent_since: Option<Instant>,
     disconnected: bool,
 }
@@ -111,7 +112,7 @@ impl Meter {
         self.silent_since.get_or_insert(now);
     }
 
-    /// A reply came; `waiting` tells whether other requests still wait for theirs.
+    /// A reply came; `waiting`: whether other requests still wait for theirs.
     pub fn replied(&mut self, now: Instant, after: Duration, waiting: bool) {
         self.counts.replies += 1;
         self.last_reply = Some(now);
@@ -127,7 +128,7 @@ impl Meter {
         self.last_reply
     }
 
-    /// The connection ended while so many requests of which something had left waited.
+    /// The connection ended.
     pub fn disconnected(&mut self, now: Instant) {
         self.disconnected = true;
         self.silent_since.get_or_insert(now);
@@ -150,7 +151,7 @@ impl Meter {
         }
     }
 
-    /// What all of it says at this time.
+    /// All of it at this time.
     pub fn quality(&self, now: Instant, liveness: Liveness) -> LinkQuality {
         let since = |at: Instant| now.since(at);
         let recent = self.took.iter().filter(|(at, _)| since(*at) <= WINDOW).map(|(_, took)| *took);
@@ -251,12 +252,12 @@ mod tests {
         assert_eq!(state(&meter, 5001), LinkState::Dead);
         meter.replied(begun + MS * 5100, MS, true);
         assert_eq!(state(&meter, 5200), LinkState::Alive);
-        // The second still waits: its silence is counted from the last sign of life.
+        // The second one still waits: its silence counts from the last sign of life.
         assert_eq!(state(&meter, 6101), LinkState::Suspect);
         meter.replied(begun + MS * 6200, MS, false);
         assert_eq!(state(&meter, 6300), LinkState::Alive);
         assert_eq!(state(&meter, 60_000), LinkState::Unknown, "nothing was asked");
-        // A time-out is no sign of life.
+        // A timeout is not a sign of life.
         meter.asked(begun + MS * 60_000);
         meter.counts.timeouts += 1;
         assert_eq!(state(&meter, 62_000), LinkState::Suspect);
@@ -271,7 +272,7 @@ mod tests {
         assert_eq!(meter.state(begun, LIVENESS), LinkState::Suspect);
         assert_eq!(meter.state(begun + MS * 5001, LIVENESS), LinkState::Dead);
         meter.reconnected();
-        assert_eq!(meter.state(begun + MS * 5001, LIVENESS), LinkState::Dead, "nobody has answered yet");
+        assert_eq!(meter.state(begun + MS * 5001, LIVENESS), LinkState::Dead, "no answer came yet");
         meter.replied(begun + MS * 5010, MS, false);
         assert_eq!(meter.state(begun + MS * 5010, LIVENESS), LinkState::Alive);
     }

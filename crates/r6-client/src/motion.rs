@@ -1,4 +1,4 @@
-//! Instructions, and waiting until what they started has ended.
+//! Sending instructions, and waiting until their motion has ended.
 
 use r6_proto::message::Instruction;
 
@@ -13,19 +13,20 @@ use crate::moves::Motion;
 use crate::robot::Robot;
 use crate::units::position::AxisUnits;
 
-/// Reads that may fail in a row before waiting is given up: one lost reply says nothing about the arm.
+/// Failed reads in a row after which waiting ends: one lost reply says nothing about the arm.
 const MAX_FAILED_READS: u32 = 3;
 
 impl Robot {
     /// Sends instructions (manual 6): `replace` empties the list first, otherwise they are appended.
     ///
-    /// `Ok` says that the list was taken, not that it runs: see [`Robot::wait_until_done`]. Replacing the list of an arm
-    /// that moves has raised alarm 200 (reported, unit A).
+    /// `Ok` says that the list was accepted, not that it runs: see [`Robot::wait_until_done`]. Replacing the
+    /// list of a moving arm has raised alarm 200 (reported, unit A).
     ///
     /// # Errors
-    /// [`RequestError`]. It is never sent twice by itself. Behind a guard that asks where the arm is, it does not leave on another
-    /// connection than that was read on ([`NotSent::Disconnected`]). A list longer than [`crate::RobotSettings::max_frame_bytes`] is
-    /// not sent at all: send fewer instructions and append the rest.
+    /// [`RequestError`]. The client never resends it. If a guard needs the position of the arm, the list is
+    /// sent only on the connection that the position was read on ([`NotSent::Disconnected`]). A list longer
+    /// than [`crate::RobotSettings::max_frame_bytes`] is not sent at all: send fewer instructions and append
+    /// the rest.
     pub async fn add_rcc(
         &self,
         replace: bool,
@@ -34,7 +35,8 @@ impl Robot {
         self.drive(self.add_list(replace, instructions, &[])).await
     }
 
-    /// Sends the steps of a motion as one list, as [`Self::add_rcc`] does. A guard knows the units of its axes.
+    /// Sends the steps of a motion as one list, as [`Self::add_rcc`] does. The guard gets the units of its
+    /// axes.
     ///
     /// # Errors
     /// [`RequestError`], as there; [`Invalid::Step`] if a step is wrong.
@@ -49,7 +51,7 @@ impl Robot {
         instructions: Vec<Instruction>,
         units: &[AxisUnits],
     ) -> Result<Accepted, RequestError> {
-        // Before anything is waited for: a stop that is asked for meanwhile takes this list back.
+        // Read this before any wait: a stop that is asked for meanwhile withdraws this list.
         let stops_before = Some(self.hub().stops_asked());
         // An empty list is the same wherever the arm stands.
         let _turn = if instructions.is_empty() { None } else { Some(self.lists().await) };
@@ -58,8 +60,9 @@ impl Robot {
         self.accepted_on(terms, Work::AddRcc { replace, instructions }, Lane::Ordinary).await
     }
 
-    /// Checks a list against the guard of this handle, if it has one. Tells the connection that the list was judged on, if where the
-    /// arm is counts: on another it may stand elsewhere.
+    /// Checks a list against the guard of this handle, if it has one. If the check depends on the position of
+    /// the arm, returns the connection that it was read on, because on another one the arm may stand
+    /// elsewhere.
     async fn held_against_guard(
         &self,
         replace: bool,
@@ -71,7 +74,7 @@ impl Robot {
         if envelope.needs_start() && !instructions.is_empty() {
             let Observation { connection, values: sample, .. } = self.observe_lately().await?;
             only_on = Some(connection);
-            // What is appended begins where the list ends, and nobody knows where that is.
+            // Appended steps begin where the list ends, and that place is unknown.
             let at_rest = sample.moving == Some(false) && (replace || sample.list_length == Some(0));
             from = at_rest.then_some(Start { axes: sample.axes, pose: sample.pose });
         }
@@ -87,19 +90,20 @@ impl Robot {
         self.add_rcc(true, Vec::new()).await
     }
 
-    /// Waits until the arm stands and the list is done. No answer to a command counts, only state.
+    /// Waits until the arm stands and the list is done. It judges by the state, not by answers to commands.
     ///
-    /// While a motion of [`Robot::run`] is under way over this connection, this waits for its end; after one that did not
-    /// come to its end, and whose handle nobody asked, it tells that once ([`WaitError::Motion`]). Otherwise it watches the
-    /// state: call it right after the instructions were accepted ([`Robot::add_rcc`]).
+    /// While a motion of [`Robot::run`] is under way over this connection, this waits for its end. If the
+    /// last motion did not come to its end and the program has not read its error, this returns that error
+    /// once ([`WaitError::Motion`]). Otherwise it watches the state: call it right after the instructions
+    /// were accepted ([`Robot::add_rcc`]).
     ///
-    /// Instructions that are not one-shot run again and again: then it ends with the time-out. Dropping the future ends the
-    /// watching, not the motion.
+    /// Instructions that are not one-shot run again and again: then it ends with the timeout. Dropping the
+    /// future ends the watching, not the motion.
     ///
     /// # Errors
-    /// [`WaitError`]. An alarm that was there before counts too. What another connection shows than the instructions were
-    /// accepted on is no end ([`WaitError::AnotherConnection`]); that is told once, and the next call watches the present
-    /// connection.
+    /// [`WaitError`]. An alarm from before the call counts too. If a connection answers other than the one
+    /// that accepted the instructions, their end cannot be seen ([`WaitError::AnotherConnection`]). That is
+    /// reported once, and the next call watches the present connection.
     pub async fn wait_until_done(&self, options: WaitOptions) -> Result<Done, WaitError> {
         self.drive(self.until_done(options)).await
     }

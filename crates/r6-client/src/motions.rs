@@ -1,7 +1,7 @@
 //! What a handle remembers of its motions: the last one, how it ended, and where the last list was accepted.
 //!
 //! ```text
-//!  Told ──begin──▶ Streamed ──end──▶ Ended ──its owner was told, or a later list was accepted──▶ Told
+//!  Told ──begin──▶ Streamed ──end──▶ Ended ──its owner got the result, or a later list was accepted──▶ Told
 //! ```
 
 use std::sync::{Mutex, PoisonError};
@@ -19,7 +19,7 @@ pub(crate) type End = Result<Done, MotionError>;
 #[derive(Debug, Default)]
 pub(crate) struct Motions {
     last: watch::Sender<Last>,
-    /// The robot and connection that last accepted something that can move the arm.
+    /// The robot and connection that last accepted a request that can move the arm.
     sent_on: Mutex<Option<About>>,
 }
 
@@ -33,11 +33,11 @@ struct Last {
 
 #[derive(Debug, Default)]
 enum State {
-    /// There is nothing to tell: there was none, or its end was told.
+    /// There is nothing to report: no motion yet, or its result was reported.
     #[default]
     Told,
     Streamed,
-    /// `told`: somebody who waited was told.
+    /// `told`: a waiting caller got the result.
     Ended {
         end: Box<End>,
         told: bool,
@@ -45,7 +45,7 @@ enum State {
 }
 
 impl Motions {
-    /// A motion begins; its number.
+    /// A motion begins; returns its number.
     pub fn begin(&self) -> u64 {
         let mut number = 0;
         self.last.send_modify(|last| {
@@ -56,7 +56,7 @@ impl Motions {
         number
     }
 
-    /// The motion has ended. The next one may have its turn as soon as anybody can see that, and not before.
+    /// The motion has ended. Its turn is released at the moment this becomes visible, and not before.
     pub fn end(&self, number: u64, end: &End, turn: OwnedSemaphorePermit) {
         if end.is_ok() {
             self.forget_sent_on();
@@ -71,7 +71,7 @@ impl Motions {
         });
     }
 
-    /// Its owner was told how it ended.
+    /// The owner got the result of this motion.
     pub fn told(&self, number: u64) {
         self.quietly(|last| {
             if last.number == number && matches!(last.state, State::Ended { .. }) {
@@ -80,17 +80,18 @@ impl Motions {
         });
     }
 
-    /// The end of a motion that ended because its handle was closed, if that was not told before.
+    /// The error of a motion that the closing of its handle ended, if it was not reported before.
     pub fn cut_by_close(&self) -> Option<Box<MotionError>> {
         self.tell(|error, _told| error.cause == Cause::Closed)
     }
 
-    /// Why the last motion did not come to its end, if nobody was told that and nobody asked for it. Then it is told.
+    /// The error of the last motion, if no caller has got it and none asked for that end. It then counts as
+    /// reported.
     pub fn untold_failure(&self) -> Option<Box<MotionError>> {
         self.tell(|error, told| !told && !error.cause.was_asked_for())
     }
 
-    /// Why the last motion did not come to its end, if that is to be told.
+    /// The error of the last motion, if `is_told` selects it. It then counts as reported.
     fn tell(&self, is_told: impl FnOnce(&MotionError, bool) -> bool) -> Option<Box<MotionError>> {
         self.quietly(|last| {
             let State::Ended { end, told } = &last.state else { return None };
@@ -100,7 +101,7 @@ impl Motions {
         })
     }
 
-    /// Changes what is known of the last motion, and wakes nobody.
+    /// Changes what is known of the last motion, without waking waiting tasks.
     fn quietly<R: Default>(&self, change: impl FnOnce(&mut Last) -> R) -> R {
         let mut result = R::default();
         self.last.send_if_modified(|last| {
@@ -110,8 +111,8 @@ impl Motions {
         result
     }
 
-    /// Waits for the end of the motion that is under way. Tells how the last one ended, unless that was told before this was asked:
-    /// all who wait at the same time are told.
+    /// Waits for the end of the motion under way, and returns the result of the last motion. `None` if it was
+    /// reported before this call. All callers that wait at the same time get it.
     pub async fn end_of_last(&self) -> Option<End> {
         let mut last = self.last.subscribe();
         if matches!(last.borrow().state, State::Ended { told: true, .. }) {
@@ -127,7 +128,8 @@ impl Motions {
         })
     }
 
-    /// Something that can move the arm was accepted. A list drops the result of the motion before it: waiting is for the list from now on.
+    /// A request that can move the arm was accepted. A list drops the result of the motion before it: from
+    /// now on, callers wait for the list.
     pub fn accepted(&self, about: About, is_list: bool) {
         *self.sent_on.lock().unwrap_or_else(PoisonError::into_inner) = Some(about);
         if !is_list {
@@ -140,12 +142,12 @@ impl Motions {
         });
     }
 
-    /// Where something that can move the arm was last accepted.
+    /// Where a request that can move the arm was last accepted.
     pub fn sent_on(&self) -> Option<About> {
         self.sent_on.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Nothing is under way any more, or the caller was told that its end cannot be seen.
+    /// Forgets it: nothing is under way any more, or the caller knows that its end cannot be seen.
     pub fn forget_sent_on(&self) {
         *self.sent_on.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
@@ -162,7 +164,7 @@ mod tests {
 
     use super::*;
 
-    /// A waker that asks for the next turn at once, while it is being woken.
+    /// A waker that takes the next turn at once, while it is being woken.
     struct Next {
         turns: Arc<Semaphore>,
         had_a_turn: Mutex<Vec<bool>>,

@@ -1,13 +1,15 @@
-//! Motions: moves, outputs and waits in their order, checked while they are put together.
+//! Motions: moves, outputs and waits in order, checked while they are put together.
 
 pub(crate) mod step_error;
 
+use std::ops::{Bound, RangeBounds};
 use std::time::Duration;
 
 use r6_proto::axis::AxisMask;
+use r6_proto::io_point::{IoPoint, PointKind};
 use r6_proto::message::instruction::{
     Action, BlendLevel, BoardOutput, CurveMove, Instruction, Manner, Move, Output, OutputKind, PathSpeed,
-    StopOnSignal, Wait, WaitCondition, WaitSource, Workbench,
+    StopOnSignal, Wait, WaitCondition, WaitSource, Workbench, WrongPoint,
 };
 
 pub use crate::moves::step_error::StepError;
@@ -15,41 +17,44 @@ use crate::path::encoded_bytes;
 use crate::units::position::AxisUnits;
 use crate::units::{AxisPosition, MillimetresPerSecond, Percent, Pose};
 
-/// Steps of one motion at most: hours of moves, and some tens of megabytes.
+/// The largest number of steps of a motion: hours of moves, and some tens of megabytes.
 pub const MAX_STEPS: usize = 100_000;
 
-/// Moves, outputs and waits in their order: what [`crate::Robot::run`] sends.
+/// Moves, outputs and waits in order, for [`crate::Robot::run`].
 ///
-/// Every step runs once, unless the motion repeats ([`Self::repeat`]). What is wrong is kept until [`Self::instructions`] tells it,
-/// so that a motion can be written as one chain; [`crate::Robot::run`] sends nothing of it then.
+/// Every step runs once, unless the motion repeats ([`Self::repeat`]). An error is kept until
+/// [`Self::instructions`] returns it, so that a motion can be written as one chain. [`crate::Robot::run`]
+/// sends nothing of a wrong motion.
 ///
 /// ```
 /// use std::time::Duration;
 /// use r6_client::units::{AxisPosition, Degrees, Millimetres, Percent, Pose};
-/// use r6_client::{Motion, OutputKind, WaitCondition, WaitSource};
+/// use r6_client::{IoPoint, Motion, WaitCondition};
 ///
 /// let fast = Percent::new(50.0)?;
 /// let slow = Percent::new(5.0)?;
 /// let above = Pose::new([500.0, 0.0, 300.0].map(Millimetres), [180.0, 0.0, 0.0].map(Degrees));
 /// let part = Pose::position([500.0, 0.0, 200.0].map(Millimetres));
+/// let (gripper, closed): (IoPoint, IoPoint) = ("Y012".parse()?, "X014".parse()?);
 /// let pick = Motion::new()
 ///     .axis_move(AxisPosition::degrees([0.0, 0.0, 0.0, 0.0, 45.0, 0.0]), fast)
 ///     .blend(3)
 ///     .linear_move(above, fast)
 ///     .linear_move(part, slow)
-///     .set_output(OutputKind::Y, 2, true)
-///     .wait_for(WaitSource::Input { board: 0, point: 4 }, WaitCondition::On, Some(Duration::from_secs(2)))
+///     .set_output(gripper, true)
+///     .wait_for(closed, WaitCondition::On, Some(Duration::from_secs(2)))
 ///     .linear_move(above, fast);
 /// assert_eq!(pick.instructions()?.len(), 6);
 ///
-/// let wrong = Motion::new().axis_move(AxisPosition::degrees([0.0]), fast).set_output(OutputKind::Y, 40, true);
-/// assert_eq!(wrong.instructions().unwrap_err().to_string(), "step 2: `point` has to be a point from 0 to 32");
+/// let wrong = Motion::new().axis_move(AxisPosition::degrees([0.0]), fast).set_output(closed, true);
+/// let error = wrong.instructions().unwrap_err();
+/// assert_eq!(error.to_string(), "step 2: `point` has to be an output: Y, M or EUY");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
     steps: Vec<Instruction>,
-    /// In which unit the axes of each step were told.
+    /// The unit in which the axes of each step were given.
     units: Vec<AxisUnits>,
     /// Whether a path speed is set for the steps to come.
     path_speed: bool,
@@ -65,7 +70,7 @@ impl Motion {
         Self::default()
     }
 
-    /// The axes go to this position, all arriving together (action 4).
+    /// Moves the axes to this position; all arrive together (action 4).
     #[must_use]
     pub fn axis_move(self, to: AxisPosition, speed: Percent) -> Self {
         let manner = manner(to.mask(), Some(speed));
@@ -77,14 +82,14 @@ impl Motion {
         self.push(step, to.units()).check(named, "ckStatus", "a mask with one axis at least")
     }
 
-    /// The tool goes straight to a pose (action 10). 100 % are 2000 mm/s (reported, unit B).
+    /// Moves the tool straight to a pose (action 10). 100 % are 2000 mm/s (reported, unit B).
     #[must_use]
     pub fn linear_move(self, to: Pose, speed: Percent) -> Self {
         let manner = manner(to.mask(), Some(speed));
         self.instruct(Action::LinearMove(Move { target: to.coordinates(), manner }))
     }
 
-    /// The same at the speed that [`Self::path_speed`] set.
+    /// Moves the tool straight to a pose at the speed that [`Self::path_speed`] set.
     #[must_use]
     pub fn linear_move_at_path_speed(self, to: Pose) -> Self {
         let set = self.path_speed;
@@ -92,9 +97,10 @@ impl Motion {
             .check(set, "speed", "given, or set by a path speed before")
     }
 
-    /// The tool goes through a middle pose to an end (action 17).
+    /// Moves the tool through a middle pose to an end (action 17).
     ///
-    /// A controller was seen to say ok to a curve without a linear move before it, and not to go there (reported).
+    /// A controller was seen to accept a curve without a linear move before it, and not to go there
+    /// (reported).
     #[must_use]
     pub fn curve_move(self, through: Pose, to: Pose, speed: Percent) -> Self {
         let manner = manner(to.mask().and(through.mask()), Some(speed));
@@ -107,7 +113,7 @@ impl Motion {
         .check(same, "ckStatus", "the same for both poses: give the turn of both, or of neither")
     }
 
-    /// Rounds the corner after the last step, a move: 0 stops there, 9 rounds most.
+    /// Rounds the corner after the last step, which has to be a move: 0 stops there, 9 rounds most.
     #[must_use]
     pub fn blend(self, level: u8) -> Self {
         const WANTED: &str = "a blend level from 0 to 9, after a move";
@@ -117,54 +123,60 @@ impl Motion {
         }
     }
 
-    /// Waits before the last step, a move: at most a day, in steps of 0.1 s (manual 6.1.1). Other times are refused.
+    /// Waits before the last step, which has to be a move: at most a day, in steps of 0.1 s (manual 6.1.1).
+    /// Other times are refused.
     #[must_use]
     pub fn delay(self, time: Duration) -> Self {
         self.modify("delay", "a time to wait, after a move", |manner| manner.delay = Some(time.as_secs_f64()))
     }
 
-    /// Makes the last step, a move, with this tool frame.
+    /// Makes the last step with this tool frame. The step has to be a move.
     #[must_use]
     pub fn tool(self, number: u32) -> Self {
         self.modify("tool", "a tool number, after a move", |manner| manner.tool = Some(number))
     }
 
-    /// Makes the last step, a move, in this work frame.
+    /// Makes the last step in this work frame. The step has to be a move.
     #[must_use]
     pub fn work_frame(self, number: u32) -> Self {
         self.modify("coord", "a number of a work frame, after a move", |manner| manner.coord = Some(number))
     }
 
-    /// Sets the speed of later moves along a path that bring none of their own (action 51).
+    /// Sets the speed of later moves along a path that have no speed of their own (action 51).
     #[must_use]
     pub fn path_speed(self, speed: MillimetresPerSecond) -> Self {
         self.instruct(Action::PathSpeed(PathSpeed { in_use: true, speed: Some(speed.value()) }))
     }
 
-    /// Sets an output, point 0 to 32 (action 200).
+    /// Sets an output of the first board (action 200): Y, M or EUY by its name on the pendant.
     #[must_use]
-    pub fn set_output(self, kind: OutputKind, point: u8, on: bool) -> Self {
-        self.instruct(Action::Output(Output { kind, point, on, delay: 0.0 }))
+    pub fn set_output(self, point: IoPoint, on: bool) -> Self {
+        self.named(OutputKind::of(point), |(kind, point)| {
+            Action::Output(Output { kind, point, on, delay: 0.0 })
+        })
     }
 
-    /// Sets output Y for a time, in steps of a millisecond, then sets it back (action 200, timed).
+    /// Sets an output Y of the first board for a time, in steps of a millisecond, then sets it back
+    /// (action 200, timed).
     #[must_use]
-    pub fn pulse_output(self, point: u8, on: bool, time: Duration) -> Self {
-        self.instruct(Action::Output(Output {
-            kind: OutputKind::TimedY,
-            point,
-            on,
-            delay: time.as_secs_f64(),
-        }))
+    pub fn pulse_output(self, point: IoPoint, on: bool, time: Duration) -> Self {
+        let output = match OutputKind::of(point) {
+            Ok((OutputKind::Y, number)) => Ok(number),
+            Ok(_) => Err(WrongPoint::HasNoPulse(point)),
+            Err(wrong) => Err(wrong),
+        };
+        let delay = time.as_secs_f64();
+        self.named(output, |point| Action::Output(Output { kind: OutputKind::TimedY, point, on, delay }))
     }
 
-    /// Sets many outputs of a board at once (action 204).
+    /// Sets many outputs of a board at once (action 204): Y or M, the first two boards of each.
     #[must_use]
-    pub fn set_board(self, outputs: BoardOutput) -> Self {
-        self.instruct(Action::BoardOutput(outputs))
+    pub fn set_board(self, points: impl IntoIterator<Item = (IoPoint, bool)>) -> Self {
+        self.named(BoardOutput::of(points), Action::BoardOutput)
     }
 
-    /// Waits for a time, with the arm at rest (action 100): at most a day, in steps of 0.1 s (manual 6.1.3). Other times are refused.
+    /// Waits for a time, with the arm at rest (action 100): at most a day, in steps of 0.1 s (manual 6.1.3).
+    /// Other times are refused.
     #[must_use]
     pub fn wait(self, time: Duration) -> Self {
         self.instruct(Action::Wait(Wait {
@@ -175,21 +187,22 @@ impl Motion {
         }))
     }
 
-    /// Waits for a signal, with the arm at rest: for so long at most, in steps of 0.1 s, or, without a limit, for ever (action 100).
+    /// Waits for a signal, with the arm at rest (action 100): at most for `limit`, in steps of 0.1 s, or for
+    /// ever without a limit.
     #[must_use]
-    pub fn wait_for(self, source: WaitSource, condition: WaitCondition, limit: Option<Duration>) -> Self {
-        self.instruct(Action::Wait(Wait {
-            source,
-            condition,
-            limit: limit.unwrap_or_default().as_secs_f64(),
-            unlimited: limit.is_none(),
-        }))
+    pub fn wait_for(self, point: IoPoint, condition: WaitCondition, limit: Option<Duration>) -> Self {
+        let (unlimited, limit) = (limit.is_none(), limit.unwrap_or_default().as_secs_f64());
+        self.named(WaitSource::of(point), |source| Action::Wait(Wait { source, condition, limit, unlimited }))
     }
 
-    /// Lets an input, 0 to 31, stop the motion from here on when it takes a state (action 52).
+    /// From here on, lets an input, 0 to 31, stop the motion when it takes this state (action 52).
     #[must_use]
-    pub fn stop_on_input(self, input: u8, on: bool) -> Self {
-        self.instruct(Action::StopOnSignal(StopOnSignal { in_use: true, input, on }))
+    pub fn stop_on_input(self, point: IoPoint, on: bool) -> Self {
+        let input = match point {
+            IoPoint { kind: PointKind::X, board: 0, point } => Ok(point),
+            other => Err(WrongPoint::StopsNoMove(other)),
+        };
+        self.named(input, |input| Action::StopOnSignal(StopOnSignal { in_use: true, input, on }))
     }
 
     /// Changes the workbench (action 800).
@@ -198,45 +211,47 @@ impl Motion {
         self.instruct(Action::Workbench(Workbench { id }))
     }
 
-    /// Any other step. It has to be one-shot: a step that stays in the list ([`Self::repeat`], [`Self::of_list`]) never ends.
+    /// Adds any other step. It has to be one-shot: a step that stays in the list ([`Self::repeat`],
+    /// [`Self::of_list`]) never ends.
     #[must_use]
     pub fn instruction(self, instruction: Instruction) -> Self {
         let wanted = "1: a step that stays in the list never ends";
         self.push(instruction, AxisUnits::default()).check(instruction.oneshot, "oneshot", wanted)
     }
 
-    /// A motion of these instructions as they are: those that are not one-shot stay in the controller's list, as by [`Self::repeat`].
+    /// A motion of these instructions unchanged: those that are not one-shot stay in the controller's list,
+    /// as with [`Self::repeat`].
     #[must_use]
     pub fn of_list(instructions: impl IntoIterator<Item = Instruction>) -> Self {
         instructions.into_iter().fold(Self::new(), |motion, step| motion.push(step, AxisUnits::default()))
     }
 
-    /// Lets every step so far stay in the controller's list (`oneshot` 0): behind the last one the list starts over, until the arm is
-    /// stopped or the list is cleared.
+    /// Makes every step so far stay in the controller's list (`oneshot` 0). After the last step the list
+    /// starts over, until the arm is stopped or the list is cleared.
     ///
-    /// Such a motion has to fit into the list as a whole ([`crate::RunOptions::room`]), and no [`crate::Done`] ends it: its handle tells why
-    /// it no longer runs. It goes on when this program dies, too. An [`crate::Envelope`] checks the step from the last target back to
-    /// the first, too.
+    /// Such a motion has to fit into the list as a whole ([`crate::RunOptions::room`]). It never ends with a
+    /// [`crate::Done`]: its handle says why it no longer runs. It continues even if this program dies. An
+    /// [`crate::Envelope`] also checks the step from the last target back to the first.
     #[must_use]
     pub fn repeat(mut self) -> Self {
         self.steps.iter_mut().for_each(|step| step.oneshot = false);
         self
     }
 
-    /// Whether a step stays in the controller's list, so that the motion never ends by itself.
+    /// Whether a step stays in the controller's list, so that the motion never ends without a stop.
     #[must_use]
     pub fn repeats(&self) -> bool {
         self.steps.iter().any(|step| !step.oneshot)
     }
 
-    /// Lets the next step begin a frame of its own, whatever would still fit into the one before.
+    /// Makes the next step begin a frame of its own, even if it would fit into the one before.
     #[must_use]
     pub fn begin_frame(mut self) -> Self {
         self.frame_starts.push(self.steps.len());
         self
     }
 
-    /// The steps of another motion behind these. They stay in the list if they do there.
+    /// Appends the steps of another motion. Steps that stay in the list there stay here, too.
     #[must_use]
     pub fn extend(mut self, other: &Self) -> Self {
         let before = self.steps.len();
@@ -246,6 +261,40 @@ impl Motion {
         match other.wrong {
             Some(error) => motion.check(false, error.field, error.wanted),
             None => motion,
+        }
+    }
+
+    /// Returns a part of the motion as a motion of its own. Steps are counted from 0: `motion.part(2..5)`.
+    ///
+    /// A path speed that was set before the part is not in it. A motion with a mistake has it in each of its
+    /// parts.
+    #[must_use]
+    pub fn part(&self, steps: impl RangeBounds<usize>) -> Self {
+        let end = match steps.end_bound() {
+            Bound::Included(last) => last.saturating_add(1),
+            Bound::Excluded(end) => *end,
+            Bound::Unbounded => usize::MAX,
+        };
+        let begin = match steps.start_bound() {
+            Bound::Included(first) => *first,
+            Bound::Excluded(before) => before.saturating_add(1),
+            Bound::Unbounded => 0,
+        };
+        let (begin, end) = (begin.min(self.len()), end.min(self.len()));
+        let kept = || self.steps.iter().zip(&self.units).take(end).skip(begin);
+        let starts = self.frame_starts.iter().filter(|start| (begin..end).contains(*start));
+        let before = self.steps.iter().take(begin);
+        Self {
+            steps: kept().map(|(step, _)| *step).collect(),
+            units: kept().map(|(_, units)| *units).collect(),
+            path_speed: before.chain(kept().map(|(step, _)| step)).fold(false, |set, step| {
+                match step.action {
+                    Action::PathSpeed(speed) => speed.in_use,
+                    _ => set,
+                }
+            }),
+            frame_starts: starts.map(|start| start - begin).collect(),
+            wrong: self.wrong,
         }
     }
 
@@ -272,7 +321,7 @@ impl Motion {
         }
     }
 
-    /// In which unit the axes of each step were told, as many as there are steps.
+    /// The unit in which the axes of each step were given; as many as there are steps.
     pub(crate) fn units(&self) -> &[AxisUnits] {
         &self.units
     }
@@ -280,6 +329,21 @@ impl Motion {
     /// The steps, counted from 0 and in order, that begin a frame of their own.
     pub(crate) fn frame_starts(&self) -> &[usize] {
         &self.frame_starts
+    }
+
+    /// Adds a step about a point that was named, or keeps why the instruction cannot have this point.
+    fn named<P>(self, point: Result<P, WrongPoint>, step: impl FnOnce(P) -> Action) -> Self {
+        match point {
+            Ok(point) => self.instruct(step(point)),
+            Err(wrong) => self.wrong_step("point", wrong.wanted()),
+        }
+    }
+
+    /// Keeps what is wrong with the step that would have come next.
+    fn wrong_step(mut self, field: &'static str, wanted: &'static str) -> Self {
+        let step = self.steps.len() + 1;
+        self.wrong.get_or_insert(StepError { step, field, wanted, nearest: None });
+        self
     }
 
     fn instruct(self, action: Action) -> Self {
@@ -298,7 +362,7 @@ impl Motion {
         self.encoded()
     }
 
-    /// Keeps what is wrong with the last step; what was wrong before stays.
+    /// Records an error in the last step, unless an earlier one is recorded.
     fn check(mut self, right: bool, field: &'static str, wanted: &'static str) -> Self {
         if !right {
             let step = self.steps.len();
@@ -307,7 +371,7 @@ impl Motion {
         self
     }
 
-    /// Keeps why the last step cannot be sent, if it cannot; what was wrong before stays.
+    /// Records why the last step cannot be sent, if it cannot, unless an earlier error is recorded.
     fn encoded(mut self) -> Self {
         if let Some(Err(error)) = self.steps.last().map(encoded_bytes) {
             self.wrong.get_or_insert(StepError::of(self.steps.len(), &error));
@@ -315,7 +379,7 @@ impl Motion {
         self
     }
 
-    /// Changes how the last step moves, if it is a move.
+    /// Changes how the last step moves; records an error if it is not a move.
     fn modify(mut self, field: &'static str, wanted: &'static str, change: impl FnOnce(&mut Manner)) -> Self {
         let manner = match self.steps.last_mut().map(|step| &mut step.action) {
             Some(Action::AxisMove(step) | Action::LinearMove(step)) => Some(&mut step.manner),
@@ -341,7 +405,7 @@ impl Motion {
     }
 }
 
-/// A list of instructions as a motion.
+/// Collects instructions into a motion.
 impl FromIterator<Instruction> for Motion {
     fn from_iter<I: IntoIterator<Item = Instruction>>(instructions: I) -> Self {
         instructions.into_iter().fold(Self::new(), Self::instruction)
@@ -374,7 +438,7 @@ mod tests {
     fn the_first_mistake_is_told_with_its_step_and_field() {
         let place = Pose::position([Millimetres(1.0); 3]);
         let pose = Pose::new([Millimetres(1.0); 3], [Degrees(0.0); 3]);
-        let kept = WaitSource::M { board: 3, point: 0 };
+        let [kept, m, y, x] = ["M3.010", "M011", "Y011", "X1.010"].map(|name| name.parse().unwrap());
         let day = Duration::from_secs(86_401);
         for (motion, expected) in [
             (step().blend(10), (1, "smooth")),
@@ -383,11 +447,14 @@ mod tests {
             (step().delay(day), (1, "delay")),
             (step().delay(Duration::from_millis(1250)), (1, "delay")),
             (step().wait(Duration::from_millis(30)), (2, "limit")),
-            (step().pulse_output(1, true, Duration::from_micros(500)), (2, "delay")),
+            (step().pulse_output(y, true, Duration::from_micros(500)), (2, "delay")),
+            (step().pulse_output(m, true, Duration::from_secs(1)), (2, "point")),
             (step().wait(day), (2, "limit")),
-            (step().wait_for(kept, WaitCondition::On, None), (2, "type")),
-            (step().set_output(OutputKind::M, 33, true).blend(10), (2, "point")),
-            (step().stop_on_input(32, true), (2, "ioNumber")),
+            (step().wait_for(kept, WaitCondition::On, None), (2, "point")),
+            (step().wait_for(y, WaitCondition::On, None), (2, "point")),
+            (step().set_output(x, true).blend(10), (2, "point")),
+            (step().set_board([(y, true), (m, true)]), (2, "point")),
+            (step().stop_on_input(x, true), (2, "point")),
             (step().linear_move_at_path_speed(pose), (2, "speed")),
             (step().curve_move(place, pose, slow()), (2, "ckStatus")),
             (Motion::new().axis_move(AxisPosition::none(), slow()), (1, "ckStatus")),
@@ -413,6 +480,21 @@ mod tests {
         let both = once.begin_frame().extend(&step().begin_frame().extend(&step()));
         assert_eq!((both.len(), both.frame_starts()), (4, &[2, 3][..]));
         assert!(step().extend(&round).repeats());
+    }
+
+    #[test]
+    fn a_part_has_its_steps_as_they_were() {
+        let pose = Pose::position([Millimetres(1.0); 3]);
+        let speed = MillimetresPerSecond::new(100).unwrap();
+        let whole = step().begin_frame().path_speed(speed).linear_move_at_path_speed(pose).blend(3);
+        assert_eq!(whole.part(..), whole);
+        let last = whole.part(2..);
+        assert_eq!((last.len(), last.frame_starts()), (1, &[][..]));
+        assert_eq!(last.clone().linear_move_at_path_speed(pose).instructions().unwrap().len(), 2);
+        assert_eq!(whole.part(1..=1).frame_starts(), [0]);
+        assert_eq!(whole.part(0..1).instructions().unwrap(), step().instructions().unwrap());
+        assert!(whole.part(7..9).is_empty() && whole.part(2..1).is_empty());
+        assert!(step().blend(10).part(0..0).instructions().is_err(), "a wrong motion has no right part");
     }
 
     #[test]

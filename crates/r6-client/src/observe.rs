@@ -1,4 +1,4 @@
-//! Looking at a robot: its state at a glance, and what tells whether it moves.
+//! Looking at a robot: its state at a glance, and the values that show whether it moves.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use crate::link::Lane;
 use crate::robot::Robot;
 use crate::status::{ASKED_AXES, Status, components};
 
-/// What is asked for besides the position; some firmware lacks the last two.
+/// The addresses asked for besides the position; some firmware lacks the last two.
 const ASKED: [Address; 11] = [
     Address::Version,
     Address::MachineName,
@@ -35,17 +35,17 @@ pub(crate) fn position_addresses() -> impl Iterator<Item = Address> {
     asked().map(Address::Axis).chain(asked().map(Address::World))
 }
 
-/// Between a look and the list that it lets through there is no more than this, besides what a reply may take where a firmware needs two
-/// queries.
+/// The longest time between a look and the list that it permits, besides the time of a reply if a firmware
+/// needs two queries.
 const RECENT: Duration = Duration::from_secs(1);
 
-/// So often a call looks that is slow: where it never takes its replies in time, it sends nothing.
+/// How often a slow call looks. If it never takes its replies in time, it sends nothing.
 pub(crate) const MOST_LOOKS: u32 = 3;
 
 impl Robot {
-    /// Reads the state of the machine, in one query where the firmware has all of it.
+    /// Reads the state of the machine, in one query if the firmware has all of it.
     ///
-    /// On a connection that was made anew this is also what lets commands through again.
+    /// After a reconnect this also unlocks commands.
     ///
     /// # Errors
     /// [`RequestError`] of the query.
@@ -53,13 +53,13 @@ impl Robot {
         Ok(self.drive(self.status_seen()).await?.0)
     }
 
-    /// The same, and the robot and connection that all of it was read of.
+    /// Like [`Self::status`]; also returns the robot and connection that all of it was read from.
     pub(crate) async fn status_seen(&self) -> Result<(Status, About), RequestError> {
         let (status, about, _asked_at) = self.status_timed().await?;
         Ok((status, about))
     }
 
-    /// The same, and when the oldest of its values was asked for.
+    /// Like [`Self::status_seen`]; also returns when the oldest value was asked for.
     pub(crate) async fn status_timed(&self) -> Result<(Status, About, Instant), RequestError> {
         let asked: Vec<Address> = ASKED.into_iter().chain(position_addresses()).collect();
         let (read, connection, asked_at) = self.query_on_one_connection(Lane::Ordinary, &asked).await?;
@@ -67,13 +67,13 @@ impl Robot {
         Ok((Status::of(&read), About { connection, robot }, asked_at))
     }
 
-    /// The present connection and who is there, as far as is known.
+    /// The present connection and its robot, as far as known.
     pub(crate) fn about(&self) -> About {
         let known = self.hub().known();
         About { connection: known.connection, robot: known.present.clone() }
     }
 
-    /// Reads what tells about motion.
+    /// Reads the values that show motion.
     pub(crate) async fn observe(&self, lane: Lane) -> Result<Observation, RequestError> {
         let asked: Vec<Address> =
             [Address::IsMoving, Address::CurAlarm, Address::CurMode, Address::RemoteCmdLen]
@@ -93,7 +93,7 @@ impl Robot {
         Ok(Observation { robot, connection, asked_at, values })
     }
 
-    /// The same, of late: a call that is slow to take the reply looks again.
+    /// Like [`Self::observe`], but recent: a call that is slow to take the reply looks again.
     pub(crate) async fn observe_lately(&self) -> Result<Observation, RequestError> {
         let mut last = self.hub().time.now();
         for _ in 0..MOST_LOOKS {
@@ -106,19 +106,19 @@ impl Robot {
         Err(self.too_slow(last))
     }
 
-    /// Whether a look that was asked for then says enough of the machine for a list to leave. The call that looked may have been slow to
-    /// take the reply.
+    /// Whether a look asked for at that time is recent enough to send a list. The call that looked may have
+    /// been slow to take the reply.
     pub(crate) fn is_recent(&self, asked_at: Instant) -> bool {
         self.hub().time.now() - asked_at <= self.settings().reply_timeout * 2 + RECENT
     }
 
-    /// A call that is too slow for each of its looks sends nothing.
+    /// The error of a call that is too slow for each of its looks and therefore sends nothing.
     pub(crate) fn too_slow(&self, asked_at: Instant) -> RequestError {
         NotSent::Busy { waited: self.hub().time.now() - asked_at }.into()
     }
 
-    /// Whether the controller that was seen over another connection than the motion was sent on has been started anew. Asks it for its
-    /// state.
+    /// Whether the controller was restarted, when it answers over another connection than the motion was sent
+    /// on. Asks it for its state.
     pub(crate) async fn restart_since(
         &self,
         sent_on: &About,

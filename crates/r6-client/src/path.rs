@@ -1,4 +1,4 @@
-//! A path as a controller takes it: cut into frames that it answers, and how far along it the arm is.
+//! A path in the form that a controller takes: cut into frames, and the progress of the arm along it.
 
 pub(crate) mod pace;
 pub(crate) mod place;
@@ -35,11 +35,11 @@ pub(crate) fn frame(
     Ok(frame)
 }
 
-/// Cuts a path into frames: as many instructions each as fit into the longest frame, `most` at most, none left out, in
-/// their order. Each of the steps at `starts`, counted from 0 and in order, begins a frame.
+/// Cuts a path into frames: as many instructions each as fit into the longest frame, at most `most`, in
+/// order, without omitting any. Each step in `starts`, counted from 0 and in order, begins a frame.
 ///
 /// # Errors
-/// [`StepError`] for a step that the wire cannot carry, or that is too long for a frame of its own.
+/// [`StepError`] for a step that cannot be encoded, or that is too long for a frame of its own.
 pub(crate) fn cut(
     steps: &[Instruction],
     starts: &[usize],
@@ -58,7 +58,7 @@ pub(crate) fn cut(
                 "short enough for a frame of its own: the longest frame of the settings is too short";
             return Err(StepError { step: at + 1, field: "instructions", wanted, nearest: None });
         }
-        // With a comma before it.
+        // Including a comma before it.
         bytes += own + 1;
         match frames.last_mut() {
             Some(frame)

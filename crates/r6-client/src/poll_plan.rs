@@ -1,4 +1,4 @@
-//! Which addresses to ask for when: pure, so that a test can count its time by hand.
+//! Decides which addresses to ask for and when: pure, so that tests can set the time.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -6,16 +6,18 @@ use std::time::Duration;
 use r6_proto::address::Address;
 use r6_proto::time::Instant;
 
-/// No address rides along earlier than this: a slow one shall not be asked for at the pace of a fast one.
+/// How much earlier an address may be asked for, at most: a slow one must not be asked for at the pace of a
+/// fast one.
 const LONGEST_SLACK: Duration = Duration::from_millis(50);
 
-/// The pause before a poll that failed at once is tried again. A lost connection has its own backoff.
+/// The pause before the retry of a poll that failed at once. A lost connection has its own backoff.
 const RETRY_AFTER: Duration = Duration::from_millis(100);
 
 /// When each address is due.
 ///
-/// An address is due at the multiples of its period, counted from the origin, so that equal periods and multiples of each
-/// other fall together, whenever they began. Whatever is due within less than a quarter of its period, and less than 50 ms, rides along.
+/// An address is due at the multiples of its period, counted from the origin. So equal periods and multiples
+/// of each other coincide, whenever they began. An address that is due within less than a quarter of its
+/// period, and less than 50 ms, is asked for together with the others.
 #[derive(Debug, Default)]
 pub(crate) struct PollPlan {
     rows: BTreeMap<Address, Row>,
@@ -30,17 +32,17 @@ struct Row {
 /// What to do now.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Next {
-    /// Ask for these, in one query where they fit.
+    /// Ask for these, in one query if they fit.
     Ask(Vec<Address>),
-    /// Nothing before then.
+    /// Do nothing before then.
     Wait(Instant),
-    /// Nothing at all.
+    /// Do nothing at all.
     Idle,
 }
 
 impl PollPlan {
-    /// Takes these addresses and periods in place of those before. What is new is due at once; what had a longer period
-    /// before is due no later than the new one says.
+    /// Replaces the addresses and periods. A new address is due at once. An address with a shorter period
+    /// than before is due no later than the new period says.
     pub fn replace(&mut self, wanted: BTreeMap<Address, Duration>, now: Instant) {
         let row = |(address, every)| {
             let due = match self.rows.get(&address) {
@@ -76,7 +78,8 @@ impl PollPlan {
         }
     }
 
-    /// These were asked for at `at`, and the answer is there at `now`. What fell due in between is not made up for.
+    /// These were asked for at `at`, and the answer is there at `now`. Polls missed in between are not made
+    /// up for.
     pub fn answered(&mut self, asked: &[Address], at: Instant, now: Instant) {
         self.put_off(asked, |every| match next_due(at, every) {
             due if due > now => due,
@@ -84,17 +87,17 @@ impl PollPlan {
         });
     }
 
-    /// These were asked for and not answered: sooner than their period says they are asked for again.
+    /// These were asked for and not answered: ask again earlier than their period says.
     pub fn failed(&mut self, asked: &[Address], now: Instant) {
         self.put_off(asked, |every| now + RETRY_AFTER.min(every));
     }
 
-    /// These were asked for, and whether they would be answered took its time to be known: they are asked for again at once.
+    /// These were asked for, and their failure took time to show: ask again at once.
     pub fn lost(&mut self, asked: &[Address], now: Instant) {
         self.put_off(asked, |_| now);
     }
 
-    /// All is due now: whoever answers next may be another.
+    /// Makes everything due now, because another robot may answer next.
     pub fn all_due(&mut self, now: Instant) {
         self.rows.values_mut().for_each(|row| row.due = now);
     }
@@ -108,13 +111,13 @@ impl PollPlan {
     }
 }
 
-/// How much earlier than due something may be asked for.
+/// How much earlier than due an address may be asked for.
 pub(crate) fn slack(every: Duration) -> Duration {
     (every / 4).min(LONGEST_SLACK)
 }
 
-/// The next multiple of the period that is not so near that whatever is due then could have ridden along now: one period away at
-/// most, and that little more.
+/// The next multiple of the period that is too far away to be polled now. It is one period plus the slack
+/// away at most.
 pub(crate) fn next_due(now: Instant, every: Duration) -> Instant {
     let slack = u64::try_from(slack(every).as_nanos()).unwrap_or(u64::MAX);
     let every = u64::try_from(every.as_nanos()).unwrap_or(u64::MAX).max(1);
@@ -227,8 +230,8 @@ mod tests {
     }
 
     proptest! {
-        /// However the periods lie: between two queries for an address lie two periods at most,
-        /// on average its period, and never are there more queries than the addresses would need one by one.
+        /// For any periods: between two queries for an address lie two periods at most, and on average its
+        /// period. There are never more queries than the addresses would need one by one.
         #[test]
         fn each_has_its_own_rate(periods in proptest::collection::vec(20_u64..500, 1..7), begun in 0_u64..10_000) {
             let wanted: Vec<_> =

@@ -1,39 +1,39 @@
-//! How far a motion is, and what has become of each of its steps.
+//! How far a motion is, and the state of each of its steps.
 //!
 //! ```text
-//!  Queued ──left──▶ Sent ──its turn──▶ Running ──▶ Done
-//!                    └──────────────────┴──the streaming ended before it was seen to be over──▶ Lost
+//!  Queued ──sent──▶ Sent ──its turn──▶ Running ──▶ Done
+//!                    └──────────────────┴──the streaming ended before the step was seen to be done──▶ Lost
 //! ```
 
 use std::fmt;
 
-/// What has become of one step.
+/// The state of one step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepState {
-    /// It has not left; where the motion has ended, it never will.
+    /// It was not sent. If the motion has ended, it never will be.
     Queued,
     /// It is in the controller's list.
     Sent,
     /// Its turn has come.
     Running,
-    /// It is over.
+    /// It is done.
     Done,
-    /// Nobody knows: it left, and was not seen to be over when the streaming ended.
+    /// Unknown: it was sent, and was not seen to be done when the streaming ended.
     Lost,
 }
 
-/// How far a motion is, as the controller's state tells: its steps are done in their order.
+/// How far a motion is, judged by the controller's state: steps are done in order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
     /// Steps of the motion.
     pub total: usize,
-    /// Steps that left: those that were accepted, and those of a frame whose answer is not there.
+    /// Steps that were sent: accepted ones, and those of a frame without an answer yet.
     pub left: usize,
     /// Steps that were accepted.
     pub accepted: usize,
-    /// Steps that are over.
+    /// Steps that are done.
     pub done: usize,
-    /// Whether nothing more is sent and nobody looks any more.
+    /// Whether sending and watching have ended.
     pub ended: bool,
 }
 
@@ -57,13 +57,13 @@ impl Progress {
         })
     }
 
-    /// The step whose turn it is, counted from 1; the last one where all are over.
+    /// The step whose turn it is, counted from 1; the last one if all are done.
     #[must_use]
     pub fn current(&self) -> usize {
         (self.done + 1).min(self.total)
     }
 
-    /// Steps that left and were not seen to be over.
+    /// Steps that were sent and not seen to be done.
     #[must_use]
     pub fn under_way(&self) -> usize {
         self.left.saturating_sub(self.done)

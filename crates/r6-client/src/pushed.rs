@@ -1,4 +1,4 @@
-//! What happens on a connection without being asked for.
+//! Events of a connection that no request asked for.
 
 use std::fmt;
 use std::io::ErrorKind;
@@ -10,13 +10,14 @@ use r6_proto::frame::FrameError;
 
 use crate::identity::Found;
 
-/// How many of them are kept for a subscriber that lags behind; then it misses the oldest and is told how many.
+/// How many events are kept for a subscriber that lags behind. After that it misses the oldest and learns how
+/// many.
 pub(crate) const KEPT_FOR_SUBSCRIBERS: usize = 64;
 
-/// A stray frame is kept up to this many bytes: no frame that a controller is known to send is longer.
+/// The bytes kept of a stray frame, at most: no known frame of a controller is longer.
 const KEPT_OF_A_FRAME: usize = 4096;
 
-/// Something that happened on the connection without being asked for.
+/// Something that happened on the connection and that no request asked for.
 #[derive(Clone, Debug)]
 pub enum Pushed {
     /// The controller asks for a photo (manual 5.1); answer it with [`crate::Robot::answer_photo`].
@@ -24,20 +25,20 @@ pub enum Pushed {
         /// The camera.
         cam_id: i64,
     },
-    /// A frame that answers nothing that waits.
+    /// A frame that answers no waiting request.
     Stray {
         /// Why it answers nothing.
         reason: StrayReason,
         /// Its bytes, cut at 4 096.
         frame: Arc<[u8]>,
     },
-    /// Bytes that are no frame.
+    /// Bytes that are not a frame.
     BadFrame(FrameError),
-    /// A frame that is no JSON.
+    /// A frame that is not JSON.
     NotJson(JsonError),
     /// The connection ended.
     ConnectionLost(LostReason),
-    /// The connection was made anew, and the controller has said who it is and in what state.
+    /// The client reconnected, and the controller has reported its identity and state.
     Reconnected(Found),
 }
 
@@ -54,13 +55,13 @@ pub enum LostReason {
     ClosedByPeer,
     /// The operating system reported a failure.
     Io(ErrorKind),
-    /// A frame could not leave: the controller takes no more bytes.
+    /// A frame could not be sent: the controller takes no more bytes.
     Stalled,
-    /// Requests in a row timed out, and none was answered in between.
+    /// Several requests in a row timed out, without a reply in between.
     Unresponsive,
     /// Replies could no longer be matched to requests with certainty.
     OutOfStep,
-    /// This side closed it.
+    /// The client closed it.
     ClosedHere,
 }
 

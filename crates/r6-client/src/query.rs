@@ -1,4 +1,4 @@
-//! Queries: split to what a controller takes, and asked again in smaller parts where values are missing.
+//! Queries: splits them to what a controller takes, and asks again in smaller parts where values are missing.
 
 pub(crate) mod frames;
 mod memory;
@@ -22,52 +22,54 @@ use crate::query::result::{AskedAt, Rows};
 pub use crate::query::result::{NoReading, QueryResult};
 use crate::robot::Robot;
 
-/// A query of nothing is a mistake in the program that makes it.
+/// A query without addresses is a mistake in the calling program.
 const NO_ADDRESS: EncodeError = EncodeError {
     field: "queryAddr",
     wanted: "one address at least, such as curMode or axis-0",
     nearest: None,
 };
 
-/// How often a query is asked for in all, where the connection changes between its parts.
+/// How often a query is asked in all, if the connection changes between its parts.
 const ROUNDS: u32 = 2;
 
 impl Robot {
     /// Reads the values of these addresses.
     ///
-    /// A long list is split, so that neither request nor reply is longer than the controller takes. Where a reply has
-    /// fewer values than were asked for, nobody can tell which are missing; then the addresses are asked for in ever
-    /// smaller parts, those that some firmware lacks first apart from the others. What stays without a value when it
-    /// is asked for alone is not asked for again on this connection, except for counters, which can be made at any
-    /// time, and addresses that both ports have since V6.0.
+    /// A long list is split, so that neither request nor reply is longer than the controller takes. If a
+    /// reply has fewer values than were asked for, it does not show which are missing. The client then asks
+    /// again in ever smaller parts, and first separates the addresses that some firmware lacks. An address
+    /// that has no value even when asked for alone is not asked for again on this connection. Exceptions:
+    /// counters, which can be made at any time, and addresses that both ports have since V6.0.
     ///
-    /// A reply may have too many values, or too few although no address turns out to be missing. Then values may stand
-    /// at the wrong addresses in lists of the right length too. So each address is asked for alone, and so is the next
-    /// query on this connection, until one query passes without such a reply.
+    /// A reply may have too many values, or too few although no address turns out to be missing. Then lists
+    /// of the right length may have values at the wrong addresses too. So the client asks for each address
+    /// alone. It does so in the next query on this connection too, until one query passes without such a
+    /// reply.
     ///
-    /// All values are of one robot: where the connection changes between two parts, all of it is asked for once more.
+    /// All values come from one robot: if the connection changes between two parts, the client asks for all
+    /// of them once more.
     ///
     /// # Errors
-    /// [`RequestError`]; [`Invalid::Value`] if there is no address in the list. A query during which the connection ended is asked
-    /// once more over a new one first. If the robot
-    /// that answers is not the one that this handle was used with before, its values are not handed out
+    /// [`RequestError`]; [`Invalid::Value`] if there is no address in the list. If the connection ends during
+    /// the query, the client first asks once more over a new one. If the robot that answers is not the one
+    /// that this handle was used with before, its values are not handed out
     /// ([`OutcomeUnknown::AnotherRobot`]).
     pub async fn query(&self, addresses: &[Address]) -> Result<QueryResult, RequestError> {
         if addresses.is_empty() {
             return Err(Invalid::Value(NO_ADDRESS).into());
         }
-        // Pinned here: it is large, and would be moved on its way otherwise.
+        // Pinned here because it is large: otherwise it would be moved on its way.
         let query = pin!(self.query_in(Lane::Ordinary, addresses));
         self.drive(query).await
     }
 
     /// Reads the values of the same addresses again, into the same result.
     ///
-    /// A list that fits into one frame, and whose values are numbers that the firmware has, is then read without asking for memory; texts,
-    /// lists and what has to be asked for in parts still need some.
+    /// This allocates no memory if the list fits into one frame and the firmware has a number for each
+    /// address. Texts, lists and queries in parts still allocate.
     ///
-    /// The old values are gone as soon as this begins: after an error, or where it is given up, the result has no rows. It remembers what
-    /// it was asked for, so it can be read again.
+    /// The old values are gone as soon as this begins: after an error, or if the future is dropped, the
+    /// result has no rows. It keeps its addresses, so it can be read again.
     ///
     /// ```no_run
     /// use r6_client::{Address, AxisIndex, Robot};
@@ -92,7 +94,7 @@ impl Robot {
         Ok(())
     }
 
-    /// The firmware's version (`version`), asked for once per connection; `None` where the controller has none to tell.
+    /// The firmware's version (`version`), asked for once per connection; `None` if the controller has none.
     ///
     /// # Errors
     /// [`RequestError`] of the query.
@@ -115,7 +117,7 @@ impl Robot {
         Ok(self.query_timed(lane, addresses).await?.0)
     }
 
-    /// A query, the connection that it was answered over, and when the oldest of its values was asked for.
+    /// Queries, and returns the connection that answered and when the oldest value was asked for.
     pub(crate) async fn query_on_one_connection(
         &self,
         lane: Lane,
@@ -124,13 +126,14 @@ impl Robot {
         let (read, asked_at) = self.query_timed(lane, addresses).await?;
         let connection = read.connection();
         if lane == Lane::Urgent && self.hub().known().read_of_nobody {
-            // This would confirm a stop, of whichever robot answers now.
+            // This would confirm a stop, whichever robot answers now.
             return Err(NotSent::StateNotRead.into());
         }
         Ok((read, connection, asked_at.oldest()))
     }
 
-    /// A query, and when each of its values was asked for; for a value that is known to be missing, when that was told.
+    /// Queries, and returns when each value was asked for. For a value known to be missing: when that was
+    /// found out.
     pub(crate) async fn query_timed(
         &self,
         lane: Lane,
@@ -139,7 +142,7 @@ impl Robot {
         self.query_into(lane, addresses.into(), Rows::new()).await
     }
 
-    /// The same; the values go into this room.
+    /// Like [`Self::query_timed`], but the values go into `room`.
     async fn query_into(
         &self,
         lane: Lane,
@@ -157,7 +160,7 @@ impl Robot {
         if all && !addresses.is_empty() && self.query_frames().fit(addresses) {
             // Nearly every query is this one: all in one frame, and all of it answered.
             match self.ask_into(room, Work::Query(Arc::clone(&asked)), lane).await? {
-                // Another query may have shown since that lists are wrong.
+                // Another query may have shown since then that lists are wrong.
                 Answer::Values { rows, on } if addresses.len() == 1 || !self.hub().doubted_since(doubts) => {
                     self.hub().remember_supported(on.connection, addresses.iter().copied());
                     let (took, connection) = (on.after, on.connection);
@@ -169,7 +172,7 @@ impl Robot {
             }
         }
         for _ in 0..ROUNDS {
-            // In a box: nearly no query comes here, and each would carry its room.
+            // Boxed: nearly no query comes here, and otherwise each would carry its size.
             let in_parts = Box::pin(self.query_in_parts(lane, &asked, answer.take(), doubts));
             if let Some(read) = in_parts.await? {
                 return Ok(read);
@@ -178,9 +181,11 @@ impl Robot {
         Err(NotSent::Disconnected.into())
     }
 
-    /// The same in as many frames as it takes; `answer` is that to all addresses at once, if there was one. `None` if the connection
-    /// changed on the way: what was read before may be of another robot than what comes after. `doubts`: how often lists had been doubted
-    /// when the query began.
+    /// Queries in as many frames as needed. `None` if the connection changed on the way, because earlier and
+    /// later values may then come from different robots.
+    ///
+    /// - `answer`: the reply to all addresses at once, if there was one.
+    /// - `doubts`: how often lists had been doubted when the query began.
     async fn query_in_parts(
         &self,
         lane: Lane,
@@ -193,7 +198,7 @@ impl Robot {
             addresses.iter().map(|address| (*address, Err(NoReading::Unsupported))).collect();
         let (wanted, missing_on, doubts_lists): (Part, u64, bool) = {
             let known = self.hub().known();
-            // What was answered was asked for, whatever has become known since.
+            // An answered address was asked for, whatever has become known since.
             let wanted = |address: &Address| answer.is_some() || !known.unsupported.contains(address);
             let all = addresses.iter().copied().enumerate();
             (
@@ -204,7 +209,7 @@ impl Robot {
         };
         let several = wanted.len() > 1;
         let mut took = Duration::ZERO;
-        // Which addresses are missing is known of one connection too.
+        // Which addresses are missing also depends on the connection.
         let mut connection = (wanted.len() < addresses.len()).then_some(missing_on);
         let mut parts =
             Parts::new(if doubts_lists { alone(wanted) } else { self.query_frames().split(wanted) });
@@ -234,7 +239,8 @@ impl Robot {
                 Answer::Values { rows: read, on } => {
                     let asked: Vec<_> = part.iter().map(|(_, address)| *address).collect();
                     if asks_who_is_there(&asked) {
-                        // Before the next part leaves: nothing else then has to ask who is there.
+                        // Remember it before the next part is sent: then nothing else has to ask for the
+                        // identity.
                         let (rows, connection) = (read.clone(), on.connection);
                         let addresses = asked.as_slice().into();
                         let told = QueryResult { addresses, rows, took, connection };
@@ -264,7 +270,7 @@ impl Robot {
                             NoReading::Unreadable(too_many(*address, answered))
                         };
                         if let Some((_, row)) = rows.get_mut(*at) {
-                            // It may have had a value in a list that is not believed any more.
+                            // It may have had a value in a list that is no longer trusted.
                             *row = Err(none);
                         }
                     }
@@ -284,7 +290,7 @@ impl Robot {
         if parts.contradicted() {
             self.hub().known().doubt_lists(result.connection);
         } else if doubts_lists && several {
-            // One address says little of lists.
+            // A query of one address says little about lists.
             self.hub().believe_lists(result.connection, doubts);
         }
         self.hub().remember(lane, &result)?;

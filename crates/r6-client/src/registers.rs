@@ -10,13 +10,13 @@ use crate::link::Lane;
 use crate::robot::Robot;
 use crate::units::OutOfRange;
 
-/// What a register has for one degree or one millimetre, where a program takes positions from registers.
+/// The register value of one degree or one millimetre, if a program takes positions from registers.
 const PER_UNIT: f64 = 1000.0;
 
 /// Whether a register survives a power cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Keep {
-    /// It does not. For what changes often: the memory that keeps it bears so many writes and no more.
+    /// It does not. Use it for values that change often: the memory that keeps them wears out with writes.
     #[default]
     UntilPowerCut,
     /// It does.
@@ -28,21 +28,21 @@ pub enum Keep {
 pub enum RegisterError {
     /// The request failed.
     Request(RequestError),
-    /// No value, or more than the registers from this one to 900 hold; nothing was sent.
+    /// No value, or more values than the registers from this one to 900 hold; nothing was sent.
     NoSuchRegisters {
         /// The first register.
         first: RegisterIndex,
-        /// How many were meant.
+        /// How many registers were meant.
         count: usize,
     },
-    /// The controller tells no value of this register. What was written was accepted, and nobody can see whether it is there:
-    /// firmware before 206 master F1 has registers and does not read them.
+    /// The controller reports no value of this register. A written value was accepted, but it cannot be
+    /// verified: firmware before 206 master F1 has registers and does not read them.
     NotReadable {
         /// The register.
         register: RegisterIndex,
     },
-    /// The controller said ok, and the register has another value: another program writes it too, or the firmware takes it
-    /// another way.
+    /// The controller said ok, but the register has another value: another program writes it too, or the
+    /// firmware converts it.
     Differs {
         /// The register.
         register: RegisterIndex,
@@ -54,7 +54,7 @@ pub enum RegisterError {
 }
 
 impl Robot {
-    /// Reads registers (`Addr-n`), so many from the first on.
+    /// Reads `count` registers (`Addr-n`) from `first` on.
     ///
     /// # Errors
     /// [`RegisterError`], never [`RegisterError::Differs`].
@@ -76,10 +76,12 @@ impl Robot {
         registers.into_iter().map(value).collect()
     }
 
-    /// Writes registers, so many from the first on, and reads them back: controllers say ok to values that they do not take.
+    /// Writes registers from `first` on, and reads them back, because controllers say ok to values that they
+    /// do not take.
     ///
-    /// Where a program waits for these registers, writing them moves the arm; no guard checks that. A register that
-    /// the program itself changes at once is read back as changed: send [`Command::RewriteData`] alone for such a one.
+    /// If a program waits for these registers, writing them moves the arm; no guard checks that. A register
+    /// that the program itself changes at once is read back as changed: for such a register send
+    /// [`Command::RewriteData`] alone.
     ///
     /// ```
     /// # #[tokio::main(flavor = "current_thread")]
@@ -99,7 +101,8 @@ impl Robot {
     /// ```
     ///
     /// # Errors
-    /// [`RegisterError`]. It is never sent twice by itself: after an unknown outcome read the registers, then decide.
+    /// [`RegisterError`]. The client never resends it: after an unknown outcome read the registers, then
+    /// decide.
     pub async fn write_registers(
         &self,
         first: RegisterIndex,
@@ -129,7 +132,7 @@ impl Robot {
     }
 }
 
-/// So many registers from the first on, if there are so many.
+/// This many registers from `first` on, if there are enough.
 fn in_a_row(first: RegisterIndex, count: usize) -> Result<Vec<RegisterIndex>, RegisterError> {
     let registers: Vec<_> =
         (first.number()..=RegisterIndex::LAST).filter_map(RegisterIndex::new).take(count).collect();
@@ -139,11 +142,12 @@ fn in_a_row(first: RegisterIndex, count: usize) -> Result<Vec<RegisterIndex>, Re
     Ok(registers)
 }
 
-/// Degrees or millimetres as a register has them: times 1000, the nearest whole number. A position is computed, and what is rounded
-/// away is less than half a thousandth; a setting that must not be rounded is written as a whole number.
+/// Converts degrees or millimetres to a register value: times 1000, rounded to the nearest whole number. A
+/// position is computed, and rounding changes it by less than half a thousandth. Write a setting that must
+/// not be rounded as a whole number.
 ///
 /// # Errors
-/// [`OutOfRange`] for what does not fit into the 32 bits of a register, and for what is no number.
+/// [`OutOfRange`] for NaN and for a value that does not fit into the 32 bits of a register.
 pub fn to_thousandths(value: f64) -> Result<i32, OutOfRange> {
     let thousandths = (value * PER_UNIT).round();
     if (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&thousandths) {
@@ -154,7 +158,7 @@ pub fn to_thousandths(value: f64) -> Result<i32, OutOfRange> {
     }
 }
 
-/// A register's value in degrees or millimetres.
+/// Converts a register value to degrees or millimetres.
 #[must_use]
 pub fn from_thousandths(value: i64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "registers have 32 bits, which an f64 holds")]
@@ -217,7 +221,7 @@ mod tests {
 
     #[test]
     fn thousandths_are_rounded_and_bounded() {
-        // 0.001 times 1000 is no whole number in binary: cutting off would lose the last digit.
+        // 0.001 times 1000 is not a whole number in binary: truncation would lose the last digit.
         for (value, wanted) in [(16.001, 16_001), (-0.0004, 0), (-90.0, -90_000), (2_147_483.647, i32::MAX)] {
             assert_eq!(to_thousandths(value), Ok(wanted));
         }

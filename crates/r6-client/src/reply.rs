@@ -1,10 +1,10 @@
-//! Where the answer to a request is put down for its caller. The next request uses the same place again, so a request needs no memory
-//! of its own for it.
+//! The place where a request's answer is stored for its caller. The next request reuses the place, so that a
+//! request needs no allocation for it.
 //!
 //! ```text
-//!  open ──the answer is put down──▶ answered ──the caller takes it──▶ taken, kept for the next request
+//!  open ──the answer is stored──▶ answered ──the caller takes it──▶ taken, kept for the next request
 //!   │ └───the request is dropped──▶ abandoned
-//!   └─────the caller gives up──▶ given up: an answer that comes then is dropped
+//!   └─────the caller gives up──▶ given up: a later answer is dropped
 //! ```
 
 use std::future::Future;
@@ -16,13 +16,13 @@ use std::task::{Context, Poll, Waker};
 use crate::error::RequestError;
 use crate::job::Answer;
 
-/// Places that are kept for later: as many as a connection has requests under way.
+/// How many free places are kept: as many as a connection has requests under way.
 const MOST_KEPT: usize = 16;
 
-/// What a request comes to.
+/// The result of a request.
 type AnswerOrError = Result<Answer, RequestError>;
 
-/// Places that are free.
+/// The free places.
 #[derive(Debug, Default)]
 pub(crate) struct Places(Mutex<Vec<Arc<Place>>>);
 
@@ -30,7 +30,7 @@ pub(crate) struct Places(Mutex<Vec<Arc<Place>>>);
 #[derive(Debug)]
 pub(crate) struct Reply(Option<Arc<Place>>);
 
-/// The end of the one who answers. Dropping it tells the caller that no answer comes.
+/// The answering end. Dropping it tells the caller that no answer will come.
 #[derive(Debug)]
 pub(crate) struct ReplyTo(Option<Arc<Place>>);
 
@@ -42,7 +42,7 @@ struct Place {
 
 #[derive(Debug)]
 enum State {
-    /// With who is to be woken.
+    /// With the waker of the caller, if it waits.
     Open(Option<Waker>),
     Answered(AnswerOrError),
     Abandoned,
@@ -65,10 +65,10 @@ impl Places {
         (ReplyTo(Some(Arc::clone(&place))), Reply(Some(place)))
     }
 
-    /// The answer was taken, or does not come: the place is free for the next request.
+    /// Frees the place for the next request: its answer was taken, or will not come.
     pub fn put_back(&self, mut reply: Reply) {
         let Some(mut place) = reply.0.take() else { return };
-        // Unless the other end is still about to let go of it.
+        // Unless the other end has not dropped it yet.
         if let Some(own) = Arc::get_mut(&mut place) {
             *own = Place::default();
             let mut free = self.free();
@@ -86,12 +86,12 @@ impl Place {
 }
 
 impl ReplyTo {
-    /// Whether the caller waits for it no more.
+    /// Whether the caller no longer waits for it.
     pub fn is_given_up(&self) -> bool {
         self.0.as_ref().is_none_or(|place| place.given_up.load(Ordering::Acquire))
     }
 
-    /// Puts the answer down. A caller that is gone does not need it.
+    /// Stores the answer, if the caller still waits.
     pub fn put(mut self, answer: AnswerOrError) {
         self.end(State::Answered(answer));
     }
@@ -102,7 +102,7 @@ impl ReplyTo {
             return;
         }
         let before = std::mem::replace(&mut *place.state(), end);
-        // The place is the caller's alone before the caller is woken.
+        // Before the caller is woken, it has to own the place alone.
         drop(place);
         if let State::Open(Some(waker)) = before {
             waker.wake();
@@ -131,7 +131,7 @@ impl Future for Reply {
             }
         };
         drop(state);
-        // A waker may do anything when it is dropped.
+        // Not under the lock, because dropping a waker may run any code.
         drop(before);
         match ready {
             None => Poll::Pending,
@@ -235,7 +235,8 @@ mod tests {
     }
 
     proptest! {
-        /// Who polled last is woken once, by whatever ends the request, and finds that end; nobody is woken after giving up.
+        /// Whatever ends the request wakes the last poller once, and it finds that end. After giving up,
+        /// nothing is woken.
         #[test]
         fn the_last_to_poll_is_woken_once(steps in steps()) {
             let places = Places::default();

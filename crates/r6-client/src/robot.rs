@@ -1,4 +1,5 @@
-//! The handle: what its clones share, who may do what at a time, and how an operation drives the connection.
+//! The handle: the state that its clones share, which operations exclude each other, and how one drives the
+//! connection.
 
 pub(crate) mod requests;
 
@@ -32,17 +33,19 @@ use crate::time::Elapsed;
 
 /// A handle on one controller. Clones share one connection; dropping the last one closes it.
 ///
-/// All methods may be called at the same time from many tasks: requests share the connection, each reply goes to
-/// whom it belongs. Dropping the future of a request that has not left yet takes the request back, except for a stop.
+/// All methods may be called at the same time from many tasks: the requests share the connection, and each
+/// caller gets its own reply. Dropping the future of a request that has not been sent yet withdraws the
+/// request, except for a stop.
 ///
-/// An executor's waker may only schedule its task, as all usual ones do: it is called while the client holds its locks, and one that polls
-/// or calls the robot from within would wait for itself for ever.
+/// An executor's waker may only schedule its task, as all usual ones do. A waker that polls or calls the
+/// robot itself waits for ever, because the client calls wakers while it holds its locks.
 #[derive(Clone)]
 pub struct Robot {
     common: Arc<Common>,
-    /// What every list is checked against before it is sent.
+    /// The envelope that every list is checked against before it is sent.
     guard: Option<Arc<Envelope>>,
-    /// How often a tool or a workbench had been told when the guard was made: its limits are of the one in use then.
+    /// How often a tool or a workbench had been set when the guard was made: its limits apply to the one in
+    /// use then.
     guarded_at: u64,
 }
 
@@ -52,21 +55,22 @@ struct Common {
     query_frames: QueryFrames,
     hub: Arc<Hub>,
     shared: Arc<SharedConnection>,
-    /// What drives the connection.
+    /// Drives the connection.
     hand: Arc<dyn Hand>,
     takes_whoever_comes: bool,
-    /// Counts the stops and pauses that handles asked for: a path that is being streamed ends with the next one.
+    /// Counts the stops and pauses that handles asked for: the next one ends a path that is being streamed.
     stops: watch::Sender<u64>,
-    /// The stops that are under way: a motion that one of them ended waits for it.
+    /// The stops that are under way: a motion that a stop ended waits for that stop.
     stopping: watch::Sender<Stopping>,
     /// Held by the motion that is being streamed: two motions would mix in one list.
     streaming: Arc<Semaphore>,
     /// The motions of this handle and its clones.
     motions: Motions,
-    /// Set when the handle is being closed: a motion that is streamed ends then.
+    /// Set when the handle is being closed: this ends a motion that is being streamed.
     closing: watch::Sender<bool>,
-    /// Locked from the look at the arm, through the check of a list against that place, until the list is
-    /// answered. Another list in between would move the arm, and the check would be for the wrong place.
+    /// Locked while the client reads where the arm is, checks a list against that place, and waits for the
+    /// reply to the list. Another list in between would move the arm, and the check would be for the wrong
+    /// place.
     lists: Arc<AsyncMutex<()>>,
     tell: SharedSentSettings,
     /// Held by the task that serves photos: two tasks would both answer each request.
@@ -80,8 +84,9 @@ impl fmt::Debug for Robot {
 }
 
 impl Robot {
-    /// A second handle with a connection of its own to the same robot, for a stop when the first connection does not answer. No
-    /// command leaves on it before the controller has said that it is the robot that is meant.
+    /// Opens a second handle to the same robot, with its own connection, for a stop when the first connection
+    /// does not answer. No command is sent on it until the controller has identified itself as the expected
+    /// robot.
     pub(crate) async fn second_connection(&self) -> Result<Self, SecondConnection> {
         let unidentified = self.hub().known().expected.is_none();
         if unidentified && self.common.takes_whoever_comes {
@@ -99,7 +104,7 @@ impl Robot {
         Ok(second)
     }
 
-    /// A handle on a connection that is there.
+    /// A handle on an existing connection.
     pub(crate) fn on(driven: Driven, settings: RobotSettings) -> Self {
         let Driven { shared, hand } = driven;
         let (address, takes_whoever_comes) = {
@@ -131,12 +136,12 @@ impl Robot {
         drive(&*self.common.hand, operation).await
     }
 
-    /// What comes of this, for so long at most.
+    /// Waits for the future, at most this long.
     pub(crate) async fn within<F: Future>(&self, time: Duration, what: F) -> Result<F::Output, Elapsed> {
         self.drive(self.hub().time.timeout_at(self.now() + time, what)).await
     }
 
-    /// Begins what goes on whatever becomes of the caller.
+    /// Starts work that continues even if the caller is dropped.
     pub(crate) fn errand<F>(&self, errand: F) -> oneshot::Receiver<F::Output>
     where
         F: Future<Output: Send> + Send + 'static,
@@ -146,30 +151,31 @@ impl Robot {
         told
     }
 
-    /// The same, until it is called off.
+    /// Like [`Self::errand`], but the returned handle can abort it.
     pub(crate) fn abortable_errand(&self, errand: impl Future<Output = ()> + Send + 'static) -> AbortHandle {
         let abort = self.unbegun_errand(errand);
         self.nudge();
         abort
     }
 
-    /// The same; it begins with the next [`Self::nudge`], which wakes others and so must not be called under a lock.
+    /// Like [`Self::abortable_errand`], but it begins with the next [`Self::nudge`]. `nudge` wakes other
+    /// tasks, so do not call it under a lock.
     pub(crate) fn unbegun_errand(&self, errand: impl Future<Output = ()> + Send + 'static) -> AbortHandle {
         self.common.shared.errands.give_abortable(errand)
     }
 
-    /// Something was begun for which nobody waits.
+    /// Wakes the hand for work that no call waits for.
     pub(crate) fn nudge(&self) {
         self.common.hand.nudge();
     }
 
-    /// What time it is.
+    /// The time now.
     pub(crate) fn now(&self) -> Instant {
         self.common.hand.tell_time();
         self.hub().time.now()
     }
 
-    /// The handle is being closed: a motion that is streamed ends.
+    /// Announces that the handle is being closed: this ends a motion that is being streamed.
     pub(crate) fn announce_closing(&self) {
         self.common.closing.send_replace(true);
     }
@@ -196,32 +202,36 @@ impl Robot {
         &self.common.address
     }
 
-    /// What happens on the connection without being asked for, from now on.
+    /// Receives unsolicited events of the connection, from now on.
     ///
-    /// A receiver that lags more than 64 behind misses the oldest and is told how many. It ends when the handle is closed, whatever clones of it live.
+    /// A receiver that lags more than 64 behind misses the oldest and learns how many it missed. It ends when
+    /// the handle is closed, even if clones of the handle still exist.
     #[must_use]
     pub fn pushed(&self) -> broadcast::Receiver<Pushed> {
         let pushed = self.common.hub.subscribe_to_pushed();
-        // From now on what comes is wanted, whether or not a call waits.
+        // From now on incoming frames are wanted, whether or not a call waits.
         self.nudge();
         pushed
     }
 
-    /// What happens at this side of the connection, from now on: see [`Event`]. `Event::Connected` came before any handle.
+    /// Receives the client's own events, from now on: see [`Event`]. `Event::Connected` happens before any
+    /// handle exists.
     ///
-    /// A receiver that lags more than 64 behind misses the oldest and is told how many. It ends when the handle is closed, whatever clones of it live.
+    /// A receiver that lags more than 64 behind misses the oldest and learns how many it missed. It ends when
+    /// the handle is closed, even if clones of the handle still exist.
     #[must_use]
     pub fn events(&self) -> broadcast::Receiver<Event> {
         self.common.hub.subscribe_to_events()
     }
 
-    /// What the replies so far tell about the firmware's dialect.
+    /// What the replies so far show about the firmware's dialect.
     #[must_use]
     pub fn learned(&self) -> LearnedDialect {
         self.common.hub.known().learned
     }
 
-    /// How good the connection is: latencies of the last minute, losses, and whether the controller lives. Sends nothing.
+    /// How good the connection is: latencies of the last minute, losses, and whether the controller lives.
+    /// Sends nothing.
     ///
     /// ```no_run
     /// # fn show(robot: &r6_client::Robot) {
@@ -236,22 +246,23 @@ impl Robot {
         self.hub().meter().quality(self.now(), self.settings().liveness)
     }
 
-    /// Who is at the other end of the present connection; `None` while that has not been read.
+    /// The robot at the other end of the present connection; `None` until its identity has been read.
     ///
-    /// It is asked before the first query or command, unless that is [`Robot::status`], which asks for it too, and first of all on a
-    /// connection that was made anew. A first query waits half a second at most for the answer; a controller that gives none
-    /// within two time-outs is not asked again on its connection before the first command.
+    /// The client asks for the identity before the first query or command. It does not if that query is
+    /// [`Robot::status`], which reads the identity too. After a reconnect it asks for the identity before
+    /// anything else. A first query waits at most half a second for the answer. If the controller does not
+    /// answer within two timeouts, the client does not ask again on that connection until the first command.
     #[must_use]
     pub fn identity(&self) -> Option<Identity> {
         self.hub().known().present.clone()
     }
 
-    /// Takes this controller for the one that is meant from now on, after
-    /// [`NotSent::AnotherRobot`](crate::NotSent::AnotherRobot) has refused a command: a cabinet was exchanged, its
-    /// firmware updated, or its machine renamed.
+    /// Accepts this controller as the expected one from now on, after
+    /// [`NotSent::AnotherRobot`](crate::NotSent::AnotherRobot) has refused a command: a cabinet was
+    /// exchanged, its firmware updated, or its machine renamed.
     ///
-    /// Commands then reach whoever says the same of itself, and no other. Mode and alarm have to be read before the first
-    /// one, as after every reconnect. Nothing is sent.
+    /// Commands are then sent only to a robot with this identity. As after every reconnect, mode and alarm
+    /// have to be read before the first command. This call sends nothing.
     ///
     /// ```no_run
     /// # async fn run(robot: r6_client::Robot) -> Result<(), r6_client::RequestError> {
@@ -273,20 +284,24 @@ impl Robot {
         known.read_of_nobody = false;
     }
 
-    /// The same robot behind a guard: what [`Self::run`], [`Self::follow`] and [`Self::add_rcc`] of this handle and its clones
-    /// send is held against the envelope first, and not sent if it goes beyond.
+    /// The same robot behind a guard. The client checks what [`Self::run`], [`Self::follow`] and
+    /// [`Self::add_rcc`] of this handle and its clones would send against the envelope, and does not send it
+    /// if it exceeds the envelope.
     ///
-    /// A guard that this handle has already goes on: both have to be passed ([`Envelope::and`]), so a wider one loosens
-    /// nothing. A handle without it is the one that it was made from.
+    /// If this handle already has a guard, that guard stays: both have to be passed ([`Envelope::and`]), so a
+    /// wider one loosens nothing. The original handle stays as it was.
     ///
-    /// Limits of the tool's place are told for the tool and the workbench that are in use when the guard is made. Once this connection
-    /// has told another one (action 800, a move with a tool or a work frame, `switchTool`, `modifyTool`, `switchCoordinate`), nobody
-    /// knows whether they still are: lists that they concern go beyond then ([`crate::Checked::FrameUnknown`]). Make a guard anew for the
-    /// frame that is in use, from a handle without one.
+    /// Limits of the tool's place apply to the tool and the workbench that are in use when the guard is made.
+    /// After this connection has set another one (action 800, a move with a tool or a work frame,
+    /// `switchTool`, `modifyTool`, `switchCoordinate`), it is unknown whether they still are. Lists that
+    /// these limits concern are then refused ([`crate::Checked::FrameUnknown`]). Make a new guard for the
+    /// frame in use, from a handle without one.
     ///
-    /// Where the arm is, the check and the sending are one: meanwhile no other list of this connection leaves.
+    /// Reading where the arm is, checking and sending are one step: no other list of this connection is sent
+    /// meanwhile.
     ///
-    /// Commands are not checked: a start button, a register or an output can start a taught program that no envelope knows.
+    /// Commands are not checked: a start button, a register or an output can start a taught program, which no
+    /// envelope can check.
     #[must_use]
     pub fn with_guard(&self, envelope: Envelope) -> Self {
         let envelope = match self.guard() {
@@ -306,13 +321,13 @@ impl Robot {
         self.guard.as_deref()
     }
 
-    /// Somebody wants the arm to stop: nothing more of a path is to be sent.
+    /// Announces a stop request: no more of a path may be sent.
     pub(crate) fn announce_stop(&self) {
         self.hub().stop_asked();
         self.common.stops.send_modify(|stops| *stops = stops.wrapping_add(1));
     }
 
-    /// Tells when somebody wants the arm to stop, from now on.
+    /// Reports stop requests, from now on.
     pub(crate) fn stops(&self) -> watch::Receiver<u64> {
         self.common.stops.subscribe()
     }
@@ -322,41 +337,42 @@ impl Robot {
         &self.common.stopping
     }
 
-    /// The right to stream a path over this connection, if nobody has it.
+    /// The right to stream a path over this connection; `None` if another motion has it.
     pub(crate) fn streaming(&self) -> Option<OwnedSemaphorePermit> {
         Arc::clone(&self.common.streaming).try_acquire_owned().ok()
     }
 
-    /// The right to look where the arm is, check a list against that and send it. It is kept until the list is answered.
+    /// The right to read where the arm is, check a list against that and send it. Keep it until the list is
+    /// answered.
     pub(crate) async fn lists(&self) -> OwnedMutexGuard<()> {
         Arc::clone(&self.common.lists).lock_owned().await
     }
 
-    /// What a list of this handle has to reckon with, besides where the arm is.
+    /// What the check of a list of this handle has to consider, besides where the arm is.
     pub(crate) fn reckoning(&self) -> Reckoning {
         let told = self.common.tell.so_far();
         Reckoning { frame_is_unknown: told.frames != self.guarded_at, may_be_cut: told.watching }
     }
 
-    /// The right to serve the photos of this connection, if nobody has it.
+    /// The right to serve the photos of this connection; `None` if another task has it.
     pub(crate) fn photos(&self) -> Option<OwnedSemaphorePermit> {
         Arc::clone(&self.common.photos).try_acquire_owned().ok()
     }
 
-    /// Ends once the handle is closed, for this clone or another.
+    /// Ends once the handle is closed, through this clone or another.
     pub(crate) async fn closed(&self) {
         let mut closed = self.hub().closed.subscribe();
         // This handle keeps the sender alive.
         closed.wait_for(|closed| *closed).await.ok();
     }
 
-    /// Waits until no path is streamed any more, and none is being stopped.
+    /// Waits until no path is being streamed or stopped.
     pub(crate) async fn nothing_streams(&self) {
-        // It is never closed.
+        // The semaphore is never closed.
         drop(self.common.streaming.acquire().await);
     }
 
-    /// The number of the present connection, or, while there is none, of the next one.
+    /// The number of the present connection or, between connections, of the next one.
     pub(crate) fn connection(&self) -> u64 {
         self.common.hub.known().connection
     }
@@ -391,9 +407,9 @@ impl Drop for Common {
     }
 }
 
-/// How a handle was closed ([`Robot::close`]).
+/// Result of closing a handle ([`Robot::close`]).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Closed {
-    /// The motion that was being streamed and did not come to its end by that.
+    /// The motion that was being streamed and that the closing cut short.
     pub cut_short: Option<Box<MotionError>>,
 }

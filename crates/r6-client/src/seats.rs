@@ -1,16 +1,17 @@
-//! Who drives: the calls that wait, and the keeper that drives while none does.
+//! Who drives: the calls that wait, and the keeper that drives while no call waits.
 //!
-//! Sockets, timers and errands know one waker, [`Seats`]. It wakes the call that drove last; if that call is slow, those that depend
-//! on the same connection do not wait for it, for the keeper is woken as well.
+//! Sockets, timers and errands know one waker, [`Seats`]. It wakes the call that drove last. It also wakes
+//! the keeper, so that other users of the same connection do not depend on a slow call.
 //!
 //! ```text
 //!           sit                      begin                     end, nothing happened meanwhile
-//!  (call) ──────▶ seated, it drives ──────▶ carrying ◀──┐ ─────────────────────────────────────▶ seated, waits
+//!  (call) ──────▶ seated, it drives ──────▶ carrying ◀──┐ ───────────────────────────────────▶ seated, waits
 //!                                               └───────┘ end, something happened meanwhile
-//!  an event while one carries:   it looks again before it ends
-//!  an event while none carries:  who drove last is woken; the keeper too, if there is none, or if others depend on it
-//!  an errand that is given:      who drove last is woken, and the keeper
-//!  a call that leaves unseen:    the next is woken in its place
+//!  an event while a call carries:  that call looks again before it ends
+//!  an event while no call carries: wakes the call that drove last; also the keeper, if there is no such call
+//!                                  or if others depend on it
+//!  an errand is given:             wakes the call that drove last, and the keeper
+//!  a call leaves before it looked: wakes the next in its place
 //! ```
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -31,15 +32,15 @@ struct Inner {
     /// The seat of the call that drove last.
     lead: Option<u64>,
     keeper: Option<Waker>,
-    /// Whether somebody carries now.
+    /// Whether a call or the keeper is carrying now.
     carrying: bool,
-    /// Whether something happened that nobody has looked at.
+    /// Whether something happened that no call and no keeper has looked at.
     woken: bool,
-    /// Whether something goes on besides the calls that wait: then the keeper does not rely on them.
+    /// Whether there is work besides the calls that wait: then the keeper does not rely on them.
     background: bool,
 }
 
-/// Who is to be woken: outside the lock, for a waker may come back here.
+/// The wakers to call, outside the lock, because a waker may call back into this.
 #[derive(Debug, Default)]
 #[must_use]
 struct ToWake([Option<Waker>; 2]);
@@ -51,7 +52,7 @@ impl ToWake {
 }
 
 impl Inner {
-    /// Who has to look at what happened.
+    /// Chooses who has to look at what happened.
     fn to_wake(&self) -> ToWake {
         let lead = self.lead.and_then(|lead| self.seated.iter().find(|(seat, _)| *seat == lead));
         let alone = self.seated.len() == 1 && !self.background;
@@ -95,7 +96,7 @@ impl Seats {
         drop(keeper);
     }
 
-    /// A call is over, or was given up. What it was woken for is looked at by the next.
+    /// A call is over, or was given up. If it was woken and did not look, the next one looks.
     pub fn leave(&self, seat: &mut Seat) {
         let Some(number) = seat.0.take() else { return };
         let mut inner = self.inner();
@@ -112,15 +113,15 @@ impl Seats {
         drop(gone);
     }
 
-    /// Begins to carry. `false`: somebody carries already, and looks again before ending.
+    /// Begins to carry. `false`: another one already carries, and looks again before it ends.
     pub fn begin(&self) -> bool {
         let mut inner = self.inner();
         inner.woken = inner.carrying;
         !std::mem::replace(&mut inner.carrying, true)
     }
 
-    /// Ends carrying; `false` if something happened meanwhile, which has to be looked at first. `background`: whether something goes on
-    /// besides the calls that wait.
+    /// Ends carrying. `false`: something happened meanwhile, and the caller has to look at it first.
+    /// `background`: whether there is work besides the calls that wait.
     pub fn end(&self, background: bool) -> bool {
         let mut inner = self.inner();
         inner.background = background;
@@ -128,7 +129,7 @@ impl Seats {
         !inner.carrying
     }
 
-    /// Ends carrying, whatever happened meanwhile: somebody is woken for it.
+    /// Ends carrying even if something happened meanwhile, and wakes another one for it.
     pub fn interrupt(&self) {
         let mut inner = self.inner();
         inner.carrying = false;
@@ -138,7 +139,7 @@ impl Seats {
         next.wake();
     }
 
-    /// There is something to do for which no call waits: the keeper looks after it, however slow the calls are that are seated.
+    /// There is work that no call waits for: the keeper does it, however slow the seated calls are.
     pub fn nudge(&self) {
         self.inner().background = true;
         self.happened();
@@ -166,7 +167,8 @@ impl Wake for Seats {
 
 #[cfg(test)]
 mod tests {
-    //! Every order of the steps of two calls, a keeper, a controller and an errand, whatever call is given up or is slow.
+    //! Every order of the steps of two calls, a keeper, a controller and an errand; any call may be given up
+    //! or slow.
 
     use std::cell::RefCell;
     use std::collections::HashSet;
@@ -174,11 +176,11 @@ mod tests {
     use super::*;
 
     const CALLS: usize = 2;
-    /// The keeper's number among those who may be woken.
+    /// The keeper's number among those that can be woken.
     const KEEPER: usize = CALLS;
 
     thread_local! {
-        /// Who was woken in the present step.
+        /// The calls and the keeper that were woken in the present step.
         static WOKEN: RefCell<Vec<usize>> = const { RefCell::new(Vec::new()) };
     }
 
@@ -190,7 +192,7 @@ mod tests {
         }
     }
 
-    /// Where somebody is in driving.
+    /// How far a call or the keeper is in driving.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
     enum At {
         /// It waits to be woken.
@@ -211,7 +213,7 @@ mod tests {
         inner: Inner,
         at: [At; CALLS + 1],
         seat: [Option<u64>; CALLS],
-        /// Who was woken and not polled since.
+        /// The calls and the keeper that were woken and not polled since.
         woken: [bool; CALLS + 1],
         /// Replies that lie in the socket.
         unread: [bool; CALLS],
@@ -219,12 +221,12 @@ mod tests {
         answered: [bool; CALLS],
         /// Replies that the controller has still to send.
         unsent: [bool; CALLS],
-        /// Whether the socket wakes the seats when something comes.
+        /// Whether the socket wakes the seats when something arrives.
         registered: bool,
         errand: Errand,
     }
 
-    /// What goes on besides the calls that wait.
+    /// Work besides the calls that wait.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
     enum Errand {
         None,
@@ -238,7 +240,7 @@ mod tests {
         GivesUp(usize),
         TurnsSlow(usize),
         Replies(usize),
-        /// Somebody gives an errand.
+        /// An errand is given.
         Gives,
     }
 
@@ -259,7 +261,7 @@ mod tests {
             }
         }
 
-        /// What tells two worlds apart.
+        /// The state that distinguishes two worlds.
         fn key(&self) -> impl Eq + std::hash::Hash + use<> {
             let Inner { seated, lead, keeper, carrying, woken, background, next: _ } = &self.inner;
             let seats: Vec<_> =
@@ -344,7 +346,7 @@ mod tests {
                     match self.unread.iter().position(|unread| *unread) {
                         Some(reply) => {
                             (self.unread[reply], self.answered[reply]) = (false, true);
-                            // Its own waker, not that of its seat.
+                            // The call's own waker, not that of its seat.
                             self.woken[reply] = true;
                             At::Carries
                         }
@@ -366,19 +368,20 @@ mod tests {
             };
         }
 
-        /// Nobody goes any further. Then nobody who is not slow may wait for a reply that was sent, and what was given has begun.
+        /// Checks a world where no step is left: no call that is not slow waits for a reply that was sent,
+        /// and the errand has begun.
         fn assert_settled(&self) {
-            assert_ne!(self.errand, Errand::Given, "nobody begins an errand: {self:?}");
+            assert_ne!(self.errand, Errand::Given, "no driver begins an errand: {self:?}");
             for call in 0..CALLS {
                 let waits_for_the_controller = self.at[call] != At::Waits || self.unsent[call];
                 assert!(waits_for_the_controller, "a reply is there, and its call waits: {self:?}");
             }
             let slow_alone = self.at[..CALLS].contains(&At::Slow) && !self.at[..CALLS].contains(&At::Waits);
-            assert!(slow_alone || !self.unread.contains(&true), "nobody reads: {self:?}");
+            assert!(slow_alone || !self.unread.contains(&true), "no driver reads: {self:?}");
         }
     }
 
-    /// Worlds are told apart by the place of a seat, so two calls on one seat would look like one.
+    /// Worlds are distinguished by the place of a seat, so two calls on one seat would look the same.
     #[test]
     fn every_call_has_a_seat_of_its_own() {
         let seats = Seats::default();
@@ -399,7 +402,7 @@ mod tests {
                 continue;
             }
             let steps = world.steps();
-            // To give up and to turn slow are free to happen, and nothing may depend on them.
+            // Giving up and turning slow are optional steps, so nothing may depend on them.
             let goes_on =
                 steps.iter().any(|step| matches!(step, Step::Goes(_) | Step::Replies(_) | Step::Gives));
             if !goes_on {

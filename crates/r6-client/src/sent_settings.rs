@@ -8,27 +8,27 @@ use r6_proto::message::instruction::Manner;
 use crate::error::RequestError;
 use crate::job::Work;
 
-/// What was told so far.
+/// The settings sent so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SentSettings {
-    /// How often a tool or a workbench was told, or may have been.
+    /// How often a tool or a workbench was set, or may have been.
     pub frames: u64,
-    /// Whether an input may be watched that stops the motion (action 52). Whether the watch ends with its list is not known, so it
-    /// counts until it is switched off.
+    /// Whether an input may be watched that stops the motion (action 52). It counts until it is switched off,
+    /// because it is not known whether the watch ends with its list.
     pub watching: bool,
 }
 
-/// The same for all handles of a connection.
+/// The settings sent by all handles of a connection.
 #[derive(Debug, Default)]
 pub(crate) struct SharedSentSettings(Mutex<SentSettings>);
 
 impl SharedSentSettings {
-    /// What was told so far.
+    /// The settings sent so far.
     pub fn so_far(&self) -> SentSettings {
         *self.lock()
     }
 
-    /// A request is about to leave. What it tells counts, unless it turns out that nothing left.
+    /// A request is about to be sent. Its settings count, unless it turns out that nothing was sent.
     pub fn leaving(&self, work: &Work) -> Leaving<'_> {
         Leaving { tell: self, tells: Tells::of(work) }
     }
@@ -38,7 +38,7 @@ impl SharedSentSettings {
     }
 }
 
-/// A request between its checks and its answer. Dropped without an answer, it counts as sent.
+/// A request between its checks and its answer. If dropped without an answer, it counts as sent.
 #[derive(Debug)]
 pub(crate) struct Leaving<'t> {
     tell: &'t SharedSentSettings,
@@ -46,7 +46,7 @@ pub(crate) struct Leaving<'t> {
 }
 
 impl Leaving<'_> {
-    /// Takes in what became of it.
+    /// Takes in the outcome.
     pub fn answered<T>(mut self, answer: &Result<T, RequestError>) {
         // Controllers have run lists that they refused.
         if matches!(answer, Err(error) if error.nothing_left()) {
@@ -66,7 +66,7 @@ impl Drop for Leaving<'_> {
     }
 }
 
-/// What one request tells.
+/// The settings in one request.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tells {
     frame: bool,
@@ -85,13 +85,13 @@ impl Tells {
     }
 
     fn and(mut self, action: &Action) -> Self {
-        // Whether the frames of a move stay in use after it is not known.
+        // It is not known whether the frames of a move stay in use after it.
         let in_frame = |manner: &Manner| manner.tool.is_some() || manner.coord.is_some();
         match action {
             Action::AxisMove(step) | Action::LinearMove(step) => self.frame |= in_frame(&step.manner),
             Action::CurveMove(curve) => self.frame |= in_frame(&curve.manner),
             Action::Workbench(_) | Action::Unknown(_) => self.frame = true,
-            // Once on, it may have stopped the list before it is switched off.
+            // Once switched on, it may have stopped the list before it is switched off.
             Action::StopOnSignal(stop) if stop.in_use => self.watching = Some(true),
             Action::StopOnSignal(_) => self.watching = self.watching.or(Some(false)),
             Action::PathSpeed(_) | Action::Wait(_) | Action::Output(_) | Action::BoardOutput(_) => {}

@@ -1,4 +1,4 @@
-//! How a robot is talked to.
+//! How to communicate with a robot.
 
 use std::time::Duration;
 
@@ -6,20 +6,21 @@ use r6_proto::dialect::{Addressing, DsIdForm};
 use r6_proto::message::TypeKey;
 use r6_proto::request::LONGEST_ADD_RCC;
 
-/// The longest `packID` that is counted on, in digits.
+/// The longest possible `packID`, in digits; frame lengths are computed with it.
 pub(crate) const LONGEST_PACK_ID: &str = "18446744073709551615";
 
-/// How a robot is talked to; the default suits every firmware that is known.
+/// How to communicate with a robot; the default suits all known firmware.
 #[derive(Clone, Debug)]
 pub struct RobotSettings {
-    /// How long a reply may take, and how long a frame may take to leave. Default 2 s: real controllers answer
-    /// within 26 ms.
+    /// How long a reply may take, and also how long sending a frame may take. Default 2 s: real controllers
+    /// answer within 26 ms.
     pub reply_timeout: Duration,
     /// How long a connection attempt may take, name lookup included. Default 3 s.
     pub connect_timeout: Duration,
-    /// The longest frame that is sent, in bytes. Default 2 048: controllers neither answer nor execute a longer AddRCC.
+    /// The longest frame that is sent, in bytes. Default 2 048: controllers neither answer nor execute a
+    /// longer AddRCC.
     pub max_frame_bytes: usize,
-    /// How a lost connection is made anew.
+    /// How to reconnect after a loss of the connection.
     pub reconnect: Reconnect,
     /// Whether the controller's watchdog is armed and fed.
     pub heartbeat: Heartbeat,
@@ -29,9 +30,10 @@ pub struct RobotSettings {
     pub type_key: TypeKey,
     /// The form of `dsID`.
     pub ds_id: DsIdForm,
-    /// Whether this controller stays in mode 7 after a stop that it carried out. Default `false`: none is known that does. Where
-    /// it is `true`, a rest of 2 s with an empty list proves the standstill after a stop, too
-    /// ([`crate::StandProof::EmptyList`]); a taught program that waits for longer is then told to stand, and moves the arm later.
+    /// Whether this controller stays in mode 7 after a stop that it carried out. Default `false`: no known
+    /// controller does. If `true`, a rest of 2 s with an empty list also proves the standstill after a stop
+    /// ([`crate::StandProof::EmptyList`]). A taught program that waits for longer then counts as standing,
+    /// and moves the arm later.
     pub stays_in_mode_7: bool,
 }
 
@@ -52,24 +54,26 @@ impl Default for RobotSettings {
 }
 
 impl RobotSettings {
-    /// What stands around a request to this robot.
+    /// The fields around a request to this robot.
     pub(crate) fn addressing<'a>(&self, pack_id: &'a str) -> Addressing<'a> {
         Addressing { ds_id: self.ds_id, type_key: self.type_key, pack_id: Some(pack_id) }
     }
 }
 
-/// The waits before attempts to connect anew: doubled after each failure, jittered, capped.
+/// The waits before reconnect attempts: doubled after each failure, jittered, capped.
 ///
-/// A wait is drawn from the upper half of its range, so that many clients of one switch do not return as one. The first wait comes again
-/// after a connection on which the controller answered and that lasted 5 s; a shorter one counts as a failed attempt.
+/// A wait is drawn from the upper half of its range, so that many clients behind one switch do not return at
+/// the same moment. The first wait applies again after a connection on which the controller answered and that
+/// lasted 5 s. A shorter connection counts as a failed attempt.
 ///
-/// A robot that is watched ([`crate::Robot::subscribe`]) is connected to anew without being asked for, and waited for no longer than
-/// three eighths of the shortest period of its subscriptions, of which one below 1 s counts as 1 s; but never less than the first wait.
+/// With a subscription ([`crate::Robot::subscribe`]) the client reconnects without being asked. A wait is
+/// then at most three eighths of the shortest subscription period, where a period below 1 s counts as 1 s. It
+/// is never less than the first wait.
 #[derive(Clone, Copy, Debug)]
 pub struct Reconnect {
     /// The wait before the first attempt; no subscription makes a wait shorter. Default 100 ms.
     pub first_wait: Duration,
-    /// No wait is longer. Default 5 s.
+    /// The longest wait. Default 5 s.
     pub cap: Duration,
     /// Seeds the jitter: the same seed gives the same waits. `None` takes a seed from the clock.
     pub jitter_seed: Option<u64>,
@@ -81,14 +85,16 @@ impl Default for Reconnect {
     }
 }
 
-/// After how much silence a connection, and values that should have been read again, are no longer trusted.
+/// The silence after which a connection counts as suspect, then as dead. The same limits apply to values that
+/// should have been read again.
 ///
-/// They are for whoever reads [`crate::Robot::link_quality`] and [`crate::Subscription`]; no connection ends by them.
+/// These limits affect [`crate::Robot::link_quality`] and [`crate::Subscription`]; they end no connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Liveness {
-    /// Suspect: shown with its age, not acted on. Default 1 s, which is 38 times the slowest reply that was measured.
+    /// Suspect: shown with its age, not acted on. Default 1 s, which is 38 times the slowest reply that was
+    /// measured.
     pub suspect_after: Duration,
-    /// Dead: whoever depends on it gives up. Default 5 s.
+    /// Dead: users of the value give up. Default 5 s.
     pub dead_after: Duration,
 }
 
@@ -101,22 +107,24 @@ impl Default for Liveness {
 /// Whether `heartbreak` is sent (manual 7).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heartbeat {
-    /// Never: the first one arms a watchdog that raises an alarm when the next fails to come within 10 s.
+    /// Never. The first heartbeat would arm a watchdog that raises an alarm if the next one does not come
+    /// within 10 s.
     Off,
     /// From the moment of connecting, on a timer of its own that no queue of requests delays.
     ///
     /// The watchdog stays armed when the handle is dropped: the controller then raises an alarm.
     Managed {
-        /// The time from one to the next; the controller wants one every 10 s. Below [`Self::SHORTEST`] or above
-        /// [`Self::LONGEST`] counts as these.
+        /// The time between two heartbeats; the controller requires one every 10 s. Values below
+        /// [`Self::SHORTEST`] or above [`Self::LONGEST`] count as these.
         every: Duration,
     },
 }
 
 impl Heartbeat {
-    /// No heartbeat is sent more often than every 100 ms.
+    /// The shortest time between two heartbeats.
     pub const SHORTEST: Duration = Duration::from_millis(100);
 
-    /// The watchdog raises alarm 9 after 10 s: half of that, 5 s, leaves room for one heartbeat that is late.
+    /// The longest time between two heartbeats. The watchdog raises alarm 9 after 10 s, so 5 s leaves room
+    /// for one late heartbeat.
     pub const LONGEST: Duration = Duration::from_secs(5);
 }

@@ -1,4 +1,4 @@
-//! The state of a machine at a glance, and what keeps it from taking instructions.
+//! The state of a machine at a glance, and the reasons why it does not take instructions.
 
 use r6_proto::address::Address;
 use r6_proto::axis::{AXES, AxisIndex};
@@ -12,17 +12,18 @@ use crate::evidence::Sample;
 use crate::moves::step_error::StepError;
 use crate::query::result::QueryResult;
 
-/// Axes and pose components that are asked for: the arms of this protocol have six at most, external axes apart.
+/// How many axes and pose components are asked for: the arms of this protocol have at most six, without
+/// external axes.
 pub(crate) const ASKED_AXES: usize = 6;
 
-/// The state of a machine. `None` where the controller has no such value or sent one that cannot be read.
+/// The state of a machine. `None` if the controller has no such value or sent an unreadable one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Status {
     /// `version`.
     pub firmware: Option<String>,
     /// `machineName`.
     pub machine_name: Option<String>,
-    /// `curMold`: the program; only the pendant's port tells.
+    /// `curMold`: the program; only the pendant's port reports it.
     pub program: Option<String>,
     /// `curMode`.
     pub mode: Option<OperationMode>,
@@ -34,7 +35,8 @@ pub struct Status {
     pub moving: Option<bool>,
     /// `axisNum`.
     pub axis_count: Option<i64>,
-    /// `axis-0` to `axis-5`: degrees, or mm where an axis slides, which no address tells. The last two are never asked for.
+    /// `axis-0` to `axis-5`: J1 is `axes[0]`. Degrees, or mm if an axis slides, which no address reports. The
+    /// last two are never asked for.
     pub axes: [Option<f64>; AXES],
     /// `world-0` to `world-5`: X, Y, Z in mm, U, V, W in degrees; the last two are never asked for.
     pub pose: [Option<f64>; AXES],
@@ -47,7 +49,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// What a query says of it.
+    /// The status from a query.
     pub(crate) fn of(read: &QueryResult) -> Self {
         let text = |address| read.text(address).map(str::to_owned);
         Self {
@@ -86,12 +88,12 @@ impl Status {
             Address::RemoteCmdLen => self.list_length.map(Reading::Integer),
             Address::CurCycle => self.cycle.map(Reading::Decimal),
             Address::LastCycle => self.last_cycle.map(Reading::Decimal),
-            // No status has the others.
+            // The status has no other addresses.
             _ => None,
         }
     }
 
-    /// What it tells of whether the machine takes instructions.
+    /// The facts that decide whether the machine takes instructions.
     fn facts(&self) -> ReadinessFacts<'_> {
         ReadinessFacts {
             program: self.program.as_deref(),
@@ -121,8 +123,8 @@ impl Status {
         self.facts().readiness(remote_program)
     }
 
-    /// The first axis move that takes an axis somewhere which this robot does not have by its `axisNum`: nobody could see it arrive.
-    /// Zeros are let through, for people write all eight.
+    /// The first axis move that moves an axis which this robot lacks by its `axisNum`: its arrival could not
+    /// be seen. Zeros are allowed, because people write all eight.
     pub(crate) fn step_beyond_axes(&self, steps: &[Instruction]) -> Option<StepError> {
         const FIELDS: [&str; AXES] = ["m0", "m1", "m2", "m3", "m4", "m5", "m6", "m7"];
         let count = usize::try_from(self.axis_count.filter(|count| *count > 0)?).ok()?;
@@ -139,7 +141,7 @@ impl Status {
         })
     }
 
-    /// What it tells about motion.
+    /// The values about motion.
     pub(crate) fn sample(&self) -> Sample {
         Sample {
             moving: self.moving,
@@ -151,8 +153,8 @@ impl Status {
         }
     }
 
-    /// Whether nothing that can be read keeps the machine from taking instructions. It is no proof that it takes them
-    /// ([`Self::readiness`]): where the program is at another step, they fail or wait.
+    /// Whether no readable value keeps the machine from taking instructions. This does not prove that it
+    /// takes them ([`Self::readiness`]): if the program is at another step, instructions fail or wait.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         self.unmet().is_empty()

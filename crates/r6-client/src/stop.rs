@@ -1,13 +1,14 @@
-//! Stopping: one means after the other until it is proved that the arm stands, and nothing left that could start it again.
+//! Stopping: tries one means after the other until it is proved that the arm stands, and removes what could
+//! restart it.
 //!
-//! A stop is an errand ([`crate::errands`]): once begun, it goes on to its end, whatever becomes of the caller.
+//! A stop is an errand ([`crate::errands`]): once begun, it runs to its end even if its caller is dropped.
 //!
 //! ```text
-//!  actionStop leaves ──▶ watched over this connection (stop/halt.rs) ──proved──▶ list cleared ──▶ doubts waited out ──▶ report
-//!        └─ nothing for 300 ms ───▶ the same over a second connection ─proved─▲        (frames that are still unanswered)
+//!  actionStop ─▶ watch over this connection (stop/halt.rs) ─proved─▶ clear list ─▶ wait out doubts ─▶ report
+//!    └─ nothing for 300 ms ─▶ the same over a second connection ─proved─▲    (frames still unanswered)
 //! ```
 //!
-//! What proves a standstill is told in `evidence/standstill.rs`.
+//! `evidence/standstill.rs` says what proves a standstill.
 
 mod halt;
 pub(crate) mod report;
@@ -35,8 +36,8 @@ use crate::stop::stopping::{
 };
 use crate::stream::error::Cause;
 
-/// An answer that takes longer than this is late: ten times the slowest that was measured (26 ms). Then a second
-/// connection is tried beside the first.
+/// A reply that takes longer than this is late: ten times the slowest that was measured (26 ms). The client
+/// then tries a second connection beside the first.
 const LATE: Duration = Duration::from_millis(300);
 
 /// A stop that is under way, until this is dropped.
@@ -69,28 +70,30 @@ impl Drop for UnderWay {
 }
 
 impl Robot {
-    /// Stops the motion, ahead of all that waits, until it is proved that the arm stands, for 5 s at most; then clears the
-    /// instruction list, so that the rest of it does not run at the next start.
+    /// Stops the motion, ahead of all waiting requests, until it is proved that the arm stands, for 5 s at
+    /// most. Then it clears the instruction list, so that the rest of it does not run at the next start.
     ///
-    /// It tries `actionStop`, `stopButton`, `actionPause` and a cleared list in turn; [`StopReport::means`] says which one
-    /// worked, [`StopReport::proof`] what proves it. If nothing comes back for 300 ms, it opens a second connection beside the
-    /// first and uses the one that answers. A lost connection is made anew. A robot that turns out to be another
-    /// one than this handle was used with before is not stopped.
+    /// It tries `actionStop`, `stopButton`, `actionPause` and a cleared list in turn. [`StopReport::means`]
+    /// says which of them worked, [`StopReport::proof`] what proves it. If nothing comes back for 300 ms, it
+    /// opens a second connection beside the first and uses whichever answers. It reconnects if the connection
+    /// is lost. It does not stop a robot other than the robot that this handle was used with before.
     ///
-    /// A frame that can move the arm and is still unanswered may be carried out later: then the stop watches on until it is
-    /// answered or too old, and clears the list again ([`StopReport::doubt`]).
+    /// A frame that can move the arm and is still unanswered may be carried out later. The stop then watches
+    /// until the frame is answered or too old, and clears the list again ([`StopReport::doubt`]).
     ///
-    /// Dropping the future does not end the stop. This is an ordinary command on a network and no emergency stop.
+    /// Dropping the future does not end the stop. This is an ordinary command on a network, not an emergency
+    /// stop.
     ///
     /// # Errors
-    /// [`RequestError`] if no stop was answered and the state could not be read either: [`NotSent::NotStopped`] if none could be
-    /// sent. Otherwise the report says whether it is proved that the arm stands ([`StopReport::confirmed`]).
+    /// [`RequestError`] if no stop was answered and the state could not be read either:
+    /// [`NotSent::NotStopped`] if no stop could be sent. Otherwise the report says whether it is proved that
+    /// the arm stands ([`StopReport::confirmed`]).
     pub async fn stop(&self) -> Result<StopReport, RequestError> {
         self.drive(self.stop_now()).await
     }
 
     pub(crate) async fn stop_now(&self) -> Result<StopReport, RequestError> {
-        // Before anybody hears of it, so that whoever does finds it under way.
+        // Begin before the announcement, so that tasks that see it find the stop under way.
         let under_way = UnderWay::begin(self.clone());
         self.announce_stop();
         let task = self.errand(async move {
@@ -102,18 +105,20 @@ impl Robot {
             under_way.end(result.clone());
             result
         });
-        // The errand does not panic; a hand that is gone gives it up, and what of it has left by then nobody knows.
+        // The errand does not panic. A hand that ends drops it, and then it is unknown which frames were
+        // sent.
         task.await.unwrap_or_else(|_ended| {
             let request = Work::Command(Command::ActionStop).sent();
             Err(OutcomeUnknown::ConnectionLost { request, reason: LostReason::ClosedHere }.into())
         })
     }
 
-    /// The right to stream a path over this connection, and news of every stop from now on. One that is under way is waited for: it
-    /// may still clear the list, which would be that of a moving arm by then.
+    /// Takes the right to stream a path over this connection, and subscribes to every stop from now on. Waits
+    /// for a stop that is under way: it may still clear the list, and by then that would be the list of a
+    /// moving arm.
     pub(crate) async fn turn(&self) -> Result<(OwnedSemaphorePermit, watch::Receiver<u64>), Cause> {
         let turn = self.streaming().ok_or(Cause::AnotherRuns)?;
-        // Before the look at what is under way: a stop that is not seen there is heard of.
+        // Subscribe before the check, so that a stop that begins after it is noticed.
         let stops = self.stops();
         if !self.no_stop_under_way().await {
             return Err(Cause::StoppedHere);
@@ -125,19 +130,20 @@ impl Robot {
         }
     }
 
-    /// Waits until no stop is under way over this connection; `false` if one still is after the time that it may take.
+    /// Waits until no stop is under way over this connection. `false` if the longest time of a stop passes
+    /// first.
     pub(crate) async fn no_stop_under_way(&self) -> bool {
         let mut stopping = self.stopping().subscribe();
         let over = stopping.wait_for(|stopping| stopping.under_way == 0);
         matches!(self.hub().time.timeout(STOP_WITHIN, over).await, Ok(Ok(_)))
     }
 
-    /// Waits until no stop is under way over this connection, and tells what became of the last one; `None` if there was none
-    /// (it was a pause), or if it was given up halfway.
+    /// Waits until no stop is under way over this connection, and returns the result of the last one. `None`
+    /// if there was no stop (but a pause), or if it was given up halfway.
     pub(crate) async fn stop_under_way(&self) -> Option<Result<StopReport, RequestError>> {
         let mut stopping = self.stopping().subscribe();
         let over = stopping.wait_for(|stopping| stopping.under_way == 0);
-        // Nobody who dropped out is waited for without end; the sender lives as long as this handle.
+        // The timeout bounds the wait for a stop that never ends. The sender lives as long as this handle.
         let seen = self.hub().time.timeout(STOP_WITHIN, over).await.ok()?.ok()?;
         seen.last.clone()
     }
@@ -153,7 +159,7 @@ impl Robot {
         let over_second = report.second == Some(SecondConnection::Used);
         let rest = self.clear_and_look(&way, &mut report, in_doubt, deadline);
         if over_second {
-            // Nobody else waits on it.
+            // No other call drives the second connection.
             way.drive(rest).await;
         } else {
             rest.await;
@@ -161,16 +167,17 @@ impl Robot {
         Ok(report)
     }
 
-    /// What follows a halt over this way: the list is cleared, frames in doubt are waited out, and the machine is looked at once more.
+    /// Completes a halt over `way`: clears the list, waits for frames in doubt, and looks at the machine once
+    /// more.
     async fn clear_and_look(&self, way: &Self, report: &mut StopReport, in_doubt: bool, deadline: Instant) {
         if report.confirmed {
             report.list = way.clear_after_stop(report, deadline).await;
-            // One that was answered meanwhile was dealt with by the stop and the clearing.
+            // The stop and the clearing cover a frame that was answered meanwhile.
             let settled = || DoubtAfterStop { still_open: false, cleared: report.list.clone() };
             report.doubt = in_doubt.then(settled);
             self.wait_out_doubts(way, report, deadline).await;
         } else if self.hub().doubts.until(self.now()).is_some() {
-            // Whoever is sent to the emergency stop is not kept waiting for it.
+            // Report at once: a person who needs the emergency stop must not wait for these frames.
             let cleared = ListAfterStop::NotTried(NotTried::NotStanding);
             report.doubt = Some(DoubtAfterStop { still_open: true, cleared });
         }
@@ -178,7 +185,7 @@ impl Robot {
             && seen.connection == report.connection
         {
             report.see(&seen);
-            // What was proved is not told of a machine that was seen to run since.
+            // A machine that was seen to run after the proof does not count as stopped.
             if report.is_contradicted_by(&seen) {
                 report.disprove();
             }
@@ -191,13 +198,15 @@ impl Robot {
         }
     }
 
-    /// Halts over this connection, and over a second one beside it once the first answer is late. What proves the standstill first
-    /// counts; otherwise what saw the machine at all.
+    /// Halts over this connection, and also over a second one once the first answer is late. The first proof
+    /// of a standstill wins. Without a proof, the result from a connection that read the machine's state
+    /// wins.
     async fn halt_over_either(&self, deadline: Instant) -> (Halted, Option<SecondConnection>) {
         let begun = AtomicBool::new(false);
         let first = Halt::new(self.clone(), deadline).run();
         let second = async {
-            // Each reply counts: where each address is asked for alone, a look at the state takes many.
+            // Any reply resets the wait, because reading the state takes many replies if each address is
+            // asked for alone.
             let last_reply = || self.hub().meter().last_reply();
             let mut silent_since = self.now();
             loop {
@@ -211,7 +220,7 @@ impl Robot {
             let made = self.hub().time.timeout_at(deadline, self.second_connection()).await;
             let busy = SecondConnection::NotMade(NotSent::Busy { waited: CONFIRM_WITHIN });
             match made.unwrap_or(Err(busy)) {
-                // Nobody else waits on it.
+                // No other call drives the second connection.
                 Ok(robot) => Ok(robot.drive(Halt::new(robot.clone(), deadline).run()).await),
                 Err(why_not) => Err(why_not),
             }
@@ -248,12 +257,12 @@ impl Robot {
             (Some(one), Some(Ok(halted))) if halted.heard() => (one, Some(SecondConnection::Answered)),
             (Some(one), Some(Ok(_))) => (one, Some(SecondConnection::Silent)),
             (Some(one), Some(Err(why_not))) => (one, Some(why_not)),
-            // The loop ends with one of them.
+            // The loop ends only once one of them is there.
             (None, _) => (Halted::nothing(self.clone()), None),
         }
     }
 
-    /// Clears the list over the connection that the standstill was proved on, and on no other.
+    /// Clears the list over the connection on which the standstill was proved, and over no other.
     async fn clear_after_stop(&self, report: &StopReport, deadline: Instant) -> ListAfterStop {
         if report.list_length == Some(0) {
             return ListAfterStop::WasEmpty;
@@ -285,8 +294,8 @@ impl Robot {
         }
     }
 
-    /// While a frame of this handle that can move the arm may still be taken, watches on. Then stops again, for the frame may have
-    /// been carried out by now, and clears the list again.
+    /// Watches while the controller may still take a frame of this handle that can move the arm. Then stops
+    /// again, because the frame may have been carried out by now, and clears the list again.
     async fn wait_out_doubts(&self, way: &Self, report: &mut StopReport, deadline: Instant) {
         let doubts = &self.hub().doubts;
         let halt = || Halt::new(way.clone(), (self.now() + CONFIRM_WITHIN).min(deadline - LEFT_FOR_CLEARING));
@@ -299,7 +308,7 @@ impl Robot {
             let look_at = until.unwrap_or(give_up).min(give_up).min(self.now() + READ_EVERY);
             doubts.change_until(look_at).await;
             let seen = way.observe(Lane::Urgent).await;
-            // What runs is stopped at once; whether more comes is looked at after that.
+            // Stop a running machine at once, then check whether more frames may come.
             if seen.is_ok_and(|seen| seen.connection == report.connection && report.is_contradicted_by(&seen))
             {
                 halt().run().await.prove_again(report);

@@ -32,21 +32,24 @@ pub use crate::stream::options::RunOptions;
 use crate::stream::task::{Task, Whole};
 
 impl Robot {
-    /// Runs a motion: checks it, looks at the machine, then streams it in lists that the controller takes. The first
-    /// replaces the list, the others are appended while the arm moves, as soon as there is room.
+    /// Runs a motion: checks it, looks at the machine, then streams it in lists that the controller takes.
+    /// The first list replaces the controller's list. The others are appended while the arm moves, as soon as
+    /// there is room.
     ///
-    /// It returns once everything is checked; what then happens is told by the handle. How far the arm is, is read from the
-    /// length of the list (`RemoteCmdLen`), or, from firmware without it, from where the arm is. A list whose outcome is
-    /// unknown is never sent again: the motion ends there. What has not left when the connection is lost never does
-    /// ([`Cause::NotSent`]): no motion goes on over another connection by itself, nor is its end seen there
-    /// ([`Cause::Unreadable`]).
+    /// It returns once everything is checked; the handle reports what happens then. The progress of the arm
+    /// is read from the length of the list (`RemoteCmdLen`) or, if the firmware has none, from the position
+    /// of the arm. A list with an unknown outcome is never sent again: the motion ends there. If the
+    /// connection is lost, the unsent rest is never sent ([`Cause::NotSent`]). A motion does not continue
+    /// over another connection, nor is its end observed there ([`Cause::Unreadable`]).
     ///
-    /// A motion that is appended ([`RunOptions::append`]) or repeats ([`Motion::repeat`]) is sent at once and as a whole.
+    /// A motion that is appended ([`RunOptions::append`]) or repeats ([`Motion::repeat`]) is sent at once and
+    /// as a whole.
     ///
     /// ```
     /// # #[tokio::main(flavor = "current_thread")]
     /// # async fn main() -> Result<(), Box<dyn std::error::Error>> {
-    /// # let controller = r6_sim::VirtualController::builder().clock(r6_sim::Clock::AsFastAsPossible).start().await?;
+    /// # let builder = r6_sim::VirtualController::builder();
+    /// # let controller = builder.clock(r6_sim::Clock::AsFastAsPossible).start().await?;
     /// # let address = controller.address().to_string();
     /// use r6_client::units::{AxisPosition, Percent};
     /// use r6_client::{Motion, Robot, RobotSettings, RunOptions};
@@ -54,7 +57,8 @@ impl Robot {
     /// let robot = Robot::connect(&address, RobotSettings::default()).await?;
     /// let fast = Percent::new(50.0)?;
     /// let motion = (0..100).fold(Motion::new(), |motion, n| {
-    ///     motion.axis_move(AxisPosition::degrees([f64::from(n) / 4.0, 0.0, 10.0, 0.0, 30.0, 0.0]), fast).blend(5)
+    ///     let target = AxisPosition::degrees([f64::from(n) / 4.0, 0.0, 10.0, 0.0, 30.0, 0.0]);
+    ///     motion.axis_move(target, fast).blend(5)
     /// });
     /// let handle = robot.run(&motion, RunOptions::default()).await?;
     /// let mut middle = handle.step(50).expect("there are a hundred");
@@ -65,10 +69,13 @@ impl Robot {
     /// ```
     ///
     /// # Errors
-    /// [`MotionError`], nothing of the motion was sent: a wrong step, a step beyond the guard's envelope
-    /// ([`Robot::with_guard`]), a condition of the machine that is not met, another motion that is being streamed, or
-    /// a state that cannot be read; or the motion before this one failed, and nobody has asked what became of it
-    /// ([`Cause::EarlierFailed`], once). A stop that is under way is waited for, 15 s at most ([`Cause::StoppedHere`]).
+    /// [`MotionError`]; nothing of the motion was sent. The causes:
+    ///
+    /// - a wrong step, or a step beyond the guard's envelope ([`Robot::with_guard`])
+    /// - a condition of the machine that is not met, or a state that cannot be read
+    /// - another motion that is being streamed
+    /// - a failure of the previous motion that the program has not read yet ([`Cause::EarlierFailed`], once)
+    /// - a stop that is still under way after 15 s ([`Cause::StoppedHere`])
     pub async fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
         self.drive(self.begin(motion, options)).await
     }
@@ -95,11 +102,11 @@ impl Robot {
         }
         if status.list_length.is_none() && !motion.repeats() && ends_in_endless_wait(motion) {
             let wanted =
-                "limited: this firmware does not tell the length of its list, and nobody could see the end";
+                "limited: this firmware does not tell the length of its list, and the end could not be seen";
             return Err(wrong(steps.len(), "isUnlimit", wanted));
         }
         if let Some(envelope) = self.guard() {
-            // What is appended begins where the list ends, and nobody knows where that is.
+            // Appended steps begin where the list ends, and that place is unknown.
             let at_rest = status.moving == Some(false) && status.list_length == Some(0);
             let from = (!options.append || at_rest).then_some(Start { axes: status.axes, pose: status.pose });
             let checked = envelope.check(steps, motion.units(), from, self.reckoning());
@@ -123,13 +130,12 @@ impl Robot {
         })
     }
 
-    /// The frames that [`Self::run`] would send, in their order, byte by byte but for `packID`: here they are numbered from
-    /// 1, and on the wire they are counted together with queries.
+    /// The frames that [`Self::run`] would send, in order. They differ from those on the wire only in
+    /// `packID`: here they are numbered from 1, on the wire they are counted together with queries.
     ///
-    /// Nothing is sent and nothing is asked. A guard is consulted, without the step from the present position.
-    ///
+    /// Sends and reads nothing. Checks the guard's envelope, without the step from the present position.
     /// # Errors
-    /// [`Cause`]: a wrong step, or one beyond the envelope.
+    /// [`Cause`]: a wrong step, or a step beyond the envelope.
     pub fn dry_run(&self, motion: &Motion, options: RunOptions) -> Result<Vec<Vec<u8>>, Cause> {
         motion.instructions().map_err(Cause::Step)?;
         if let Some(guard) = self.guard() {
@@ -138,8 +144,9 @@ impl Robot {
         motion.frames(self.settings(), options).map_err(Cause::Step)
     }
 
-    /// Looks at the machine, and clears a list that is left over if that is wished and possible. Tells whom it looked at, over which
-    /// connection. Looks again if the call that does so was slow: what it saw may be over.
+    /// Looks at the machine, and clears a leftover list if the options ask for it and it is possible. Returns
+    /// the status, and the robot and connection that it was read from. Looks again if the calling task was
+    /// slow, because the state may have changed.
     pub(crate) async fn look_before(&self, options: RunOptions) -> Result<(Status, About), Cause> {
         let mut last = self.hub().time.now();
         for _ in 0..MOST_LOOKS {
@@ -165,7 +172,7 @@ impl Robot {
         };
         let mut found = unmet(&status);
         if options.clear_leftover && matches!(found.as_slice(), [Unmet::LeftoverList { .. }]) {
-            // What is left over on another connection was not looked at.
+            // Only on this connection: the leftover list of another one was not looked at.
             let terms = Terms { only_on: Some(about.connection), ..Terms::default() };
             let clear = Work::AddRcc { replace: true, instructions: Vec::new() };
             self.accepted_on(terms, clear, Lane::Ordinary).await.map_err(Cause::NotCleared)?;
@@ -177,8 +184,9 @@ impl Robot {
 }
 
 impl Robot {
-    /// Fails once another connection answers. A controller that was switched off and on has an empty list, too, and may stand where the
-    /// path ends; what is in its list may be somebody else's. `lost`: what to tell where nothing says more.
+    /// Fails once another connection answers. After a power cycle a controller has an empty list, too, and
+    /// may stand where the path ends; its list may belong to another client. `lost`: the cause to report if
+    /// no better one is found.
     pub(crate) async fn same_connection(
         &self,
         about: &About,
@@ -192,12 +200,13 @@ impl Robot {
         if let Some(restart) = self.restart_since(about, seen, idle_mode).await {
             return Err(Cause::Restarted(restart));
         }
-        // An alarm, or a mode in which nothing runs, says more.
+        // An alarm, or a mode in which nothing runs, is the better cause.
         seen.values.check(idle_mode)?;
         Err(lost)
     }
 
-    /// Stops the arm where something has left and the motion that ended so is to `stop` it; what became of that.
+    /// Stops the arm if a step was sent and `stop` is set. Returns the result of that stop, or of another
+    /// caller's stop.
     pub(crate) async fn stop_after(
         &self,
         cause: &Cause,
@@ -206,7 +215,7 @@ impl Robot {
     ) -> Option<Box<Result<StopReport, RequestError>>> {
         let stop = match cause {
             _ if stop && progress.left > 0 => Some(self.stop_now().await),
-            // Somebody else stops the arm: until that is done, its list may not be cleared.
+            // Another caller stops the arm. Wait for it, because the list may not be cleared before.
             Cause::StoppedHere if !stop => self.stop_under_way().await,
             _ => None,
         };
@@ -215,11 +224,11 @@ impl Robot {
 }
 
 impl Motion {
-    /// The lists that [`Robot::run`] cuts this motion into: which steps are in each, counted from 0.
+    /// The lists that [`Robot::run`] cuts this motion into: the steps of each, counted from 0.
     ///
     /// # Errors
-    /// [`StepError`]: a wrong step, or one that is too long for a frame of its own. Its field is `room` if the motion has to be sent
-    /// as a whole (it is appended, or it repeats) and is too long for that.
+    /// [`StepError`]: a wrong step, or a step that is too long for a frame of its own. Its field is `room` if
+    /// the motion has to be sent as a whole (it is appended, or it repeats) and is too long for that.
     pub fn lists(
         &self,
         settings: &RobotSettings,
@@ -234,12 +243,12 @@ impl Motion {
         cut(steps, self.frame_starts(), settings, options.frame_length())
     }
 
-    /// Whether it is sent at once, however far the arm is: behind other steps, or repeating, nobody can see that.
+    /// Whether it is sent at once: its progress cannot be observed if it is appended or repeats.
     fn goes_whole(&self, options: RunOptions) -> bool {
         options.append || self.repeats()
     }
 
-    /// The frames of [`Robot::dry_run`], for which no robot is needed. No guard is consulted: see
+    /// The frames of [`Robot::dry_run`], without a robot. No guard is checked: see
     /// [`crate::Envelope::check_motion`].
     ///
     /// # Errors

@@ -20,7 +20,7 @@ use crate::settings::Liveness;
 pub use crate::subscription::limits::NotSubscribed;
 use crate::subscription::limits::{LONGEST_PERIOD, SHORTEST_PERIOD};
 
-/// Values that are read again and again: [`Robot::subscribe`]. Dropping it ends that.
+/// Values that are read repeatedly: [`Robot::subscribe`]. Dropping it ends that.
 #[derive(Debug)]
 pub struct Subscription {
     robot: Robot,
@@ -29,35 +29,35 @@ pub struct Subscription {
     news: watch::Receiver<()>,
 }
 
-/// The values of a subscription at one moment. They need not have been read in one query: each has its own age.
+/// The values of a subscription at one moment. They may come from several queries: each has its own age.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Snapshot {
     values: Vec<Value>,
     failure: Option<RequestError>,
 }
 
-/// The last value of an address, and what it is worth.
+/// The last value of an address, and its quality.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Value {
     /// The address.
     pub address: Address,
-    /// What was read last; `None` if there is no value.
+    /// The last value read; `None` if there is no value.
     pub reading: Option<Reading>,
-    /// How long ago it was asked for: it is no older. `None` if no answer ever came.
+    /// The time since it was asked for; the value is no older. `None` if no answer ever came.
     pub age: Option<Duration>,
     /// Whether to act on it.
     pub quality: Quality,
 }
 
-/// What a value is worth.
+/// How much a value can be trusted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Quality {
     /// It was read when it was due.
     Fresh,
-    /// It should have been read again, [`Liveness::suspect_after`] ago or longer, or the connection is lost or suspect, or it was
-    /// read over an earlier connection.
+    /// It should have been read again at least [`Liveness::suspect_after`] ago, the connection is lost or
+    /// suspect, or it was read over an earlier connection.
     Stale,
-    /// The same since [`Liveness::dead_after`].
+    /// It should have been read again at least [`Liveness::dead_after`] ago, or the connection is dead.
     Dead,
     /// No answer has come yet.
     NotRead,
@@ -68,17 +68,18 @@ pub enum Quality {
 }
 
 impl Robot {
-    /// Has these addresses read every so often, from now on, until the subscription is dropped.
+    /// Reads these addresses periodically, from now on, until the subscription is dropped.
     ///
-    /// All subscriptions of a robot and its clones share one poller. It merges what is due at about the same time into as few
-    /// queries as the controller's frames allow, asks for an address at the shortest period that anybody wants, and has never
-    /// more than one query under way, so that a command waits for no more than one of its frames. Periods that are
-    /// multiples of each other are merged best. Controllers have been polled every 50 ms for hours.
+    /// All subscriptions of a robot and its clones share one poller. It merges addresses that are due at
+    /// about the same time into as few queries as the controller's frames allow. It asks for an address at
+    /// the shortest period of all its subscriptions. At most one query is under way, so that a command waits
+    /// for no more than one of its frames. Periods that are multiples of each other merge best. Controllers
+    /// have been polled every 50 ms for hours.
     ///
-    /// A lost connection is made anew by the next poll, at once, and for as long as it takes: attempts follow each other within three
-    /// eighths of the shortest period, so that values are there again within one period once there is a link. All of them are then
-    /// read again. No motion is resumed, and
-    /// a command still has to be preceded by somebody's [`Robot::status`] or query: what a subscription reads does not count.
+    /// After a loss of the connection, the next poll reconnects at once, and for as long as it takes.
+    /// Attempts follow each other within three eighths of the shortest period, so that values are there again
+    /// within one period once there is a link. All of them are then read again. No motion is resumed. A
+    /// command still needs a [`Robot::status`] or query before it: the reads of a subscription do not count.
     ///
     /// A subscription keeps the connection open like a clone of the handle.
     ///
@@ -115,7 +116,7 @@ impl Robot {
     }
 }
 
-/// Asks for what is due, one query at a time, until nothing is wanted or the handle is closed.
+/// Asks for what is due, one query at a time, until no subscription is left or the handle is closed.
 async fn poll(robot: Robot) {
     let board = &robot.hub().board;
     while let Some(poll) = board.due().await {
@@ -134,7 +135,7 @@ impl Subscription {
         &self.addresses
     }
 
-    /// The values as they are known now, in the order of the addresses. Waits for nothing.
+    /// The values as they are known now, in the order of the addresses. It does not wait.
     #[must_use]
     pub fn latest(&self) -> Snapshot {
         let hub = self.robot.hub();
@@ -149,11 +150,11 @@ impl Subscription {
         Snapshot { values: values.collect(), failure }
     }
 
-    /// Waits until any of the values was read again, a poll failed, or the connection was lost; `None` once the handle is
-    /// closed.
+    /// Waits until any of the values was read again, a poll failed, or the connection was lost; `None` once
+    /// the handle is closed.
     ///
-    /// Whoever comes late gets the latest values; what was in between is gone, and nobody waits for him. Dropping
-    /// the future loses nothing.
+    /// A late caller gets the latest values; those in between are gone, and the poller does not wait.
+    /// Dropping the future loses nothing.
     pub async fn next(&mut self) -> Option<Snapshot> {
         self.robot.drive(self.news.changed()).await.ok()?;
         Some(self.latest())
@@ -167,7 +168,7 @@ impl Drop for Subscription {
 }
 
 impl Value {
-    /// The statement "this value is fresh": it was read over the connection that is alive now, and when it was due.
+    /// The statement "this value is fresh": it was read when due, over the connection that is alive now.
     fn of(
         address: Address,
         last: Option<Last>,
@@ -187,7 +188,7 @@ impl Value {
             Ok(reading) if overdue > liveness.dead_after || link == LinkState::Dead => {
                 (Some(reading), Quality::Dead)
             }
-            // A value of an earlier connection may be another robot's, or from before it was switched off.
+            // A value of an earlier connection may come from another robot, or from before a power cycle.
             Ok(reading)
                 if overdue > liveness.suspect_after
                     || link == LinkState::Suspect
@@ -214,13 +215,13 @@ impl Snapshot {
         self.values.iter().find(|value| value.address == address)
     }
 
-    /// What was read, if it is fresh: the only values to act on.
+    /// The value read, if it is fresh: act on no others.
     #[must_use]
     pub fn fresh(&self, address: Address) -> Option<&Reading> {
         self.value(address).filter(|value| value.quality == Quality::Fresh)?.reading.as_ref()
     }
 
-    /// Why the last poll failed; `None` if it did not.
+    /// Why the last poll failed; `None` if it succeeded.
     #[must_use]
     pub fn failure(&self) -> Option<&RequestError> {
         self.failure.as_ref()

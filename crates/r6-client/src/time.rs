@@ -1,7 +1,7 @@
-//! What time it is, as the hand that drives the client says; and who waits for a time.
+//! The time, as set by the hand that drives the client, and the tasks that wait for a time.
 //!
 //! ```text
-//!  the hand:  pass(now) ──▶ now() is later, and whoever waited for a time that is over is woken
+//!  the hand:  pass(now) ──▶ now() is later, and wakes the tasks that waited for a time up to now
 //!  a waiter:  sleep_until(at) ──▶ deadline(), by which the hand has to come back
 //! ```
 
@@ -16,14 +16,14 @@ use std::time::Duration;
 
 use r6_proto::time::Instant;
 
-/// No time at which anybody waits.
+/// No task waits for a time.
 const NEVER: u64 = u64::MAX;
 
-/// The time of one client. It goes on only when its hand says so.
+/// The clock of one client. It advances only when its hand says so.
 #[derive(Debug)]
 pub(crate) struct Time {
     now: AtomicU64,
-    /// The earliest time that anybody waits for.
+    /// The earliest time that a task waits for.
     earliest: AtomicU64,
     waiting: Mutex<Waiting>,
 }
@@ -34,7 +34,7 @@ struct Waiting {
     next_id: u64,
 }
 
-/// It took longer than it may.
+/// The time limit passed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Elapsed;
 
@@ -45,12 +45,12 @@ impl Default for Time {
 }
 
 impl Time {
-    /// What time it is.
+    /// The time now.
     pub fn now(&self) -> Instant {
         Instant::from_nanos(self.now.load(Ordering::Acquire))
     }
 
-    /// It is so late now. Time never goes back.
+    /// Sets the time and wakes the tasks whose time has come. Time never goes back.
     pub fn pass(&self, now: Instant) {
         self.now.fetch_max(now.as_nanos(), Ordering::AcqRel);
         if now.as_nanos() < self.earliest.load(Ordering::Acquire) {
@@ -69,7 +69,7 @@ impl Time {
         due.into_iter().for_each(Waker::wake);
     }
 
-    /// When somebody has to be woken.
+    /// The next time at which a task has to be woken.
     pub fn deadline(&self) -> Option<Instant> {
         match self.earliest.load(Ordering::Acquire) {
             NEVER => None,
@@ -82,12 +82,12 @@ impl Time {
         Sleep { time: Arc::clone(self), at, id: None }
     }
 
-    /// Ends after so long.
+    /// Ends after this time.
     pub fn sleep(self: &Arc<Self>, time: Duration) -> Sleep {
         self.sleep_until(self.now() + time)
     }
 
-    /// What comes of this, unless that time comes first.
+    /// Waits for the future until that time at most.
     pub async fn timeout_at<F: Future>(self: &Arc<Self>, at: Instant, what: F) -> Result<F::Output, Elapsed> {
         let (mut what, mut over) = (pin!(what), pin!(self.sleep_until(at)));
         std::future::poll_fn(|cx| match what.as_mut().poll(cx) {
@@ -97,12 +97,12 @@ impl Time {
         .await
     }
 
-    /// The same after so long.
+    /// Waits for the future for this long at most.
     pub async fn timeout<F: Future>(self: &Arc<Self>, time: Duration, what: F) -> Result<F::Output, Elapsed> {
         self.timeout_at(self.now() + time, what).await
     }
 
-    /// Nobody holds this across an await, and nothing that holds it can panic halfway.
+    /// No caller holds this guard across an await, and nothing can panic while holding it.
     fn waiting(&self) -> MutexGuard<'_, Waiting> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -118,7 +118,7 @@ impl Time {
 pub(crate) struct Sleep {
     time: Arc<Time>,
     at: Instant,
-    /// While it waits: its number.
+    /// Its number, while it waits.
     id: Option<u64>,
 }
 
@@ -132,7 +132,7 @@ impl Future for Sleep {
     type Output = ();
 
     fn poll(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<()> {
-        // Looked at under the lock, so that the time cannot come between this look and the waiting.
+        // Checked under the lock, so that the time cannot come between this check and the wait.
         let this = &mut *self;
         let mut waiting = this.time.waiting();
         if this.time.now() >= this.at {
@@ -145,7 +145,7 @@ impl Future for Sleep {
         let earlier = waiting.by_time.insert((this.at, id), cx.waker().clone());
         this.time.note_earliest(&waiting);
         drop(waiting);
-        // The last of a task's wakers may own what waits here too.
+        // Not under the lock: the last of a task's wakers may own a `Sleep` of this clock too.
         drop(earlier);
         Poll::Pending
     }
@@ -225,7 +225,7 @@ mod tests {
     }
 
     proptest! {
-        /// The deadline is the earliest time that is waited for, whoever comes and goes.
+        /// The deadline is the earliest time that a task waits for, however tasks come and go.
         #[test]
         fn the_deadline_is_the_earliest(waits in prop::collection::vec((0_u64..100, any::<bool>()), 1..30), now in 0_u64..100) {
             let time = Arc::new(Time::default());

@@ -1,4 +1,4 @@
-//! Values with units: a mistake in the unit does not compile.
+//! Values with units: a unit error does not compile.
 //!
 //! ```
 //! use r6_client::units::{AxisPosition, Degrees, Millimetres, Percent, Pose};
@@ -20,7 +20,7 @@
 //! let sum = Degrees(1.0) + Millimetres(1.0);
 //! ```
 //!
-//! A speed in mm/s is no percentage, and a bare number is neither:
+//! A speed in mm/s is not a percentage, and a bare number is neither:
 //!
 //! ```compile_fail,E0308
 //! use r6_client::Motion;
@@ -35,7 +35,7 @@
 //! Motion::new().axis_move(AxisPosition::degrees([0.0; 6]), 20.0);
 //! ```
 //!
-//! A linear move does not go to axis positions, nor an axis move to a pose:
+//! A linear move does not accept axis positions, nor an axis move a pose:
 //!
 //! ```compile_fail,E0308
 //! use r6_client::Motion;
@@ -60,7 +60,7 @@ pub use crate::units::position::{AxisCoordinate, AxisPosition, Pose};
 use r6_proto::grid::{Grid, Nearest};
 use r6_proto::message::instruction::PathSpeed;
 
-/// The slowest speed that the wire can carry, percent: one step.
+/// The slowest speed that the wire can carry, in percent: one step.
 const SLOWEST_PERCENT: f64 = 0.1;
 
 /// An angle, degrees.
@@ -75,17 +75,17 @@ pub struct Degrees(pub f64);
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 pub struct Millimetres(pub f64);
 
-/// What adds up: two angles, two lengths; and their multiples.
+/// Implements arithmetic for a unit: sums and differences of two values, and multiples.
 macro_rules! adds_up {
     ($unit:ident, $symbol:literal) => {
         impl $unit {
-            /// The number alone.
+            /// The number without the unit.
             #[must_use]
             pub const fn value(self) -> f64 {
                 self.0
             }
 
-            /// The same without its sign.
+            /// The value without its sign.
             #[must_use]
             pub const fn abs(self) -> Self {
                 Self(self.0.abs())
@@ -132,19 +132,19 @@ macro_rules! adds_up {
 adds_up!(Degrees, "deg");
 adds_up!(Millimetres, "mm");
 
-/// A number that the unit does not allow.
+/// A number outside the range of a unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutOfRange {
     /// The number.
     pub value: f64,
-    /// What it has to be.
+    /// What the number has to be.
     pub wanted: &'static str,
-    /// The numbers that the unit allows, where it lies between two of them.
+    /// The nearest allowed numbers, if it lies between two of them.
     pub nearest: Option<Nearest>,
 }
 
 impl OutOfRange {
-    /// A number that has no nearest ones.
+    /// A number without nearest allowed ones.
     pub(crate) const fn new(value: f64, wanted: &'static str) -> Self {
         Self { value, wanted, nearest: None }
     }
@@ -162,25 +162,25 @@ impl fmt::Display for OutOfRange {
 
 impl std::error::Error for OutOfRange {}
 
-/// A share of the most that is possible: the `speed` of a move, from 0.1 to 100 in steps of 0.1 (manual 6.1.1).
+/// A share of the maximum: the `speed` of a move, from 0.1 to 100 in steps of 0.1 (manual 6.1.1).
 ///
-/// An axis move at 100 % drives its slowest axis as fast as it goes; a linear move at 100 % goes 2000 mm/s (reported,
-/// unit B). The global speed multiplies both.
+/// An axis move at 100 % drives its slowest axis as fast as it goes; a linear move at 100 % goes 2000 mm/s
+/// (reported, unit B). The global speed multiplies both.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct Percent(f64);
 
 impl Percent {
-    /// All of it.
+    /// The whole maximum: 100 %.
     pub const MAX: Self = Self(100.0);
 
-    /// This share.
+    /// Creates a percentage.
     ///
     /// # Errors
-    /// [`OutOfRange`] below 0.1, above 100, and for what is no number; between two steps it tells both. What floating point adds to a
-    /// step passes ([`r6_proto::grid::ON_GRID_WITHIN`]).
+    /// [`OutOfRange`] below 0.1, above 100, and for NaN. Between two steps the error has both. A deviation
+    /// from a step by floating point passes ([`r6_proto::grid::ON_GRID_WITHIN`]).
     pub const fn new(percent: f64) -> Result<Self, OutOfRange> {
         const WANTED: &str = "percent, from 0.1 to 100 in steps of 0.1";
-        // A comparison with what is no number is never true.
+        // A comparison with NaN is never true.
         let is_within = percent >= SLOWEST_PERCENT && percent <= 100.0;
         match Grid::PERCENT.step(percent) {
             Ok(_) if is_within => Ok(Self(percent)),
@@ -189,7 +189,7 @@ impl Percent {
         }
     }
 
-    /// The number alone.
+    /// The number without the unit.
     #[must_use]
     pub const fn value(self) -> f64 {
         self.0
@@ -203,13 +203,13 @@ impl fmt::Display for Percent {
     }
 }
 
-/// The speed of the tool along its path, before the global speed is applied: a whole number of mm/s from 1, because
-/// a fraction raised alarm 219 (reported, unit B).
+/// The speed of the tool along its path, before the global speed is applied: a whole number of mm/s from 1. A
+/// fraction raised alarm 219 (reported, unit B).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MillimetresPerSecond(u32);
 
 impl MillimetresPerSecond {
-    /// This speed.
+    /// Creates a speed.
     ///
     /// # Errors
     /// [`OutOfRange`] for 0 and above [`PathSpeed::FASTEST`].
@@ -221,7 +221,7 @@ impl MillimetresPerSecond {
         }
     }
 
-    /// The number alone.
+    /// The number without the unit.
     #[must_use]
     pub fn value(self) -> f64 {
         f64::from(self.0)

@@ -1,8 +1,10 @@
-//! A day of a palletising cell, on one core and without sockets: what it costs, and that it is the same twice.
+//! A day of a palletising cell, on one core and without sockets: its cost, and that two runs give the same
+//! result.
 //!
-//! The cell is that of `tests/day.rs`: a camera that is asked for a photo of every part, stacks that the PC changes, counters
-//! with a target, pallets and sheets that come with a delay, and a PC that reads twelve addresses once a second. The time is that of
-//! the processor (`/proc`, Linux), so that what else runs on the machine does not count.
+//! The cell is that of `tests/day.rs`: a camera with a photo request for every part, stacks that the PC
+//! changes, counters with a target, pallets and sheets that come with a delay, and a PC that reads twelve
+//! addresses once a second. The bench measures processor time (`/proc`, Linux), so that other processes do
+//! not count.
 
 #[path = "../tests/day/cell.rs"]
 mod cell;
@@ -11,12 +13,12 @@ use std::time::Duration;
 
 const DAY: Duration = Duration::from_secs(24 * 3600);
 
-/// An hour is enough to see that it runs.
+/// An hour is enough to check that it runs.
 const HOUR: Duration = Duration::from_secs(3600);
 
 const SEED: u64 = 7;
 
-/// How long this process has had a processor.
+/// The processor time of this process.
 fn processor_time() -> Duration {
     #[expect(clippy::disallowed_methods, reason = "a bench asks the system what it cost")]
     let costs = std::fs::read_to_string("/proc/self/schedstat").expect("Linux tells what a process cost");

@@ -1,8 +1,9 @@
 //! One query of twelve addresses through the whole controller, bytes in to bytes out, while the arm moves.
 //!
-//! Beside it the same with the arm at rest, and a bare evaluation of rsruckig at one instant for scale: the controller
-//! reads a frame, finds where the arm is for each address that asks, and writes a frame. Every contender goes through
-//! 1 024 different frames and instants. They take turns, a slice of a quarter of a second each, fifteen rounds of it.
+//! For comparison it also measures the same query with the arm at rest, and a bare evaluation of rsruckig at
+//! one instant. The controller reads a frame, computes the position of the arm once per query, and writes a
+//! frame. Every contender goes through 1 024 different frames and instants. They take turns, a slice of a
+//! quarter of a second each, in fifteen rounds.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -19,13 +20,13 @@ const CASES: usize = 1024;
 /// How often the contenders take turns.
 const ROUNDS: usize = 15;
 
-/// The time between two queries: shorter than a program asks a cabinet.
+/// The time between two queries: shorter than any client polls.
 const STEP: Duration = Duration::from_millis(1);
 
 /// Addresses of one query.
 const ADDRESSES: usize = 12;
 
-/// A multiplicative generator: the same frames in every run.
+/// A multiplicative generator: it gives the same frames in every run.
 struct Random(u64);
 
 impl Random {
@@ -35,7 +36,7 @@ impl Random {
     }
 }
 
-/// What a program that watches an arm asks for, six axes and the pose's numbers most often.
+/// The query of a program that watches an arm: mostly the six axes and the components of the pose.
 fn query(random: &mut Random, number: usize) -> Vec<u8> {
     let fixed = ["curMode", "curAlarm", "isMoving", "RemoteCmdLen", "origin", "curCycle"];
     let address = |random: &mut Random| match random.below(10) {
@@ -52,7 +53,7 @@ fn query(random: &mut Random, number: usize) -> Vec<u8> {
     frame.to_string().into_bytes()
 }
 
-/// A controller on a clock of its own, with one connection.
+/// A controller on its own clock, with one connection.
 struct Cell {
     controller: Controller,
     id: ConnectionId,
@@ -70,7 +71,7 @@ impl Cell {
         Self { controller, id, now: Instant::ORIGIN }
     }
 
-    /// Goes round four corners for ever: its steps are kept, so the list begins again.
+    /// Moves round four corners without end. The list keeps its steps and begins again.
     fn moving() -> Self {
         let mut cell = Self::at_rest();
         let step = |[j1, j2, j5]: [i32; 3]| {
@@ -111,19 +112,19 @@ impl Cell {
         read(self.controller.poll_transmit(self.now, self.id))
     }
 
-    /// A little later, one frame in and one out; how long it is.
+    /// Advances the time, sends one frame and reads one; returns the length of the reply.
     fn turn(&mut self, frame: &[u8]) -> usize {
         self.now += STEP;
         self.ask(frame);
         let bytes = self.reply_of(|reply| black_box(reply).map_or(0, <[u8]>::len));
-        // A shell takes the log away, too.
+        // A shell reads the log, too.
         while let Some(line) = self.controller.poll_log() {
             black_box(line);
         }
         bytes
     }
 
-    /// Every query is answered in full, in JSON, and the arm moves or does not as it should.
+    /// Checks that every query is answered in full, in JSON, and that the arm moves or rests as expected.
     fn check(&mut self, frames: &[Vec<u8>], moves: bool) {
         let mut places = Vec::new();
         for frame in frames {
@@ -144,7 +145,8 @@ impl Cell {
     }
 }
 
-/// What one side does with the frame of this number; a number of the result, so that nothing is left out.
+/// The work of one contender for the frame with this number. The number it returns depends on the result, so
+/// that the compiler removes nothing.
 type Work<'a> = Box<dyn FnMut(usize) -> usize + 'a>;
 
 /// Six axes planned by rsruckig.
@@ -193,7 +195,7 @@ fn query_of_twelve(criterion: &mut Criterion) {
             let mut turn = 0_usize;
             group.bench_function(BenchmarkId::new(*contender, round), |bencher| {
                 bencher.iter(|| {
-                    // Odd, so every frame comes once in each pass.
+                    // The step is odd, so every frame comes once in each pass.
                     turn = (turn + 389) % CASES;
                     work(black_box(turn))
                 });

@@ -17,7 +17,8 @@ use crate::machine::Machine;
 /// Rated torque on the wire (manual 4.1.1 #16).
 pub const RATED_TORQUE: f64 = 2580.0;
 
-/// What the addresses of one query are answered with: where the arm is is found out once, and only if it is asked for.
+/// Answers the addresses of one query. It computes the position of the arm once, and only if an address needs
+/// it.
 pub(crate) struct Answers<'m> {
     machine: &'m Machine,
     place: OnceCell<(Axes, [f64; AXES])>,
@@ -29,8 +30,8 @@ impl<'m> Answers<'m> {
         Self { machine, place: OnceCell::new(), pose: OnceCell::new() }
     }
 
-    /// Appends the value of an address; nothing where this firmware has none, so that the values no longer line up
-    /// with the addresses (captured, unit C).
+    /// Appends the value of an address. Appends nothing if this firmware lacks the address; the values then
+    /// no longer line up with the addresses (captured, unit C).
     pub fn append(&self, address: Address, data: &mut DataWriter<'_, '_>) {
         let machine = self.machine;
         if !machine.profile.answers(address) {
@@ -59,7 +60,8 @@ impl<'m> Answers<'m> {
             Address::Output(board) => data.integer(i64::from(Io::word(&machine.io.outputs, board))),
             Address::M(board) => data.integer(i64::from(Io::word(&machine.io.m, board))),
             Address::AxisNum => data.integer(i64::try_from(machine.model.axis_count()).unwrap_or(0)),
-            // Nobody documents faxis: taken as the filtered position, and the planned motion is filtered already.
+            // No manual documents faxis. We take it as the filtered position; the planned motion is already
+            // filtered.
             Address::Axis(axis) | Address::Faxis(axis) => data.decimal(self.axis_position(axis)),
             Address::World(component) => data.decimal(self.world_component(component)),
             Address::CurAlarm => data.integer(i64::from(machine.alarm)),
@@ -77,7 +79,7 @@ impl<'m> Answers<'m> {
             }
             Address::RemoteCmdLen => data.integer(i64::try_from(machine.list.len()).unwrap_or(i64::MAX)),
             Address::ToolCoord => {
-                // A collaborative dispatcher cannot be chosen by anything that a manual knows: none.
+                // No manual names a way to choose a collaborative dispatcher, so the answer is always 0.
                 let (tool, bench) = (machine.frames.tool.to_string(), machine.frames.bench.to_string());
                 data.texts([tool.as_str(), bench.as_str(), "0"]);
             }
@@ -86,30 +88,31 @@ impl<'m> Answers<'m> {
         }
     }
 
-    /// The axes and how fast they turn.
+    /// Axis positions and their speeds.
     fn place(&self) -> &(Axes, [f64; AXES]) {
         self.place.get_or_init(|| self.machine.axes_now())
     }
 
-    /// Degrees, or mm on a linear axis.
+    /// Position of one axis, in degrees, or mm on a linear axis.
     fn axis_position(&self, axis: AxisIndex) -> f64 {
         at(self.place().0.degrees(), axis)
     }
 
-    /// X, Y, Z in mm, U, V, W in degrees, then the seventh and eighth axis.
+    /// One component of `world-n`: X, Y, Z in mm, U, V, W in degrees, then the seventh and eighth axis.
     fn world_component(&self, component: AxisIndex) -> f64 {
         let (axes, _) = self.place();
         let pose = self.pose.get_or_init(|| self.machine.pose_of(axes).components());
         pose.get(component.index()).copied().unwrap_or_else(|| at(axes.degrees(), component))
     }
 
-    /// RPM of the motor, from the axis speed and the gear ratio.
+    /// Motor speed in RPM, from the axis speed and the gear ratio.
     fn motor_speed(&self, axis: AxisIndex) -> f64 {
         at(&self.machine.model.motor_rpm(&self.place().1), axis)
     }
 
-    /// In units of 1/2580 of the rated torque. While no program runs and nothing moves the brakes hold the arm, and the
-    /// drives show 0 (idle `"0"` reported, unit A; that a running program at rest shows gravity is chosen).
+    /// Torque in units of 1/2580 of the rated torque. While no program runs and nothing moves, the brakes
+    /// hold the arm and the drives show 0 (idle `"0"` reported, unit A). That a running program at rest shows
+    /// gravity is our choice.
     fn torque(&self, axis: AxisIndex) -> f64 {
         let machine = self.machine;
         if !machine.runs() && !machine.is_moving() {
@@ -125,7 +128,7 @@ impl<'m> Answers<'m> {
     }
 }
 
-/// The value of an address as it leaves on the wire; `None` where this firmware has none.
+/// The value of an address as a client reads it from the wire; `None` if this firmware lacks the address.
 pub(crate) fn reading(machine: &Machine, address: Address) -> Option<Reading> {
     let mut frame = Vec::new();
     let header = Header { ds_id: None, type_key: TypeKey::ReqType, type_word: None, pack_id: None };

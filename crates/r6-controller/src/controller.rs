@@ -1,6 +1,7 @@
-//! The virtual controller: connections in front, one machine behind.
+//! The virtual controller: several connections to one machine.
 //!
-//! A shell gives it bytes and points in time and carries its frames and deadlines away:
+//! The shell that owns the sockets gives it bytes and points in time, and sends its frames and keeps its
+//! deadlines:
 //!
 //! ```text
 //! connect → handle_input(now, id, bytes) → poll_transmit(now, id) … → poll_timeout → handle_timeout(now)
@@ -37,12 +38,12 @@ use crate::saved::SavedState;
 use crate::settings::ControllerSettings;
 use crate::snapshot::ControllerSnapshot;
 
-/// The longest frame that is read. The largest frame of the manual is below 4 KiB; a camera that sends every point
-/// it can see stays below 64 KiB.
+/// Limits on frames that the controller reads. The largest frame of the manual is below 4 KiB. A camera that
+/// sends every point it can see stays below 64 KiB.
 const LIMITS: Limits = Limits { max_frame_bytes: 65_536, max_depth: r6_proto::MAX_DEPTH };
 
-/// How many connections are accepted at all, served or not. Beyond, the oldest that is not served is closed.
-/// A cabinet's sockets are few; this bound only keeps a flood from filling the memory.
+/// How many connections are accepted, served or not. Beyond that, the oldest connection that is not served is
+/// closed. A cabinet has few sockets; this bound only keeps a flood of connections from filling the memory.
 pub const MAX_ACCEPTED: usize = 1024;
 
 /// One connection of a controller.
@@ -50,7 +51,7 @@ pub const MAX_ACCEPTED: usize = 1024;
 pub struct ConnectionId(u64);
 
 impl ConnectionId {
-    /// A number that no other connection of this controller had or will have.
+    /// A number that no other connection of this controller has or gets.
     #[must_use]
     pub fn number(self) -> u64 {
         self.0
@@ -60,13 +61,13 @@ impl ConnectionId {
 /// Whether a connection is served.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Service {
-    /// It is one of the few.
+    /// It counts towards `Profile::max_connections` and is served.
     Served,
-    /// It came when there was no room: accepted, never answered (`Profile::max_connections`).
+    /// It came when no place was free: accepted, never answered (`Profile::max_connections`).
     Ignored,
-    /// It is one of the few, and its peer is gone without the controller's knowledge.
+    /// It has a place, but its peer is gone and the controller has not noticed.
     Wedged,
-    /// It has to be reset (an AddRCC over `Profile::add_rcc_reset_over`) or closed.
+    /// The shell has to reset it (an AddRCC over `Profile::add_rcc_reset_over`) or close it.
     Over,
 }
 
@@ -74,12 +75,12 @@ enum Service {
 struct Connection {
     session: ServerSession,
     service: Service,
-    /// The controller opened it itself: it takes none of the sockets of [`Profile::max_connections`].
+    /// The controller opened it: it does not count towards [`Profile::max_connections`].
     opened: bool,
 }
 
 impl Connection {
-    /// Whether it is one of those that are served, as far as the controller knows.
+    /// Whether it takes one of the places of [`Profile::max_connections`], as far as the controller knows.
     fn takes_a_place(&self) -> bool {
         matches!(self.service, Service::Served | Service::Wedged)
     }
@@ -93,13 +94,13 @@ pub struct Controller {
     next_connection: u64,
     cameras: Cameras,
     woken: VecDeque<ConnectionId>,
-    /// How many frames were sent that nobody had asked for.
+    /// How many unrequested frames were sent.
     pushes: u64,
-    /// Its scenario.
+    /// The scenario and the faults in force, if there is a scenario.
     breakage: Option<Box<Breakage>>,
-    /// What is wrong with the link now.
+    /// The link faults in force.
     link_faults: Vec<LinkFaultNow>,
-    /// How often that has changed.
+    /// How often the link faults have changed.
     link_changes: u64,
     log: Log,
 }
@@ -112,7 +113,8 @@ impl Controller {
         Self { breakage, ..Self::of(Machine::new(settings, now)) }.begun(now)
     }
 
-    /// A controller that was just switched on, with what a power cut left in place of what the settings say of it.
+    /// A controller that was just switched on, with the state that a power cut left. The saved state takes
+    /// precedence over the settings.
     #[must_use]
     pub fn restored(settings: ControllerSettings, saved: &SavedState, now: Instant) -> Self {
         let breakage = Self::breakage(&settings, now);
@@ -124,7 +126,7 @@ impl Controller {
         Some(Box::new(Breakage::new(scenario, settings, now)))
     }
 
-    /// What the scenario has happen at once has happened.
+    /// Carries out what the scenario does at once.
     fn begun(mut self, now: Instant) -> Self {
         self.advance(now);
         self
@@ -145,7 +147,7 @@ impl Controller {
         }
     }
 
-    /// Raises an alarm: something is wrong in the cabinet, or a person wants to see what happens then.
+    /// Raises an alarm, as a failure in the cabinet does, or to see what happens then.
     pub fn raise(&mut self, now: Instant, alarm: u32, why: impl fmt::Display) {
         self.advance(now);
         self.machine.raise(alarm, AlarmCause::Other { why: Detail::of(why) });
@@ -170,19 +172,20 @@ impl Controller {
         id
     }
 
-    /// The shell dials a camera from now on, this one or (`None`) the one that is every camera: while it is away, its photo
-    /// requests go to nobody who never spoke as this camera.
+    /// Says that the shell dials a camera from now on: camera `cam_id`, or with `None` a camera that stands
+    /// for all. While it is not connected, its photo requests go only to a connection that has spoken as this
+    /// camera.
     pub fn expect_camera(&mut self, cam_id: Option<i64>) {
         self.cameras.expect(cam_id);
     }
 
-    /// Takes a connection that the shell opened to a camera. It is served whatever the profile's limit says, which is that of the
-    /// sockets that accept, and gets the photo requests for this camera, or with `None` for every one that has no connection of
-    /// its own.
+    /// Takes a connection that the shell opened to a camera. It is served even beyond the profile's limit,
+    /// which counts accepted connections only. It gets the photo requests for this camera; with `None`, the
+    /// requests for every camera without a connection of its own.
     pub fn connect_camera(&mut self, now: Instant, cam_id: Option<i64>) -> ConnectionId {
         self.advance(now);
         let id = self.next_id();
-        // Without mains nobody dials: the shell is told to hang up.
+        // Without mains the controller does not dial: this tells the shell to close the connection.
         let service = if self.is_off() { Service::Over } else { Service::Served };
         self.insert(id, service, true);
         self.cameras.connect(id, cam_id);
@@ -199,12 +202,12 @@ impl Controller {
         self.connections.insert(id, Connection { session: ServerSession::new(LIMITS), service, opened });
     }
 
-    /// Adds what happened around the controller to the log.
+    /// Adds an event of the shell (sockets, cameras, files) to the log.
     pub fn log(&mut self, now: Instant, connection: Option<ConnectionId>, event: ShellEvent) {
         self.log.add(now, connection, Event::Shell(event));
     }
 
-    /// A fault has struck a connection, or what it carries.
+    /// Logs that a link fault has struck a connection or its bytes.
     pub fn struck(&mut self, now: Instant, connection: ConnectionId, fault: LinkFault) {
         self.log.add(now, Some(connection), Event::Struck { fault: Fault::Link(fault) });
     }
@@ -221,7 +224,7 @@ impl Controller {
         }
     }
 
-    /// A connection has ended.
+    /// Removes a connection that has ended.
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.connections.remove(&id);
         self.log.forget(self.machine.now(), id);
@@ -231,10 +234,10 @@ impl Controller {
         }
     }
 
-    /// A connection has ended, and the controller does not notice ([`crate::fault::LinkFault::HalfOpen`]). If it was one of those
-    /// that are served, its place stays taken for as long as the controller is switched on, as on cabinets that only
-    /// a power cut brings back; it gets and costs nothing else. A connection without such a place, or that was opened to
-    /// a camera, is gone.
+    /// Takes a connection that has ended without the controller noticing
+    /// ([`crate::fault::LinkFault::HalfOpen`]). If it was served, its place stays taken until the power is
+    /// cut, as on real cabinets; it gets and costs nothing else. A connection that has no place, or that was
+    /// opened to a camera, is removed.
     pub fn lose(&mut self, id: ConnectionId) {
         self.cameras.disconnect(id);
         match self.connections.get_mut(&id) {
@@ -261,7 +264,7 @@ impl Controller {
         }
     }
 
-    /// Takes as many bytes from a connection as there is room for; none once it is not served.
+    /// Takes as many bytes from a connection as there is room for; 0 if it is not served.
     pub(crate) fn take_input(&mut self, now: Instant, id: ConnectionId, bytes: &[u8]) -> usize {
         let is_off = self.is_off();
         match self.connections.get_mut(&id) {
@@ -272,7 +275,7 @@ impl Controller {
         }
     }
 
-    /// Carries out the next message of a connection; false once more bytes are needed.
+    /// Carries out the next message of a connection. Returns false if more bytes are needed.
     pub(crate) fn serve_next(&mut self, now: Instant, id: ConnectionId) -> bool {
         let Some(connection) = self.connections.get_mut(&id) else { return false };
         if connection.service != Service::Served {
@@ -292,7 +295,7 @@ impl Controller {
         served
     }
 
-    /// Lets time pass: what is due happens.
+    /// Lets time pass, and does everything that is due.
     pub fn handle_timeout(&mut self, now: Instant) {
         self.advance(now);
         for (id, connection) in &mut self.connections {
@@ -305,7 +308,7 @@ impl Controller {
         self.collect_machine_events();
     }
 
-    /// When [`Self::handle_timeout`] has to be called next. Frames that are held back have their own time:
+    /// When [`Self::handle_timeout`] has to be called next. Delayed frames have their own time:
     /// [`Self::next_transmit`].
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Instant> {
@@ -314,55 +317,57 @@ impl Controller {
         sessions.chain(rest.into_iter().flatten()).min()
     }
 
-    /// The next frame for a connection, to be written as one piece.
+    /// The next frame for a connection. The shell writes it in one piece.
     pub fn poll_transmit(&mut self, now: Instant, id: ConnectionId) -> Option<&[u8]> {
         self.connections.get_mut(&id)?.session.split().1.poll_transmit(now)
     }
 
-    /// Whether a connection has to be reset: it sent an AddRCC that no controller survives, or reads nothing.
+    /// Whether a connection has to be reset: it sent an AddRCC that real controllers answer with a reset, or
+    /// it reads nothing, or it is closed.
     #[must_use]
     pub fn is_over(&self, id: ConnectionId) -> bool {
         self.connections.get(&id).is_none_or(|connection| connection.service == Service::Over)
     }
 
-    /// When the next frame of a connection leaves that is held back now.
+    /// When the next delayed frame of a connection is sent.
     #[must_use]
     pub fn next_transmit(&self, id: ConnectionId) -> Option<Instant> {
         self.connections.get(&id)?.session.next_transmit()
     }
 
-    /// A connection that has something to write, or has to be reset, although it sent nothing itself.
+    /// The next connection that has something to write or has to be reset, although it sent nothing itself.
     pub fn poll_woken(&mut self) -> Option<ConnectionId> {
         self.woken.pop_front()
     }
 
-    /// What is wrong with the link now: the shell that owns the sockets brings it about. Every connection is woken when it
-    /// changes.
+    /// The link faults in force. The shell that owns the sockets applies them. Every connection is woken when
+    /// they change.
     #[must_use]
     pub fn link_faults(&self) -> &[LinkFaultNow] {
         &self.link_faults
     }
 
-    /// How often [`Self::link_faults`] has changed: whoever saw this number saw these faults.
+    /// How often [`Self::link_faults`] has changed. While this number stays the same, so do the faults.
     #[must_use]
     pub fn link_changes(&self) -> u64 {
         self.link_changes
     }
 
-    /// Has the link be like this from now on.
+    /// Sets the link faults of this controller.
     pub fn set_link_faults(&mut self, faults: Vec<LinkFaultNow>) {
         self.link_faults = faults;
         self.link_changes += 1;
         self.woken.extend(self.connections.keys());
     }
 
-    /// What happened, oldest first.
+    /// The next entry of the log, oldest first.
     pub fn poll_log(&mut self) -> Option<LogEntry> {
         self.log.poll()
     }
 
-    /// Asks a camera for a photo: over the connection that was opened to it; else over the one that last spoke as it; else over
-    /// the one that last spoke as any camera; else over all. A request that reaches nobody is told in the log.
+    /// Asks a camera for a photo. The request goes over the connection that was opened to the camera; else
+    /// over the connection that last spoke as it; else over the connection that last spoke as any camera;
+    /// else over all. If no connection gets it, the log says so.
     pub fn request_photo(&mut self, now: Instant, cam_id: i64) {
         self.advance(now);
         self.push_photo(now, cam_id);
@@ -403,10 +408,10 @@ impl Controller {
         }
     }
 
-    /// Does what a person does at the machine.
+    /// Does what an operator does at the machine.
     ///
     /// # Errors
-    /// Why the machine did not do it, and what to do; nothing has changed.
+    /// Why the machine refused, and what to do about it. Nothing has changed then.
     pub fn operate(&mut self, now: Instant, action: &PanelAction) -> Result<(), Refused> {
         self.advance(now);
         if self.is_off() && !action.needs_no_power() {
@@ -418,12 +423,12 @@ impl Controller {
         done
     }
 
-    /// Sets an input, as [`PanelAction::SetInput`] does; one that is not there changes nothing.
+    /// Sets an input, as [`PanelAction::SetInput`] does. An input that does not exist changes nothing.
     pub fn set_input(&mut self, now: Instant, board: u8, point: u8, on: bool) {
         let _ = self.operate(now, &PanelAction::SetInput { board, point, on });
     }
 
-    /// Turns the mode key, as [`PanelAction::TurnKey`] does: that is never refused.
+    /// Turns the mode key, as [`PanelAction::TurnKey`] does. This is never refused.
     pub fn turn_key(&mut self, now: Instant, key: Key) {
         let _ = self.operate(now, &PanelAction::TurnKey(key));
     }
@@ -440,21 +445,21 @@ impl Controller {
         &self.machine
     }
 
-    /// The profile it plays.
+    /// The profile of this controller.
     #[must_use]
     pub fn profile(&self) -> &Profile {
         &self.machine.profile
     }
 
-    /// What a person would see at the machine, now.
+    /// The state of the machine that an operator can see, now.
     pub fn snapshot(&mut self, now: Instant) -> ControllerSnapshot {
         self.advance(now);
         self.collect_machine_events();
         ControllerSnapshot::of(&self.machine, self.served())
     }
 
-    /// The value that a client would read now, which is not always what the machine holds: a firmware has its rounding, and lacks some
-    /// addresses (`None`).
+    /// The value that a client would read now; `None` if this firmware lacks the address. It can differ from
+    /// the machine's own value, because a firmware rounds.
     pub fn reading(&mut self, now: Instant, address: Address) -> Option<Reading> {
         self.advance(now);
         crate::answer::reading(&self.machine, address)

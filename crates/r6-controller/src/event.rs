@@ -1,4 +1,5 @@
-//! What happens at a virtual controller, as data. In words, which only people read, it is in `event/english.rs` and `event/chinese.rs`.
+//! Events at a virtual controller, as data. `event/english.rs` and `event/chinese.rs` turn them into text for
+//! people.
 
 mod chinese;
 mod english;
@@ -13,7 +14,8 @@ use crate::fault::{Fault, IgnoredStop, TaskFault};
 use crate::panel::Refused;
 use crate::scenario::Happening;
 
-/// The longest text within an event, and the longest line: a hostile peer's words are quoted, but not without end.
+/// The longest text in an event, and the longest line, in characters. A hostile peer's words are quoted, so
+/// they need a bound.
 const MAX_CHARS: usize = 400;
 
 /// How much an event matters.
@@ -22,17 +24,18 @@ const MAX_CHARS: usize = 400;
 pub enum Level {
     /// A change of state.
     Info,
-    /// Something that a peer should do otherwise, or that is broken.
+    /// The peer should do something differently, or something is broken.
     Warning,
 }
 
-/// A text that comes from elsewhere: a peer's words, or why something failed. On one line, and no longer than 400 characters.
+/// A text from elsewhere: a peer's words, or why something failed. It is on one line, and at most 400
+/// characters long.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(transparent)]
 pub struct Detail(String);
 
 impl Detail {
-    /// This text, escaped as `r6_proto::printable` does and cut.
+    /// The text, escaped with `r6_proto::printable` and cut.
     pub fn of(text: impl fmt::Display) -> Self {
         Self(cut(printable(&text.to_string()).to_string()))
     }
@@ -58,58 +61,58 @@ fn cut(text: String) -> String {
     }
 }
 
-/// Something that happened at a controller, or in what surrounds it.
+/// Something that happened at a controller, or around it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
-    /// As many connections are served as the firmware serves: this one is not answered.
+    /// This connection is not answered: as many connections are served as the firmware serves.
     TooManyConnections {
         /// How many are served.
         limit: usize,
     },
-    /// What came is no message that a controller knows; it is not answered.
+    /// A message was not understood; it is not answered.
     NotUnderstood {
         /// What is wrong with it.
         problem: Detail,
     },
-    /// Something in a message is odd; the message is dealt with all the same.
+    /// Something in a message is odd; the message is handled nevertheless.
     Odd {
-        /// What, with the nearest right word.
+        /// What is odd, with the nearest known word.
         problem: Detail,
     },
     /// An instruction has no `oneshot`.
     WithoutOneshot {
-        /// Which of the list, from 1.
+        /// Its number in the list, from 1.
         instruction: u32,
-        /// Whether it stays in the list once it has run.
+        /// Whether it stays in the list after it has run.
         stays: bool,
     },
-    /// So many more oddities of one message are not told.
+    /// More oddities of the same message, which are not logged one by one.
     MoreOfTheKind {
         /// How many.
         count: usize,
     },
-    /// A reply came, and a controller asks nothing.
+    /// A reply came, but a controller sends no requests that need one.
     ReplyCame,
-    /// A request has another `dsID` than its kind has. Told once for each connection.
+    /// A request has a `dsID` that does not belong to its type. Logged once per connection.
     WrongDsId {
         /// The request.
         #[serde(serialize_with = "as_text")]
         request: RequestType,
-        /// What was sent; `None`: no `dsID`.
+        /// What was sent; `None` if it has no `dsID`.
         sent: Option<Detail>,
         /// What should have been sent, in the long and the short form.
         right: [&'static str; 2],
     },
     /// A request without a type is not answered.
     WithoutType {
-        /// What it was taken for.
+        /// The type of request it was taken for.
         #[serde(serialize_with = "as_text")]
         request: RequestType,
         /// Whether it was carried out.
         done: bool,
     },
-    /// A request that the dispatcher refused because of one of its fields.
+    /// The dispatcher refused a request because of one of its fields.
     Refused {
         /// The request.
         #[serde(serialize_with = "as_text")]
@@ -133,16 +136,17 @@ pub enum Event {
         /// Why.
         why: Detail,
     },
-    /// A command was answered with ok although its arguments are wrong, as this firmware does; nothing was done.
+    /// A command was answered with ok, as this firmware does, although its arguments are wrong. Nothing was
+    /// done.
     CommandWithoutEffect {
         /// What is wrong with the arguments.
         why: Detail,
     },
-    /// A stop was answered and not carried out: a fault.
+    /// A stop was answered but not carried out: a fault.
     StopIgnored {
-        /// What stops: a command, or `AddRCC`.
+        /// The stop: a command, or `AddRCC`.
         request: Detail,
-        /// How.
+        /// Which kind of the fault.
         #[serde(serialize_with = "as_debug")]
         how: IgnoredStop,
     },
@@ -150,28 +154,28 @@ pub enum Event {
     ListTaken {
         /// How many instructions it has.
         instructions: usize,
-        /// Whether it replaced the one that was there.
+        /// Whether it replaced the list that was there.
         replaced: bool,
-        /// Whether it goes into the list of instructions; otherwise it was answered with ok, and nothing was done.
+        /// Whether it went into the instruction list. If not, it was answered with ok, and nothing was done.
         done: bool,
     },
-    /// A list was taken, and answered with err all the same, as one unit was seen to do.
+    /// A list was taken but answered with err, as one unit was seen to do.
     ListAnsweredErr {
         /// How many instructions it has.
         instructions: usize,
     },
-    /// A list is taken later, and not answered: a fault.
+    /// A list is taken later and not answered: a fault.
     ListComesLate {
-        /// How much later.
+        /// The delay, in seconds.
         #[serde(serialize_with = "as_seconds")]
         after: Duration,
     },
-    /// A list that came before is taken now: a fault.
+    /// A list that came earlier is taken now: a fault.
     LateListTaken {
         /// How many instructions it has.
         instructions: usize,
     },
-    /// A list that came before could not be taken.
+    /// A list that came earlier could not be taken.
     LateListNotTaken {
         /// Why.
         #[serde(serialize_with = "as_text")]
@@ -189,9 +193,9 @@ pub enum Event {
         #[serde(serialize_with = "as_text")]
         why: ListRefusal,
     },
-    /// A list is longer than the firmware takes.
+    /// A list is longer than the firmware accepts.
     ListTooLong {
-        /// Bytes of its frame.
+        /// Length of its frame in bytes.
         bytes: usize,
         /// Whether the connection is reset; otherwise the list is neither executed nor answered.
         reset: bool,
@@ -200,7 +204,7 @@ pub enum Event {
     PhotoAnswered {
         /// The camera.
         camera: i64,
-        /// What it answered.
+        /// The `ret` it answered.
         ret: i64,
     },
     /// A camera was asked for a photo.
@@ -208,33 +212,48 @@ pub enum Event {
         /// The camera.
         camera: i64,
     },
-    /// A camera should be asked for a photo, and there is no connection for it.
+    /// A photo request could not be sent: no connection belongs to the camera.
     PhotoLost {
         /// The camera.
         camera: i64,
-        /// Whether the camera is dialled and away; otherwise no connection can be its.
+        /// Whether the shell dials the camera and it is not connected; otherwise no connection can belong to
+        /// it.
         away: bool,
     },
     /// A connection that was opened to one camera speaks as another.
     CameraSpeaksAsAnother {
-        /// As which it was dialled.
+        /// The `camID` it was dialled as.
         dialled: i64,
-        /// As which it speaks.
+        /// The `camID` it speaks as.
         speaks_as: i64,
     },
-    /// Points of cameras are lost from now on: nobody uses them.
+    /// A camera sent points (`AddPoints`).
+    PointsTaken {
+        /// The camera.
+        camera: i64,
+        /// How many it sent.
+        points: usize,
+        /// How many points of all cameras wait for a program now.
+        waiting: usize,
+    },
+    /// The points that waited for a program were removed at the panel.
+    PointsCleared {
+        /// How many.
+        points: usize,
+    },
+    /// Points from cameras are lost from now on, because no program uses them.
     PointsLost {
-        /// How many wait.
+        /// How many points wait.
         limit: usize,
     },
-    /// More warnings of a connection were left out than are told.
+    /// Warnings of a connection were left out: there were more within a second than the log takes.
     WarningsLeftOut {
         /// How many.
         count: u64,
-        /// How many are told within a second.
+        /// How many the log takes within a second.
         told: u32,
     },
-    /// Nobody read the log in time.
+    /// Events were lost, because the log was not read in time.
     EventsDropped {
         /// How many events are lost.
         count: u64,
@@ -242,7 +261,7 @@ pub enum Event {
 
     /// The mode changed.
     ModeChanged {
-        /// To which.
+        /// The new mode.
         #[serde(serialize_with = "as_text")]
         mode: OperationMode,
         /// Why.
@@ -252,7 +271,7 @@ pub enum Event {
     SingleCycle,
     /// Single step was pressed.
     SingleStep,
-    /// The stop button was pressed: the program ends with this cycle.
+    /// The stop button was pressed: the program ends after this cycle.
     EndsWithCycle,
     /// An alarm was raised.
     AlarmRaised {
@@ -273,9 +292,9 @@ pub enum Event {
         /// The axis.
         #[serde(serialize_with = "as_text")]
         axis: AxisIndex,
-        /// How far, degrees, or mm where it slides.
+        /// How far, in degrees, or mm on a linear axis.
         by: f64,
-        /// How fast, percent.
+        /// How fast, in percent.
         percent: f64,
     },
     /// The machine is being homed.
@@ -289,66 +308,66 @@ pub enum Event {
         /// How many steps it has.
         steps: usize,
     },
-    /// A program that was loaded before has the name of one that was given at the start, which counts.
+    /// A program loaded at the panel has the same name as one given at the start. The latter is used.
     ProgramGivenAtStart {
         /// Its name.
         name: Detail,
     },
-    /// A program that was loaded before is not there now.
+    /// A program that was loaded earlier is no longer available.
     ProgramGone {
         /// Its name.
         name: Detail,
         /// Why.
         why: Detail,
     },
-    /// A curve is not executed, as on real controllers: no linear move was before it.
+    /// A curve is not executed, as on real controllers, because no linear move came before it.
     CurveNotExecuted {
         /// Which step.
         step: Detail,
     },
-    /// The arm stands at its point for a while: a fault.
+    /// The arm rests at its point for a while: a fault.
     Dwells {
         /// How long.
         #[serde(serialize_with = "as_seconds")]
         rest: Duration,
     },
 
-    /// The scenario has something happen.
+    /// The scenario does something.
     Happens {
-        /// What.
+        /// What it does.
         #[serde(serialize_with = "as_text")]
         what: Happening,
     },
-    /// The scenario would have something happen, and it did not.
+    /// The scenario was to do something, but it failed.
     DidNotHappen {
-        /// What.
+        /// What it was to do.
         #[serde(serialize_with = "as_text")]
         what: Happening,
         /// Why.
         why: DidNot,
     },
-    /// An input of the scenario does not follow its output: too many are about to change.
+    /// An input of the scenario does not follow its output: too many changes are pending.
     InputDoesNotFollow,
-    /// Repetitions of the scenario were left out: too many at once.
+    /// Repetitions of the scenario were left out, because there were too many at once.
     HappeningsLeftOut {
         /// How many.
         count: u64,
     },
     /// A fault of the scenario begins.
     FaultBegins {
-        /// Which.
+        /// The fault.
         #[serde(serialize_with = "as_text")]
         fault: Fault,
     },
     /// A fault of the scenario ends.
     FaultEnds {
-        /// Which.
+        /// The fault.
         #[serde(serialize_with = "as_text")]
         fault: Fault,
     },
     /// The mains are back.
     MainsAreBack,
-    /// The program that a power cut should have left could not be chosen.
+    /// The program that the power cut was to leave chosen could not be chosen.
     ProgramNotChosen {
         /// Why.
         #[serde(serialize_with = "as_text")]
@@ -356,24 +375,24 @@ pub enum Event {
     },
     /// A fault struck this connection, or one of its replies.
     Struck {
-        /// Which.
+        /// The fault.
         #[serde(serialize_with = "as_text")]
         fault: Fault,
     },
     /// A request is not answered: a fault.
     NotAnswered {
-        /// Which.
+        /// The fault.
         #[serde(serialize_with = "task_as_text")]
         fault: TaskFault,
     },
-    /// A query is answered with values of before: a fault.
+    /// A query is answered with old values: a fault.
     OldValues {
-        /// Which.
+        /// The fault.
         #[serde(serialize_with = "task_as_text")]
         fault: TaskFault,
     },
 
-    /// The program that serves the controller tells of sockets, cameras and files.
+    /// The shell reports something about sockets, cameras or files.
     Shell(ShellEvent),
 }
 
@@ -387,50 +406,50 @@ pub enum ShellEvent {
     GivesNoAnswer,
     /// Connections are made, but not served.
     DoesNotServe {
-        /// Why they are made all the same.
+        /// Why they are made nevertheless.
         why: Detail,
     },
     /// Connections are taken again.
     TakesAgain,
-    /// A connection that was asked for cannot be accepted; it is tried again until it can.
+    /// A connection cannot be accepted; the shell tries until it can.
     CannotAccept {
-        /// Why: most likely too many files are open.
+        /// Why: most likely because too many files are open.
         why: Detail,
     },
     /// Connections are accepted again.
     AcceptsAgain,
-    /// Few connections can wait to be accepted.
+    /// Only few connections can wait to be accepted.
     ShortQueue {
-        /// Why it could not be made longer.
+        /// Why the queue could not be made longer.
         why: Detail,
     },
     /// The port cannot be opened again.
     CannotListen {
-        /// Where.
+        /// Its address.
         address: Detail,
         /// Why.
         why: Detail,
     },
     /// A connection to a camera was made.
     CameraConnected {
-        /// Which.
+        /// The camera.
         camera: Detail,
     },
     /// The connection to a camera has ended.
     CameraLost {
-        /// Which.
+        /// The camera.
         camera: Detail,
-        /// How.
+        /// How it ended.
         how: Detail,
     },
-    /// A camera cannot be reached; it is tried again until it is there.
+    /// A camera cannot be reached; the shell tries until it can.
     CameraUnreachable {
-        /// Which.
+        /// The camera.
         camera: Detail,
         /// Why.
         why: Detail,
     },
-    /// The state cannot be written: nothing that changes it is acknowledged meanwhile.
+    /// The state cannot be written. Until it can, nothing that changes the state is acknowledged.
     StateNotWritten {
         /// Why.
         why: Detail,
@@ -440,14 +459,14 @@ pub enum ShellEvent {
         /// The file.
         path: Detail,
     },
-    /// The last state was not kept.
+    /// The last state was not saved.
     LastStateLost {
         /// Why.
         why: Detail,
     },
-    /// Somebody who watches notes something down.
+    /// A note from an observer.
     Note {
-        /// What.
+        /// The note.
         text: Detail,
     },
 }
@@ -458,7 +477,7 @@ pub enum ShellEvent {
 pub enum ModeReason {
     /// The program was started.
     Started,
-    /// Somebody turned the key.
+    /// The key was turned.
     KeyTurned,
     /// `actionStop`.
     ActionStop,
@@ -468,9 +487,9 @@ pub enum ModeReason {
     StopButton,
     /// An alarm.
     Alarm,
-    /// One step was to be run.
+    /// A single step has ended.
     SingleStep,
-    /// One step was to be run, and there is none.
+    /// A single step had no step to run.
     SingleStepWithoutStep,
     /// The program has ended.
     ProgramEnded,
@@ -482,12 +501,12 @@ pub enum ModeReason {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "cause", rename_all = "snake_case")]
 pub enum AlarmCause {
-    /// No heartbreak came for too long.
+    /// No heartbreak came in time.
     NoHeartbreak {
-        /// For how long, seconds.
+        /// How long none came, in seconds.
         seconds: f64,
     },
-    /// Somebody raised it at the panel.
+    /// An operator raised it at the panel.
     Panel,
     /// A list was replaced while the arm moved.
     ListReplacedInMotion,
@@ -501,28 +520,28 @@ pub enum AlarmCause {
         #[serde(serialize_with = "as_text")]
         mode: OperationMode,
     },
-    /// A step waited for longer than it may.
+    /// A step waited longer than its limit.
     WaitedTooLong {
-        /// Seconds.
+        /// The limit in seconds.
         limit: f64,
         /// What the alarm means.
         meaning: Detail,
     },
     /// A step could not be carried out.
     Step {
-        /// Which step; `None` where an arm in motion goes on with several.
+        /// The step; `None` if the arm passes through several without stopping.
         step: Option<Detail>,
         /// Why.
         why: Detail,
     },
     /// Something else.
     Other {
-        /// What.
+        /// What it is.
         why: Detail,
     },
 }
 
-/// Why something of a scenario did not happen.
+/// Why an event of a scenario did not happen.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "because", rename_all = "snake_case")]
 pub enum DidNot {
@@ -532,11 +551,11 @@ pub enum DidNot {
         #[serde(serialize_with = "as_text")]
         why: Refused,
     },
-    /// Too many inputs are about to change.
+    /// Too many input changes are pending.
     TooManyInputs,
-    /// There are too many counters.
+    /// There are already too many counters.
     TooManyCounters {
-        /// How many there are.
+        /// The limit.
         limit: usize,
     },
 }
@@ -544,17 +563,17 @@ pub enum DidNot {
 /// Why a list is not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ListRefusal {
-    /// Nobody knows this action.
+    /// No such action is known.
     UnknownAction(i64),
     /// This firmware does not know one of the actions.
     UnsupportedAction,
-    /// The instruction list has no room for so many.
+    /// The instruction list has no room for so many instructions.
     NoRoom,
     /// It would have replaced the list while the arm moves: alarm 200.
     InMotion,
     /// No program waits for remote commands.
     NotArmed,
-    /// A program that takes it could not be started.
+    /// The program that would take it could not be started.
     NotStarted(&'static str),
     /// The list is full: a fault.
     ListFull,
@@ -575,6 +594,8 @@ impl Event {
             | Self::LateListTaken { .. }
             | Self::PhotoAnswered { .. }
             | Self::PhotoRequested { .. }
+            | Self::PointsTaken { .. }
+            | Self::PointsCleared { .. }
             | Self::PointsLost { .. }
             | Self::ModeChanged { .. }
             | Self::SingleCycle
@@ -625,7 +646,7 @@ impl Event {
         }
     }
 
-    /// How many instructions of a list were taken by this; `None` if it is something else.
+    /// How many instructions of a list were taken with this event; `None` for other events.
     #[must_use]
     pub fn instructions_taken(&self) -> Option<usize> {
         match self {
@@ -636,7 +657,7 @@ impl Event {
         }
     }
 
-    /// Whether an AddRCC is what this tells of.
+    /// Whether the event is about an AddRCC.
     #[must_use]
     pub fn is_about_a_list(&self) -> bool {
         match self {
@@ -646,7 +667,7 @@ impl Event {
         }
     }
 
-    /// In words, on one line.
+    /// The event in words, on one line.
     #[must_use]
     pub fn text(&self, language: Language) -> String {
         let text = match language {

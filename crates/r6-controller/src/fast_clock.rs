@@ -1,20 +1,24 @@
-//! A clock that goes as fast as it can, and that only the input drives.
+//! A clock that runs as fast as it can, and advances only on input.
 //!
-//! Time stands while nobody says anything, however long a peer thinks. After each frame, and after each thing that a person
-//! or a machine in the cell does, it jumps from event to event of the controller's own (a move ends, a delay is over,
-//! a reply leaves that was held back) until
+//! Time stands still while no input comes, however long a peer thinks. The clock advances after each frame,
+//! and after each action of an operator or a machine in the cell. It then jumps from event to event of the
+//! controller itself (a move ends, a delay is over, a delayed reply is sent) until
 //!
 //! - nothing is under way any more,
-//! - a frame was sent that nobody had asked for, such as a photo: its receiver has the word,
-//! - the arm has set out to carry out a list, where there was none before: whoever looks next sees it move,
-//! - a third of the instructions that were in the list are carried out, and one at least is left: whoever looks sees the list get shorter,
-//! - or a cycle of the program has ended and the next has begun: a program that never rests makes one cycle for each frame.
+//! - an unrequested frame was sent, such as a photo request: its receiver is expected to react,
+//! - the arm has begun to carry out a list that came to an empty list: the next query sees it move,
+//! - a third of the instructions in the list are carried out, and at least one is left: queries see the list
+//!   get shorter,
+//! - or a cycle of the program has ended and the next has begun: a program that never rests makes one cycle
+//!   per frame.
 //!
-//! What is appended to a list takes no time, apart from its reply. Replies that are owed leave in any case. So the same settings, seed and frames in the same order give the same bytes, in
-//! whatever pieces they come and however long anybody takes; of a list its sender sees the beginning, some places on the way, and the end.
+//! Appending to a list takes no time, apart from the reply. Replies that are due are always sent. So the same
+//! settings, seed and frames in the same order give the same bytes. It does not matter how the frames are
+//! split or how long a peer takes. The sender of a list sees the beginning, some places on the way, and the
+//! end.
 //!
-//! A jump never takes time from others: a heartbreak, a signal that a step waits for with a limit, or the rest of a frame
-//! that has begun may take as long as it takes in real time ([`FastClock::pause`]).
+//! A jump never takes time from others. A heartbreak, a signal that a step waits for with a limit, or the
+//! rest of an incomplete frame may take as long as it takes in real time ([`FastClock::pause`]).
 
 use std::time::Duration;
 
@@ -23,15 +27,16 @@ use r6_proto::time::Instant;
 use crate::controller::pace::Progress;
 use crate::controller::{ConnectionId, Controller};
 
-/// How long, in real time, a peer has the word before time goes on without it: far longer than a program thinks, and short
-/// enough for a person who watches a program that nobody talks to.
+/// How long the clock waits for a peer, in real time, before time goes on without it. This is far longer than
+/// a program thinks, and short enough for a person who watches a program without a peer.
 pub const PATIENCE: Duration = Duration::from_secs(1);
 
-/// How many events may follow one frame. A list of the greatest length has a few thousand; this bounds a program whose
+/// How many events may follow one frame. The longest list causes a few thousand; this bounds a program whose
 /// cycle never ends.
 const MAX_EVENTS_AT_ONCE: usize = 10_000;
 
-/// The time of one controller that goes as fast as it can. Every call takes the controller that it is the clock of.
+/// The time of one controller that runs as fast as it can. Every call takes the controller that this clock
+/// belongs to.
 #[derive(Clone, Debug)]
 pub struct FastClock {
     now: Instant,
@@ -50,7 +55,7 @@ impl FastClock {
         self.now
     }
 
-    /// Takes bytes from a connection, and lets time go on after each message.
+    /// Takes bytes from a connection, and lets time pass after each message.
     pub fn handle_input(&mut self, controller: &mut Controller, id: ConnectionId, bytes: &[u8]) {
         let mut rest = bytes;
         while !rest.is_empty() {
@@ -69,7 +74,7 @@ impl FastClock {
         }
     }
 
-    /// Does what a person or a machine in the cell does, and lets time go on after it.
+    /// Carries out an action of an operator or a machine in the cell, and lets time pass after it.
     pub fn act<T>(
         &mut self,
         controller: &mut Controller,
@@ -81,7 +86,7 @@ impl FastClock {
         result
     }
 
-    /// How long to wait, in real time, before [`Self::go_on`] if nobody says anything; `None` for ever.
+    /// How long to wait, in real time, before [`Self::go_on`] if no input comes; `None` means without limit.
     #[must_use]
     pub fn pause(&self, controller: &Controller) -> Option<Duration> {
         match controller.next_own_event() {
@@ -90,7 +95,7 @@ impl FastClock {
         }
     }
 
-    /// Nobody said anything for as long as [`Self::pause`] told: time goes on without them.
+    /// Lets time pass after no input came for [`Self::pause`].
     pub fn go_on(&mut self, controller: &mut Controller) {
         let before = controller.progress();
         if controller.next_own_event().is_none()
@@ -102,7 +107,7 @@ impl FastClock {
         self.run(controller, before);
     }
 
-    /// Lets the replies leave that are held back, and nothing else happen.
+    /// Sends the delayed replies and lets nothing else happen.
     fn release_replies(&mut self, controller: &mut Controller) {
         for _ in 0..MAX_EVENTS_AT_ONCE {
             let Some(due) = controller.next_reply() else { return };
@@ -125,7 +130,7 @@ impl FastClock {
             if anothers_turn && controller.next_reply().is_none() {
                 return;
             }
-            // What a scenario has happen on the way is an event by itself.
+            // A timed event of a scenario on the way counts as an event of its own.
             let due = controller.next_of_scenario().map_or(due, |happens| happens.min(due));
             self.now = self.now.max(due);
             controller.jump(self.now);

@@ -1,6 +1,6 @@
-//! What can be broken on purpose: on the link, in the replies, in what the controller does with requests.
+//! Fault injection: on the link, in the replies, and in how the controller handles requests.
 //!
-//! Each fault has a word, by which a scenario names it, and the class it belongs to (`docs/SCENARIOS.md`).
+//! Each fault has a word that scenarios use, and a class (`docs/SCENARIOS.md`).
 
 pub mod file;
 pub(crate) mod reply;
@@ -9,50 +9,50 @@ use std::time::Duration;
 
 pub use r6_traffic::fault::{LinkFault, LinkFaultNow};
 
-/// One fault, of whichever kind.
+/// A fault of any kind.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
-    /// What happens to connections and bytes.
+    /// A fault of connections and bytes.
     Link(LinkFault),
-    /// What becomes of a reply.
+    /// A fault of a reply.
     Reply(ReplyFault),
-    /// What the controller does with a request.
+    /// A fault in how the controller handles a request.
     Task(TaskFault),
 }
 
-/// What becomes of a reply.
+/// A fault of a reply.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ReplyFault {
-    /// P1: it is no JSON object that anybody should send.
+    /// P1: it is not proper JSON.
     BadJson(BadJson),
-    /// P2: a field is not what it should be.
+    /// P2: a field is wrong.
     BadField(BadField),
-    /// P3: its `packID`, or when it comes, is wrong.
+    /// P3: its `packID` or its time is wrong.
     PackId(PackIdFault),
-    /// P4: everybody else who is connected gets it, too.
+    /// P4: every other connection gets it, too.
     CrossedReply,
     /// P5: its list of values does not fit the addresses.
     BadList(BadList),
     /// P6: the request comes back in its place.
     Echo,
-    /// P7: a frame that nobody asked for comes before it.
+    /// P7: an unrequested frame comes before it.
     Unsolicited,
 }
 
-/// How a reply is no JSON.
+/// How a reply is broken as JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BadJson {
-    /// It ends in the middle, and what comes next follows at once.
+    /// It ends in the middle, and the next frame follows at once.
     Truncated,
     /// A text of [`crate::fault::OVERSIZED_BYTES`] in one more field.
     Oversized,
-    /// Lists in lists, deeper than anybody reads.
+    /// Lists in lists, deeper than any decoder allows.
     Deep,
     /// Every key twice.
     DuplicateKeys,
     /// A byte order mark before it.
     ByteOrderMark,
-    /// A byte in a text that is no UTF-8.
+    /// A byte in a text that is not UTF-8.
     BadUtf8,
     /// A NUL in the middle.
     Nul,
@@ -67,7 +67,7 @@ pub enum BadJson {
 pub enum BadField {
     /// The list of values, or of verdicts, is missing.
     Missing,
-    /// There is one that nobody knows.
+    /// There is an unknown field.
     Unknown,
     /// The list has another name.
     Renamed,
@@ -75,16 +75,16 @@ pub enum BadField {
     WrongType,
 }
 
-/// How a reply is paired wrongly.
+/// How a reply fails to match its request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PackIdFault {
-    /// It has another number.
+    /// It has another `packID`.
     Wrong,
     /// It comes twice.
     Repeated,
     /// It comes after the next one.
     Reordered,
-    /// It comes that much later.
+    /// It comes this much later.
     Late(Duration),
 }
 
@@ -95,35 +95,35 @@ pub enum BadList {
     Short,
     /// One value more.
     Long,
-    /// Each value stands where the one before it should.
+    /// Each value stands one place too early.
     Shifted,
 }
 
-/// What the controller does with requests.
+/// A fault in how the controller handles requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TaskFault {
-    /// P10: commands and lists are answered with ok, and not carried out.
+    /// P10: commands and lists are answered with ok, but not carried out.
     NotExecuted,
-    /// P10: commands and lists are carried out, and not answered.
+    /// P10: commands and lists are carried out, but not answered.
     NotAcknowledged,
     /// P11: the list has no room for any instruction.
     ListFull,
-    /// P11: the list takes instructions, and begins none.
+    /// P11: the list takes instructions, but starts none.
     ListFrozen,
-    /// P12: the first half of a list is taken, and the whole answered with err.
+    /// P12: the first half of a list is taken, but the whole list is answered with err.
     RejectedMidBatch,
-    /// P13: heartbreaks are answered, and nothing else is.
+    /// P13: only heartbreaks are answered.
     TaskDead,
-    /// C9: values stay as they were, although replies come.
+    /// C9: replies come, but their values do not change.
     FrozenValues,
-    /// E1: stops are answered, and the arm goes on.
+    /// E1: stops are answered, but the arm keeps moving.
     StopIgnored(IgnoredStop),
-    /// E2: the arm stands so long at each point where it comes to rest and more instructions wait.
+    /// E2: the arm rests at each point where it stops while more instructions wait.
     Dwell {
         /// How long. Reported, unit A: 0.25 to 0.33 s.
         rest: Duration,
     },
-    /// E4: lists are not answered, and taken that much later. Clearing the list is not late.
+    /// E4: lists are not answered, and are taken later. Clearing the list is not delayed.
     LateList {
         /// How much later.
         delay: Duration,
@@ -142,7 +142,7 @@ pub enum IgnoredStop {
 }
 
 impl IgnoredStop {
-    /// Whether a command of this word has no effect; `AddRCC` stands for clearing the list.
+    /// Whether a command with this word has no effect; `AddRCC` means clearing the list.
     #[must_use]
     pub fn concerns(self, word: &str) -> bool {
         match self {
@@ -152,7 +152,7 @@ impl IgnoredStop {
     }
 }
 
-/// How long the text of [`BadJson::Oversized`] is: more than any client has reason to keep.
+/// Length of the text of [`BadJson::Oversized`] in bytes: more than any client needs to keep.
 pub const OVERSIZED_BYTES: usize = 200_000;
 
 const _: () =

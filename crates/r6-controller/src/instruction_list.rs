@@ -1,21 +1,22 @@
-//! The instruction list: what AddRCC put there, and where in it the controller is.
+//! The instruction list: the instructions from AddRCC, and the controller's position in it.
 
 use r6_proto::message::Instruction;
 
-/// How many instructions a list holds at most. Real controllers' room is unknown; the longest list a client is known
-/// to stream has a few hundred, and a bound keeps a hostile sender from filling the memory.
+/// How many instructions a list holds at most. The limit of real controllers is unknown. The longest list a
+/// client is known to stream has a few hundred instructions; the bound keeps a hostile sender from filling
+/// the memory.
 pub const MAX_INSTRUCTIONS: usize = 1000;
 
-/// The list is full.
+/// The error of a list without enough room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ListFull;
 
-/// The queue of remote instructions and a place in it.
+/// The queue of remote instructions and a position in it.
 #[derive(Clone, Debug, Default)]
 pub struct InstructionList {
     steps: Vec<Instruction>,
     next: usize,
-    /// How many instructions of this list ever ran to their end.
+    /// How many instructions have run to their end.
     completed: u64,
 }
 
@@ -24,7 +25,7 @@ pub struct InstructionList {
 pub enum After {
     /// Another step of this pass.
     Next,
-    /// The pass is over; steps remain and begin anew.
+    /// The pass is over. Steps remain, and the list starts again.
     PassOver,
     /// The list is empty.
     Empty,
@@ -34,7 +35,7 @@ impl InstructionList {
     /// Appends instructions.
     ///
     /// # Errors
-    /// [`ListFull`]: none was appended.
+    /// [`ListFull`]: no instruction was appended.
     pub fn append(&mut self, instructions: &[Instruction]) -> Result<(), ListFull> {
         if self.steps.len() + instructions.len() > MAX_INSTRUCTIONS {
             return Err(ListFull);
@@ -54,25 +55,25 @@ impl InstructionList {
         self.next = 0;
     }
 
-    /// The instruction whose turn it is.
+    /// The current instruction.
     #[must_use]
     pub fn current(&self) -> Option<&Instruction> {
         self.steps.get(self.next)
     }
 
-    /// The instruction so many after the one whose turn it is, in this pass; 0 is that one.
+    /// The instruction `steps` after the current one, in this pass; 0 is the current one.
     #[must_use]
     pub fn ahead(&self, steps: usize) -> Option<&Instruction> {
         self.steps.get(self.next.checked_add(steps)?)
     }
 
-    /// The number in the list of the instruction whose turn it is.
+    /// The index of the current instruction.
     #[must_use]
     pub fn position(&self) -> usize {
         self.next
     }
 
-    /// Ends the present instruction: a one-shot goes, any other stays.
+    /// Ends the current instruction: a one-shot is removed, any other stays.
     pub fn finish_current(&mut self) -> After {
         self.completed += 1;
         match self.steps.get(self.next) {
@@ -89,7 +90,7 @@ impl InstructionList {
         if self.steps.is_empty() { After::Empty } else { After::PassOver }
     }
 
-    /// How many instructions are left: what `RemoteCmdLen` tells.
+    /// How many instructions are left, as `RemoteCmdLen` reports.
     #[must_use]
     pub fn len(&self) -> usize {
         self.steps.len()

@@ -24,6 +24,46 @@ pub struct Io {
     pub eu_outputs: u32,
 }
 
+impl Io {
+    /// The names of the inputs that are on.
+    #[must_use]
+    pub fn inputs_on(&self) -> Vec<String> {
+        let mut on = names_on(PointKind::X, &self.inputs);
+        on.extend(names_on(PointKind::Eux, &[self.eu_inputs]));
+        on
+    }
+
+    /// The names of the outputs that are on.
+    #[must_use]
+    pub fn outputs_on(&self) -> Vec<String> {
+        let mut on = names_on(PointKind::Y, &self.outputs);
+        on.extend(names_on(PointKind::Euy, &[self.eu_outputs]));
+        on
+    }
+
+    /// The names of the M points that are on.
+    #[must_use]
+    pub fn m_on(&self) -> Vec<String> {
+        names_on(PointKind::M, &self.m)
+    }
+
+    /// The names of all points that are on: inputs, outputs, M.
+    #[must_use]
+    pub fn names_on(&self) -> Vec<String> {
+        [self.inputs_on(), self.outputs_on(), self.m_on()].concat()
+    }
+}
+
+/// The names of the points of one kind that are on, board by board.
+fn names_on(kind: PointKind, words: &[u32]) -> Vec<String> {
+    let boards = (0_u8..).zip(words);
+    let points = boards.flat_map(|(board, word)| (0..32_u8).map(move |point| (board, point, word >> point)));
+    points
+        .filter(|(_, _, bits)| bits & 1 == 1)
+        .map(|(board, point, _)| IoPoint { kind, board, point }.to_string())
+        .collect()
+}
+
 /// One point that can be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutputPoint {
@@ -47,7 +87,7 @@ impl OutputPoint {
         }
     }
 
-    /// The point of this name; `None` for an input.
+    /// The point with this name; `None` for an input.
     #[must_use]
     pub fn named(name: IoPoint) -> Option<Self> {
         let IoPoint { kind, board, point } = name;
@@ -70,7 +110,8 @@ impl OutputPoint {
         IoPoint { kind, board, point }
     }
 
-    /// Output point 32 of action 200 is the first one of the next board.
+    /// The same point, with its number within its board: point 32 of action 200 is the first point of the
+    /// next board.
     #[must_use]
     pub fn on_first_boards(self) -> Self {
         match self {
@@ -91,20 +132,20 @@ fn write(word: &mut u32, point: u8, on: bool) {
 }
 
 impl Io {
-    /// The word of one board; 0 for a board that is not there.
+    /// The word of one board; 0 for a board that does not exist.
     #[must_use]
     pub fn word(words: &[u32; BOARDS], board: u8) -> u32 {
         words.get(usize::from(board)).copied().unwrap_or(0)
     }
 
-    /// Sets an input: what a person or a machine in the cell does.
+    /// Sets an input, as an operator or a machine in the cell does.
     pub fn set_input(&mut self, board: u8, point: u8, on: bool) {
         if let Some(word) = self.inputs.get_mut(usize::from(board)) {
             write(word, point, on);
         }
     }
 
-    /// Sets an input of the EU board: what a person or a machine in the cell does.
+    /// Sets an input of the EU board, as an operator or a machine in the cell does.
     pub fn set_eu_input(&mut self, point: u8, on: bool) {
         write(&mut self.eu_inputs, point, on);
     }
@@ -137,7 +178,7 @@ impl Io {
         bit(Self::word(&self.inputs, 0), point)
     }
 
-    /// The level of what a wait watches; `None` where it watches only time.
+    /// The level of the point that a wait watches; `None` for a wait for time only.
     #[must_use]
     pub fn level(&self, source: WaitSource) -> Option<bool> {
         match source {
@@ -161,5 +202,22 @@ impl Io {
                 );
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_that_are_on_have_names() {
+        assert_eq!(names_on(PointKind::Y, &[1 | 1 << 31, 0, 2]), ["Y010", "Y047", "Y2.011"]);
+        let io = Io {
+            inputs: [2, 0, 0, 0, 0, 0, 0, 0],
+            eu_outputs: 1,
+            m: [0, 1, 0, 0, 0, 0, 0, 0],
+            ..Io::default()
+        };
+        assert_eq!(io.names_on(), ["X011", "EUY010", "M1.010"]);
     }
 }

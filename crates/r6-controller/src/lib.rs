@@ -1,8 +1,9 @@
 //! A virtual R6 / HC1 controller as a pure function of bytes and time.
 //!
-//! [`Controller`] is one cabinet: bytes of its connections and points in time go in, frames and deadlines come out.
-//! Behind it stands a [`machine::Machine`] whose state is a function of time: it is evaluated when somebody asks, and
-//! goes from event to event in between. How one firmware differs from another is a [`Profile`].
+//! [`Controller`] is one cabinet: bytes of its connections and points in time go in, frames and deadlines
+//! come out. Behind it is a [`machine::Machine`] whose state is a function of time: it goes from event to
+//! event, and positions in between are computed on request. A [`Profile`] describes how one firmware differs
+//! from another.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
@@ -40,4 +41,4 @@ pub use r6_proto::OperationMode;
 pub use saved::{SavedError, SavedState};
 pub use scenario::Scenario;
 pub use settings::ControllerSettings;
-pub use snapshot::ControllerSnapshot;
+pub use snapshot::{ControllerSnapshot, ProgramStep};

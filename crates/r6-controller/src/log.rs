@@ -1,4 +1,4 @@
-//! What a virtual controller tells about itself.
+//! The log of a virtual controller.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
@@ -12,11 +12,11 @@ use r6_proto::Language;
 
 use crate::event::{Event, Level};
 
-/// How many entries wait until somebody reads them; beyond, the oldest go and are counted.
+/// How many entries wait to be read. Beyond that, the oldest are dropped and counted.
 const MAX_ENTRIES: usize = 256;
 
-/// How many warnings of one connection are told within [`WARNING_WINDOW`]. A person who reads along sees no more; a peer that sends
-/// rubbish as fast as it can would fill the disk of whoever keeps the log.
+/// How many warnings of one connection are logged within [`WARNING_WINDOW`]. A person cannot read more, and a
+/// peer that sends rubbish as fast as it can must not fill the disk that holds the log.
 const MAX_WARNINGS: u32 = 32;
 
 /// The time within which the warnings of a connection are counted.
@@ -25,13 +25,13 @@ const WARNING_WINDOW: Duration = Duration::from_secs(1);
 /// One entry of the log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LogEntry {
-    /// When. As data it is `at_s`, in seconds since the controller was switched on.
+    /// When it happened. As data it is `at_s`, in seconds since the controller was switched on.
     #[serde(rename = "at_s", serialize_with = "seconds")]
     pub at: Instant,
-    /// On which connection; `None` for the machine itself.
+    /// The connection; `None` for the machine itself.
     #[serde(serialize_with = "number")]
     pub connection: Option<ConnectionId>,
-    /// What. As data, its word is `event`, and its fields stand beside it.
+    /// What happened. As data, its name is in `event`, with its fields beside it.
     #[serde(flatten)]
     pub event: Event,
 }
@@ -52,7 +52,7 @@ impl LogEntry {
         self.event.level()
     }
 
-    /// On one line.
+    /// The entry on one line.
     #[must_use]
     pub fn text(&self, language: Language) -> String {
         let text = self.event.text(language);
@@ -75,25 +75,25 @@ impl fmt::Display for LogEntry {
 pub(crate) struct Log {
     entries: VecDeque<LogEntry>,
     dropped: u64,
-    /// What was told of the connections that were warned of, until they end.
+    /// The warnings of each connection that was warned of, until it ends.
     connections: BTreeMap<ConnectionId, ConnectionWarnings>,
 }
 
-/// What was told of one connection.
+/// The warnings of one connection.
 #[derive(Debug, Default)]
 struct ConnectionWarnings {
-    /// When the present [`WARNING_WINDOW`] began.
+    /// When the current [`WARNING_WINDOW`] began.
     since: Instant,
-    /// How many warnings were told in it.
+    /// How many warnings were logged in it.
     warnings: u32,
-    /// How many more there were.
+    /// How many more were left out.
     left_out: u64,
-    /// That it sends a wrong `dsID`.
+    /// Whether the log has already warned of a wrong `dsID`.
     ds_id: bool,
 }
 
 impl ConnectionWarnings {
-    /// When it is told how many warnings were left out.
+    /// When the log reports how many warnings were left out.
     fn due(&self) -> Option<Instant> {
         (self.left_out > 0).then(|| self.since + WARNING_WINDOW)
     }
@@ -108,7 +108,7 @@ impl Log {
         self.entries.push_back(LogEntry { at, connection, event });
     }
 
-    /// Warns of what a connection sent; beyond [`MAX_WARNINGS`] it is only counted.
+    /// Logs a warning about a connection; beyond [`MAX_WARNINGS`] it is only counted.
     pub fn warn(&mut self, at: Instant, id: ConnectionId, event: Event) {
         let told = self.connections.entry(id).or_default();
         let is_over = at.since(told.since) >= WARNING_WINDOW;
@@ -126,17 +126,17 @@ impl Log {
         }
     }
 
-    /// Whether this is the first time that somebody asks whether to tell of this connection's `dsID`.
+    /// Whether this is the first call for this connection. The `dsID` is warned of only then.
     pub fn is_first_ds_id(&mut self, id: ConnectionId) -> bool {
         !std::mem::replace(&mut self.connections.entry(id).or_default().ds_id, true)
     }
 
-    /// When [`Self::handle_timeout`] has something to tell.
+    /// When [`Self::handle_timeout`] has something to log.
     pub fn poll_timeout(&self) -> Option<Instant> {
         self.connections.values().filter_map(ConnectionWarnings::due).min()
     }
 
-    /// Tells how many warnings were left out, of connections that send no more.
+    /// Logs how many warnings were left out, for connections that have stopped sending.
     pub fn handle_timeout(&mut self, now: Instant) {
         let is_due = |told: &ConnectionWarnings| told.due().is_some_and(|due| due <= now);
         let due = self.connections.iter_mut().filter(|(_, told)| is_due(told));
@@ -156,7 +156,7 @@ impl Log {
         }
     }
 
-    /// A connection has ended.
+    /// Forgets a connection that has ended.
     pub fn forget(&mut self, at: Instant, id: ConnectionId) {
         let left_out = self.connections.remove(&id).map_or(0, |told| told.left_out);
         self.tell_left_out(at, id, left_out);

@@ -1,7 +1,8 @@
 //! The machine behind the connections: everything that a controller knows, as a function of time.
 //!
-//! Nothing ticks. [`Machine::advance`] brings the machine to a point in time by going from event to event (a move
-//! ends, a wait runs out, a watchdog bites); between events every position is a closed formula.
+//! There are no ticks. [`Machine::advance`] brings the machine to a point in time by going from event to
+//! event (a move ends, a wait runs out, the watchdog fires). Between events every position is a closed
+//! formula.
 
 mod buttons;
 mod command;
@@ -48,16 +49,17 @@ pub use r6_program::taught::{CounterState, MAX_FRAMES, MAX_STACKS, Stack};
 use r6_proto::OperationMode;
 use r6_traffic::random::Random;
 
-/// How many points of all cameras are kept; older ones go first. A program consumes them; a camera sends a few dozen.
+/// How many points of all cameras are kept; older ones are dropped first. A program consumes them; a camera
+/// sends a few dozen.
 pub const MAX_POINTS: usize = 1000;
 
-/// How many events of the machine are kept until somebody reads them; older ones go first.
+/// How many events of the machine wait to be read; older ones are dropped first.
 const MAX_EVENTS: usize = 256;
 
 /// How many timed outputs may be on at once: as many as one output board has points.
 const MAX_PULSES: usize = 32;
 
-/// Something that happened by itself, for the log.
+/// An event of the machine, for the log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MachineEvent {
     /// When.
@@ -70,11 +72,11 @@ pub struct MachineEvent {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Registers {
     pub values: BTreeMap<RegisterIndex, i64>,
-    /// What a power cut leaves of them: what was last written with `savable`.
+    /// The values that survive a power cut: those last written with `savable`.
     pub saved: Persistent<BTreeMap<RegisterIndex, i64>>,
 }
 
-/// The tools and workbenches that are defined, and which of them are in use.
+/// The tools and workbenches that are defined, and the numbers of those in use.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ToolsAndBenches {
     pub tools: Persistent<BTreeMap<u32, Placed>>,
@@ -87,43 +89,43 @@ pub(crate) struct ToolsAndBenches {
 #[derive(Clone, Debug)]
 pub(crate) struct Programs {
     pub library: Library,
-    /// The texts of those that a person loaded at the machine.
+    /// The texts of the programs that an operator loaded at the machine.
     pub loaded: Persistent<BTreeMap<String, String>>,
-    /// The name of the one in use.
+    /// The name of the program in use.
     pub mold: String,
 }
 
 /// The cycles of the program.
 #[derive(Clone, Debug)]
 pub(crate) struct Cycles {
-    /// The program ends with this pass.
+    /// The program ends after this pass.
     pub last_pass: bool,
     pub started: Option<Instant>,
-    /// How long the last one took.
+    /// How long the last cycle took.
     pub last: Duration,
-    /// How many have ended.
+    /// How many cycles have ended.
     pub count: u64,
-    /// When the list last began a pass, to keep an endless pass from taking no time.
+    /// When the list last began a pass. It keeps endless passes from taking no time.
     pub pass_started: Instant,
 }
 
-/// What goes to cameras and comes from them.
+/// Photo requests to cameras, and points from them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CameraQueues {
-    /// Those that a program asks for a photo.
+    /// The cameras that a program asks for a photo.
     pub photos: VecDeque<i64>,
     /// Their points: camera, point.
     pub points: VecDeque<(i64, Point)>,
-    /// Whether there was no room for some, and there is none yet.
+    /// Whether points were dropped for lack of room, and there is still no room.
     loses_points: bool,
 }
 
-/// What a scenario breaks in the machine.
+/// The faults of a scenario in the machine.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MachineFaults {
-    /// The list begins no instruction.
+    /// The list starts no instruction.
     pub list_frozen: bool,
-    /// How long the arm stands at each point of the remote list while more instructions wait.
+    /// How long the arm rests at each point of the remote list while more instructions wait.
     pub dwell: Option<Duration>,
 }
 
@@ -143,7 +145,7 @@ pub struct Machine {
     pub(crate) counters: Persistent<BTreeMap<u32, CounterState>>,
     pub(crate) frames: ToolsAndBenches,
     pub(crate) stacks: Persistent<BTreeMap<u32, Stack>>,
-    /// Fraction, 1 for 100 %.
+    /// The global speed as a fraction; 1 is 100 %.
     pub(crate) global_speed: f64,
     pub(crate) ramps: Ramps,
     pub(crate) programs: Programs,
@@ -156,24 +158,25 @@ pub struct Machine {
     /// A move by hand, while no program runs.
     hand: Option<hand::HandMove>,
     pub(crate) emergency_stop: bool,
-    /// Since an emergency stop nobody has pressed a start button: nothing starts by itself.
+    /// Since an emergency stop no start button was pressed: nothing starts without it.
     pub(crate) start_needed: bool,
     /// Action 51: path speed in mm/s for linear moves without a speed of their own.
     pub(crate) path_speed: Option<f64>,
-    /// Action 52: the input that stops the motion.
+    /// Action 52: the input that stops the motion, if one is watched.
     signal_watch: signal_stop::SignalWatch,
-    /// What the present run of the list has had so far.
+    /// What the current run of the remote list has contained so far.
     list_run: lone_curve::ListRun,
-    /// Outputs to be set back: when, which, to what.
+    /// Outputs to set back: when, which, to what level.
     pub(crate) pulses: Vec<(Instant, OutputPoint, bool)>,
-    /// Where the program is.
+    /// Where the program stands.
     pub(crate) program: ProgramRun,
     pub(crate) cycle: Cycles,
     pub(crate) cameras: CameraQueues,
     pub(crate) watchdog: Watchdog,
-    /// How often it was switched on anew: what it keeps is then counted anew, too.
+    /// How often it was switched on again after a power cut. The change counters of the saved values then
+    /// start from 0.
     pub(crate) starts: u64,
-    /// Whatever is random, from the seed.
+    /// The source of all random values, from the seed.
     pub(crate) random: Random,
     events: VecDeque<MachineEvent>,
 }
@@ -185,7 +188,8 @@ impl Machine {
         Self::before_start(settings, now).switched_on()
     }
 
-    /// A machine that was just switched on, with what a power cut left in place of what the settings say of it.
+    /// A machine that was just switched on, with the state that a power cut left. The saved state takes
+    /// precedence over the settings.
     #[must_use]
     pub fn restored(settings: ControllerSettings, saved: &SavedState, now: Instant) -> Self {
         let mut machine = Self::before_start(settings, now);
@@ -193,7 +197,7 @@ impl Machine {
         machine.switched_on()
     }
 
-    /// The program in use stands before its first step, and runs where the mode says so.
+    /// Puts the program in use before its first step, and runs it if the mode says so.
     fn switched_on(mut self) -> Self {
         let program = self.programs.library.named(&self.programs.mold).cloned().unwrap_or_default();
         self.use_program(program);
@@ -271,7 +275,7 @@ impl Machine {
         self.now = self.now.max(now);
     }
 
-    /// The point in time at which the machine stands.
+    /// The point in time that the machine has reached.
     #[must_use]
     pub fn now(&self) -> Instant {
         self.now
@@ -302,7 +306,7 @@ impl Machine {
         }
     }
 
-    /// Puts a timed output back at `due`; the earliest goes at once where too many wait.
+    /// Sets a timed output back at `due`. If too many wait, the earliest is set back at once.
     pub(crate) fn pulse(&mut self, due: Instant, point: OutputPoint, back_to: bool) {
         self.pulses.retain(|(_, other, _)| *other != point);
         if self.pulses.len() >= MAX_PULSES {
@@ -322,7 +326,7 @@ impl Machine {
         self.events.push_back(MachineEvent { at: self.now, event });
     }
 
-    /// What happened by itself since the last call, oldest first.
+    /// The next event of the machine, oldest first.
     pub fn poll_event(&mut self) -> Option<MachineEvent> {
         self.events.pop_front()
     }
@@ -333,7 +337,8 @@ impl Machine {
         self.frames_of(self.frames.tool, self.frames.bench)
     }
 
-    /// A tool and a work frame by number; one that was never defined is that of the flange, or of the world.
+    /// A tool and a work frame by number. An undefined tool is the flange; an undefined work frame is the
+    /// world.
     pub(crate) fn frames_of(&self, tool: u32, bench: u32) -> Frames {
         let frame = |frames: &BTreeMap<u32, Placed>, number| {
             frames.get(number).map_or_else(Frame::default, |placed| placed.frame)
@@ -341,7 +346,7 @@ impl Machine {
         Frames { tool: frame(&self.frames.tools, &tool), work: frame(&self.frames.benches, &bench) }
     }
 
-    /// Where the arm is and how fast it goes, now.
+    /// The position and speed of the arm, now.
     #[must_use]
     pub fn motion(&self) -> MotionState {
         match self.run_under_way() {
@@ -355,7 +360,8 @@ impl Machine {
         }
     }
 
-    /// Where the axes are and how fast they turn, now: what [`Self::motion`] tells of them, without the pose, which takes longer.
+    /// Positions and speeds of the axes, now, as in [`Self::motion`]. At rest this avoids computing the pose,
+    /// which takes longer.
     pub(crate) fn axes_now(&self) -> (Axes, [f64; AXES]) {
         match self.run_under_way() {
             Some(_) => {
@@ -366,7 +372,7 @@ impl Machine {
         }
     }
 
-    /// The pose of these axes as `world-n` shows it: of the tool in use, in the work frame in use.
+    /// The pose of these axes as in `world-n`: of the tool in use, in the work frame in use.
     #[must_use]
     pub fn pose_of(&self, axes: &Axes) -> Pose {
         r6_motion::kinematics::world(&self.model, axes, &self.frames())
@@ -378,7 +384,8 @@ impl Machine {
         self.run_under_way().is_some()
     }
 
-    /// What `isMoving` tells: a move is under way. Whether that includes its delay is a setting of the profile.
+    /// The value of `isMoving`: whether a move is under way. A setting of the profile says whether that
+    /// includes its delay.
     #[must_use]
     pub fn tells_moving(&self) -> bool {
         self.run_under_way().is_some_and(|run| {
@@ -386,12 +393,12 @@ impl Machine {
         })
     }
 
-    /// What moves the arm: a step, or a person.
+    /// The movement under way, of a step or by hand.
     pub(crate) fn run_under_way(&self) -> Option<&Run> {
         self.activity.run().or(self.hand.as_ref().map(|hand| &hand.run))
     }
 
-    /// The time of the present cycle.
+    /// The duration of the current cycle so far.
     #[must_use]
     pub fn cycle_time(&self) -> Duration {
         self.cycle.started.map_or(Duration::ZERO, |started| self.now.since(started))
@@ -406,8 +413,8 @@ impl Machine {
         self.halt_for_alarm();
     }
 
-    /// Takes the points of a camera. Where there are too many, its own oldest ones go: no camera takes another's room, but for the
-    /// first point of one that has none yet.
+    /// Takes the points of a camera. If there are too many, its own oldest points are dropped. No camera
+    /// takes another's room, except for its first point.
     pub(crate) fn take_points(&mut self, cam_id: i64, points: &[Point]) {
         let mut loses = false;
         for point in points {
@@ -418,7 +425,9 @@ impl Machine {
             }
             self.cameras.points.push_back((cam_id, *point));
         }
-        // A camera that goes on and on is no news.
+        let (points, waiting) = (points.len(), self.cameras.points.len());
+        self.note(Event::PointsTaken { camera: cam_id, points, waiting });
+        // Log only the first loss of a camera that keeps sending.
         if loses && !self.cameras.loses_points {
             self.note(Event::PointsLost { limit: MAX_POINTS });
         }
@@ -427,12 +436,20 @@ impl Machine {
         self.points_have_come();
     }
 
+    /// Removes the points that no program has used yet.
+    pub(crate) fn clear_points(&mut self) {
+        let points = self.cameras.points.len();
+        self.cameras.points.clear();
+        self.cameras.loses_points = false;
+        self.note(Event::PointsCleared { points });
+    }
+
     /// The points of the cameras that no program has used yet, oldest first: camera and point.
     pub fn points(&self) -> impl ExactSizeIterator<Item = &(i64, Point)> {
         self.cameras.points.iter()
     }
 
-    /// The stacks that were defined, by number.
+    /// The defined stacks, by number.
     #[must_use]
     pub fn stacks(&self) -> &BTreeMap<u32, Stack> {
         &self.stacks

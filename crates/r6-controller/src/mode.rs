@@ -1,4 +1,4 @@
-//! How a virtual controller stands when it is switched on.
+//! The state of a virtual controller when it is switched on.
 
 use r6_proto::OperationMode;
 
@@ -13,10 +13,11 @@ pub enum Key {
     Auto,
 }
 
-/// How a virtual controller stands when it is switched on.
+/// The state of a virtual controller when it is switched on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StartState {
-    /// Homed, in automatic, with a program waiting for remote commands (`curMode` 7).
+    /// In automatic, with a program waiting for remote commands (`curMode` 7); `curMode` 2 if the machine is
+    /// not homed.
     #[default]
     Waiting,
     /// In automatic, not running (`curMode` 2).

@@ -1,4 +1,4 @@
-//! What a person does at the machine: inputs, buttons, the mode key, the emergency stop, moving by hand.
+//! The operator's actions at the machine: inputs, buttons, the mode key, the emergency stop, moving by hand.
 
 use std::fmt;
 
@@ -7,13 +7,14 @@ use r6_proto::{AxisIndex, OperationMode};
 
 use crate::mode::Key;
 
-/// The last alarm of the pendant's table; 5000 to 10000 are those of the user's programs (`docs/PROTOCOL.md`, 9).
+/// The last alarm of the pendant's table; 5000 to 10000 belong to the user's programs (`docs/PROTOCOL.md`,
+/// 9).
 pub const LAST_ALARM: u32 = 10_000;
 
 /// The alarm that the emergency stop raises.
 pub const EMERGENCY_STOP: u32 = AlarmCode::EMERGENCY_STOP.0;
 
-/// What a person does at the machine, or a machine in the cell where inputs are concerned.
+/// An action of an operator at the machine. A machine in the cell can also set inputs.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PanelAction {
     /// Sets an input X.
@@ -22,14 +23,14 @@ pub enum PanelAction {
         board: u8,
         /// Point on the board, 0 to 31.
         point: u8,
-        /// Its level from now on.
+        /// Its new level.
         on: bool,
     },
     /// Sets an input of the EU board.
     SetEuInput {
         /// Point, 0 to 31.
         point: u8,
-        /// Its level from now on.
+        /// Its new level.
         on: bool,
     },
     /// Presses a button.
@@ -40,26 +41,28 @@ pub enum PanelAction {
     EmergencyStop,
     /// Releases the emergency stop; alarm 7 stays until it is cleared.
     ReleaseEmergencyStop,
-    /// Clears the alarm; nothing runs by itself.
+    /// Clears the alarm. Nothing starts to run.
     ClearAlarm,
-    /// Raises an alarm, 1 to [`LAST_ALARM`]: the fault of a part that is not simulated.
+    /// Raises an alarm, 1 to [`LAST_ALARM`], for the fault of a part that is not simulated.
     RaiseAlarm(u32),
-    /// Homes the machine: in manual, all axes move to 0, and the machine is homed (`origin`) once they are there.
+    /// Homes the machine, in manual: all axes move to 0, and the machine is then homed (`origin`).
     Home,
-    /// Moves one axis by hand, in manual. It ends at a soft limit, with the alarm of that limit.
+    /// Moves one axis by hand, in manual. The move ends at a soft limit, with the alarm of that limit.
     Jog {
-        /// Which axis.
+        /// The axis.
         axis: AxisIndex,
-        /// How far, degrees, or mm where the axis slides; below 0 the other way.
+        /// The distance, in degrees, or mm on a linear axis; negative for the other direction.
         by: f64,
-        /// How fast, percent of the axis's full speed, times the global speed: above 0, at most 100.
+        /// The speed, in percent of the axis's full speed, times the global speed: above 0, at most 100.
         percent: f64,
     },
+    /// Removes the points of cameras that no program has used yet.
+    ClearPoints,
     /// Chooses another program (mold).
     SwitchProgram(String),
-    /// Loads a program, in place of one with the same name.
+    /// Loads a program, and replaces one with the same name.
     LoadProgram {
-        /// How it is called (`moldList`).
+        /// Its name (`moldList`).
         name: String,
         /// Its text, TOML or JSON (`docs/PROGRAMS.md`).
         text: String,
@@ -67,7 +70,7 @@ pub enum PanelAction {
 }
 
 impl PanelAction {
-    /// Whether it is done without mains, too: the cell's inputs, and switches that stay as they are.
+    /// Whether it works without mains: inputs of the cell, the mode key and the emergency stop.
     #[must_use]
     pub fn needs_no_power(&self) -> bool {
         match self {
@@ -81,6 +84,7 @@ impl PanelAction {
             | Self::RaiseAlarm(_)
             | Self::Home
             | Self::Jog { .. }
+            | Self::ClearPoints
             | Self::SwitchProgram(_)
             | Self::LoadProgram { .. } => false,
         }
@@ -90,26 +94,27 @@ impl PanelAction {
 /// A button of the pendant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Button {
-    /// The program runs.
+    /// Runs the program.
     Start,
-    /// The program ends with its cycle; a second press ends it at once (`Profile::stop_button`). Ends a move by hand.
+    /// Ends the program with its cycle; a second press ends it at once (`Profile::stop_button`). Ends a move
+    /// by hand.
     Stop,
-    /// The motion rests; start goes on from there. Ends a move by hand.
+    /// Brings the motion to rest; start resumes it. Ends a move by hand.
     Pause,
-    /// The program runs to the end of its pass (`curMode` 9).
+    /// Runs the program to the end of its pass (`curMode` 9).
     SingleCycle,
-    /// The program runs one step (`curMode` 8 until that step has ended).
+    /// Runs one step of the program (`curMode` 8 until that step has ended).
     SingleStep,
 }
 
-/// Why the machine did not do what a person wanted of it. As text it says why, and what to do.
+/// Why the machine refused an action. The text says why, and what to do.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Refused {
     /// There is no such input.
     NoSuchInput {
-        /// The board that was named.
+        /// The board that was given.
         board: u8,
-        /// The point that was named.
+        /// The point that was given.
         point: u8,
     },
     /// The mains have failed.
@@ -118,10 +123,10 @@ pub enum Refused {
     EmergencyStop,
     /// An alarm is present.
     Alarm {
-        /// Which.
+        /// Its number.
         alarm: u32,
     },
-    /// The machine is not homed, and runs no program.
+    /// The machine is not homed, so it runs no program.
     NotHomed,
     /// A program runs in automatic only.
     NotAuto {
@@ -137,12 +142,12 @@ pub enum Refused {
     Moving,
     /// The arm has no such axis.
     NoSuchAxis {
-        /// The axis that was named.
+        /// The axis that was given.
         axis: AxisIndex,
-        /// How many it has.
+        /// How many axes it has.
         axes: usize,
     },
-    /// The distance of a move by hand is no number, or 0.
+    /// The distance of a move by hand is not a number, or 0.
     NoDistance,
     /// The speed of a move by hand is not above 0 and at most 100 percent.
     BadSpeed,
@@ -150,7 +155,7 @@ pub enum Refused {
     NoGlobalSpeed,
     /// There is no such alarm.
     NoSuchAlarm {
-        /// The number that was named.
+        /// The number that was given.
         alarm: u32,
     },
     /// The program could not be chosen.
@@ -158,14 +163,14 @@ pub enum Refused {
         /// Why.
         reason: String,
     },
-    /// The text is no program.
+    /// The text is not a program.
     BadProgram {
         /// Where it is wrong, and why.
         reason: String,
     },
-    /// The program runs, or may be called by the one that runs.
+    /// The program runs, or the running one may call it.
     ProgramRuns {
-        /// Which.
+        /// Its name.
         name: String,
     },
     /// There is no room for the program.
@@ -181,7 +186,7 @@ pub enum Refused {
 }
 
 impl Refused {
-    /// Why, and what to do, without the numbers: for places that know them.
+    /// Why, and what to do, without the numbers, for places that already know them.
     #[must_use]
     pub fn reason(&self) -> &'static str {
         match self {
@@ -232,7 +237,7 @@ impl fmt::Display for Refused {
             }
             Self::ProgramRuns { name } => write!(
                 f,
-                "program `{name}` runs, or the one that runs may call it: stop it first, or load the text under another name"
+                "program `{name}` runs, or the running program may call it: stop it first, or load the text under another name"
             ),
             Self::Program { reason }
             | Self::BadProgram { reason }

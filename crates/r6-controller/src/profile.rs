@@ -1,8 +1,8 @@
-//! Profiles: what one firmware does, as named settings that a user's own file can change.
+//! Profiles: the behaviour of one firmware, as named settings that a user's own file can change.
 //!
-//! Four come with the product: `hc1` (what shipped controllers do), `r6-host` and `r6-pendant` (manual V6.0 to the
-//! letter, for the mainboard's port and the hand panel's), `legacy` (before 2.0.2.1 / 1.6.4). A file names the one
-//! it starts from and changes single settings:
+//! Four come with the product: `hc1` (what shipped controllers do), `r6-host` and `r6-pendant` (exactly
+//! manual V6.0, for the mainboard's port and the hand panel's), `legacy` (before 2.0.2.1 / 1.6.4). A file
+//! names the profile it starts from and changes single settings:
 //!
 //! ```toml
 //! base = "hc1"
@@ -29,66 +29,75 @@ pub use choices::{
     StopMode, Unarmed,
 };
 
-/// Everything that differs between firmwares: how replies are written, what exists, how it behaves, what it takes.
+/// Everything that differs between firmwares: how replies are written, which names exist, how it behaves,
+/// what it accepts.
 ///
-/// Each setting says where its value comes from: captured, reported, manual, or chosen where nobody knows.
+/// Each setting says where its value comes from: captured, reported, manual, or chosen if unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     /// Its name.
     pub name: String,
-    /// What `version` answers.
+    /// The value of `version`.
     pub version: String,
     /// How replies are written.
     pub dialect: Dialect,
     /// Which network port of the cabinet this is.
     pub port: Port,
-    /// Addresses that are left out of `queryData`, by their name in the table (`curMold`, `Addr-n`). Captured, unit C.
+    /// Addresses that get no value in `queryData`, by their name in the table (`curMold`, `Addr-n`).
+    /// Captured, unit C.
     pub unsupported_addresses: Vec<String>,
     /// Commands that are refused.
     pub unsupported_commands: Vec<String>,
     /// Instructions that are refused, by action number.
     pub unsupported_actions: Vec<i64>,
-    /// Whether a known command with unusable arguments is refused. `hc1` answers ok and does nothing (captured, unit C).
+    /// Whether a known command with wrong arguments is refused. `hc1` answers ok and does nothing (captured,
+    /// unit C).
     pub checks_arguments: bool,
-    /// AddRCC frames over this many bytes are neither answered nor executed. Inferred from unit A's thresholds.
+    /// AddRCC frames over this many bytes are neither answered nor executed. Inferred from unit A's
+    /// thresholds.
     pub add_rcc_silent_over: Option<usize>,
     /// AddRCC frames over this many bytes reset the connection. Inferred from unit A's thresholds.
     pub add_rcc_reset_over: Option<usize>,
-    /// How long the reply to AddRCC takes; other replies leave at once. Reported, unit A: 16–20 ms.
+    /// How long the reply to AddRCC takes; other replies are sent at once. Reported, unit A: 16–20 ms.
     pub add_rcc_ack: Duration,
-    /// By how much that time varies either way, drawn from the seed. Reported, unit A: 16–20 ms, so 2 ms around 18.
+    /// By how much that time varies in either direction, drawn from the seed. Reported, unit A: 16–20 ms, so
+    /// 2 ms around 18.
     pub add_rcc_ack_spread: Duration,
-    /// What AddRCC does while no program waits for remote commands. Reported, units A and B, who disagree.
+    /// What AddRCC does while no program waits for remote commands. Reported, but units A and B disagree.
     pub add_rcc_unarmed: Unarmed,
     /// What an AddRCC that replaces the list in mid-motion does. Reported, unit A: alarm 200.
     pub replace_in_motion: ReplaceInMotion,
-    /// Which way round a line or curve of the remote list turns the tool to a target more than half a turn away in U, V or W.
-    /// Reported: U told +180 where it read −180 was a whole turn of the wrist. Steps of a taught program take the shortest way.
+    /// In which direction a line or curve of the remote list turns the tool, if the target is more than half
+    /// a turn away in U, V or W. Reported: a move to U +180, where U read −180, was a whole turn of the
+    /// wrist. Steps of a taught program take the shortest way.
     pub turning: Turning,
-    /// What a curve (action 17) does that has no line (action 10) before it. Reported: answered ok, not executed.
+    /// What a curve (action 17) does without a line (action 10) before it. Reported: answered ok, not
+    /// executed.
     pub lone_curve: LoneCurve,
-    /// What AddRCC answers to a list with a line behind a path speed (actions 51, 10). Reported, unit B: `err`, though it ran.
+    /// The answer to an AddRCC list with a line after a path speed (actions 51, 10). Reported, unit B: `err`,
+    /// though it ran.
     pub path_speed_answer: PathSpeedAnswer,
-    /// When the signal of action 52 stops a move. Manual 6.1.4: its status; nobody reports which it is.
+    /// When the signal of action 52 stops a move. Manual 6.1.4: its status; no report says which of the two.
     pub signal_stop: SignalStop,
-    /// Whether the watch of action 52 goes on when its list has ended or was replaced. Manual 6.1.4: until `isUse` 0.
+    /// Whether the watch of action 52 continues after its list has ended or was replaced. Manual 6.1.4: until
+    /// `isUse` 0.
     pub signal_stop_outlives_list: bool,
-    /// What an instruction without `oneshot` is. Chosen.
+    /// What an instruction without `oneshot` means. Chosen.
     pub oneshot_missing: MissingOneshot,
     /// Whether `isMoving` is 1 while a move stands still for its `delay`. Manual 4.1.1 #21: 0 is "at rest".
     pub moving_in_delay: bool,
     /// What `actionSingleCycle` does while a program waits for remote commands and the list is empty. Chosen.
     pub idle_single_cycle: IdleSingleCycle,
-    /// The most connections that are served; further ones are accepted and never answered. Chosen.
+    /// How many connections are served; further ones are accepted and never answered. Chosen.
     pub max_connections: usize,
-    /// Whether a heartbreak is answered. Nobody knows; chosen: no.
+    /// Whether a heartbreak is answered. Unknown; chosen: no.
     pub answers_heartbreak: bool,
-    /// Whether `heartbreak` sent as the word of a command feeds the watchdog and is answered ok, as one known client
-    /// expects. Nobody knows; chosen: no, it is an unknown command.
+    /// Whether `heartbreak` sent as a command feeds the watchdog and is answered ok, as one known client
+    /// expects. Unknown; chosen: no, it is an unknown command.
     pub accepts_heartbreak_command: bool,
     /// How long after a heartbreak the next one is due (manual 7: 10 s).
     pub heartbeat_timeout: Duration,
-    /// The alarm that a missed heartbreak raises. Nobody knows; chosen: 9, "connect host fail".
+    /// The alarm that a missed heartbreak raises. Unknown; chosen: 9, "connect host fail".
     pub heartbeat_alarm: u32,
     /// How long `actionStop` takes to bring the arm to rest. Reported, unit B: 0.078 s.
     pub action_stop_time: Duration,
@@ -98,7 +107,8 @@ pub struct Profile {
     pub action_stop_mode: StopMode,
     /// How long `actionPause` takes to bring the arm to rest. Reported, unit B: 0.5 s.
     pub action_pause_time: Duration,
-    /// What `stopButton` does first. Reported, unit C: it ends with the cycle, and a second press stops at once.
+    /// What the first `stopButton` does. Reported, unit C: the program ends with its cycle, and a second
+    /// press stops at once.
     pub stop_button: StopButton,
     /// Whether `modifyCounter` changes the target (manual 4.2.1 #7: not yet on the mainboard's port).
     pub counter_target_writable: bool,
@@ -113,7 +123,7 @@ impl Profile {
         ["hc1", "r6-host", "r6-pendant", "legacy"]
     }
 
-    /// The profile of this name.
+    /// The profile with this name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         match name {
@@ -125,7 +135,7 @@ impl Profile {
         }
     }
 
-    /// What shipped HC1 controllers do on the mainboard's port: the default.
+    /// The behaviour of shipped HC1 controllers on the mainboard's port: the default.
     #[must_use]
     pub fn hc1() -> Self {
         Self {
@@ -134,7 +144,8 @@ impl Profile {
             dialect: Dialect::HC1,
             port: Port::Mainboard,
             unsupported_addresses: addresses_missing_on(Port::Mainboard),
-            // The manual of 2020 lacks switchMold and modifyStackData here "for now"; later manuals do not repeat that.
+            // The manual of 2020 says that switchMold and modifyStackData are missing here "for now"; later
+            // manuals do not repeat that.
             unsupported_commands: Vec::new(),
             unsupported_actions: Vec::new(),
             checks_arguments: false,
@@ -146,8 +157,8 @@ impl Profile {
             replace_in_motion: ReplaceInMotion::Alarm200,
             turning: Turning::AsTold,
             lone_curve: LoneCurve::Skip,
-            // Unit B answered `err` and ran the list. This profile is the firmware of unit A, for which
-            // nothing like that is reported.
+            // Unit B answered `err` and ran the list. This profile is the firmware of unit A, for which there
+            // is no such report.
             path_speed_answer: PathSpeedAnswer::Ok,
             signal_stop: SignalStop::Level,
             signal_stop_outlives_list: true,
@@ -169,7 +180,7 @@ impl Profile {
         }
     }
 
-    /// Manual V6.0 to the letter, on one of the two ports.
+    /// Exactly manual V6.0, on one of the two ports.
     fn r6(port: Port) -> Self {
         let later = ADDRESSES.iter().filter(|row| row.since != "V6.0").map(|row| row.name.to_owned());
         Self {
@@ -201,7 +212,7 @@ impl Profile {
         }
     }
 
-    /// Before 2.0.2.1 / 1.6.4, on the hand panel's port.
+    /// The firmware before 2.0.2.1 / 1.6.4, on the hand panel's port.
     fn legacy() -> Self {
         Self {
             name: "legacy".to_owned(),
@@ -211,15 +222,15 @@ impl Profile {
         }
     }
 
-    /// The profile that a user's TOML file describes.
+    /// Reads a profile from a user's TOML file.
     ///
     /// # Errors
-    /// [`Mistakes`]: all places where the text is wrong, and what each setting has to be.
+    /// [`Mistakes`]: all places where the text is wrong, and the correct form of each setting.
     pub fn from_toml(text: &str) -> Result<Self, Mistakes> {
         file::read(text)
     }
 
-    /// Whether a query for this address gets a value.
+    /// Whether a query of this address gets a value.
     #[must_use]
     pub fn answers(&self, address: Address) -> bool {
         !self.unsupported_addresses.iter().any(|name| name == address.info().name)

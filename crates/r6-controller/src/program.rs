@@ -1,6 +1,6 @@
-//! Taught programs (molds), and the library of those that one controller has.
+//! Taught programs (molds), and the library of programs of one controller.
 //!
-//! What a program may say is `r6-program`'s; how the controller carries it out is the machine's.
+//! `r6-program` defines the language of programs; the machine carries them out.
 
 mod library;
 

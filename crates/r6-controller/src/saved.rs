@@ -1,10 +1,12 @@
-//! What a power cut leaves: the part of a controller's state that its shell keeps on a disk, as JSON.
+//! The state that a power cut leaves: the part of a controller's state that its shell saves on disk, as JSON.
 //!
-//! It survives: programs that were loaded at the panel, counters, registers written with `savable` 1, tools, workbenches and which of them are in use, stacks, which program is in
-//! use (other programs come from their files), and the mode. It does not: alarm, inputs and outputs, the list, registers written with
-//! `savable` 0 (one that was saved before has its saved value again), speeds and ramps, points of cameras, and where the arm stands:
-//! it is at zero again, homed if it was built so. A machine that was running comes back in automatic, not running: nothing moves by
-//! itself after a power cut. All of that is chosen, but for `savable` (manual 4.2.1 #13, #14).
+//! These survive: programs loaded at the panel, counters, registers written with `savable` 1, tools,
+//! workbenches and which of them are in use, stacks, which program is in use (other programs come from their
+//! files), and the mode. These do not: alarm, inputs and outputs, the list, speeds and ramps, points of
+//! cameras, and registers written with `savable` 0. Such a register gets back its saved value, if it has one.
+//! The position of the arm does not survive either: it is at zero again, and homed if the settings say so. A
+//! machine that was running comes back in automatic, not running, because nothing may move on its own after a
+//! power cut. All of that is chosen, except `savable` (manual 4.2.1 #13, #14).
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -17,17 +19,17 @@ use serde::{Deserialize, Serialize};
 use crate::machine::{CounterState, MAX_FRAMES, MAX_STACKS, Machine, Placed, Stack};
 use crate::program::{MAX_LOADED_BYTES, MAX_NAME_BYTES, MAX_PROGRAMS, Program};
 
-/// The newest form that is written and read: 2 has `programs`. What needs none of that is written as version 1, which older programs
-/// read: a file says it is newer only where they would lose something.
+/// The newest version that is written and read. Version 2 adds `programs`. A state without programs is
+/// written as version 1, because older releases can read that without loss.
 pub const SAVED_VERSION: u64 = 2;
 
-/// The most counters that are read; real controllers show a dozen.
+/// How many counters are read at most; real controllers show a dozen.
 pub(crate) const MAX_COUNTERS: usize = 1000;
 
-/// The largest count: a float on the wire is exact up to here, and a counter can go on counting.
+/// The largest count. A float on the wire is exact up to here; a counter may count further.
 pub(crate) const MAX_COUNT: i64 = 1 << 53;
 
-/// What is left of a controller after a power cut; what [`SavedState::from_json`] returns is within all bounds.
+/// The state of a controller after a power cut. A state from [`SavedState::from_json`] is within all bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedState {
@@ -71,16 +73,16 @@ struct SavedStack {
 /// Why a saved state cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SavedError {
-    /// A newer program wrote it: it must not be overwritten.
+    /// A newer release wrote it: it must not be overwritten.
     Newer {
-        /// The version that it has.
+        /// Its version.
         version: u64,
     },
-    /// It is no such state: cut off, damaged, or not ours.
+    /// It is not a valid state: cut off, damaged, or not from this program.
     Damaged {
-        /// Where: `counters.3.current`; `.` for the whole.
+        /// The field, such as `counters.3.current`; `.` for the whole.
         field: String,
-        /// What is there, and what should be.
+        /// What is there, and what is expected.
         problem: String,
     },
 }
@@ -99,7 +101,7 @@ impl fmt::Display for SavedError {
 
 impl std::error::Error for SavedError {}
 
-/// All that is looked at in a state of any version.
+/// The only field that is read from a state of any version.
 #[derive(Deserialize)]
 struct AnyVersion {
     version: u64,
@@ -109,7 +111,7 @@ impl SavedState {
     /// Reads a saved state.
     ///
     /// # Errors
-    /// [`SavedError`] names the field, the value in it and what it has to be.
+    /// [`SavedError`] names the field, its value and what is expected.
     pub fn from_json(text: &str) -> Result<Self, SavedError> {
         let AnyVersion { version } = read(text)?;
         if version > SAVED_VERSION {
@@ -123,10 +125,10 @@ impl SavedState {
         Ok(state)
     }
 
-    /// As JSON that [`Self::from_json`] reads, for a person's eyes too.
+    /// The state as JSON that [`Self::from_json`] and people can read.
     #[must_use]
     pub fn to_json(&self) -> String {
-        // Maps with whole numbers as keys, texts and finite numbers: nothing that JSON has no form for.
+        // Maps with whole numbers as keys, texts and finite numbers: JSON has a form for all of them.
         let mut text = serde_json::to_string_pretty(self).unwrap_or_default();
         text.push('\n');
         text
@@ -186,7 +188,7 @@ impl SavedState {
     }
 }
 
-/// Reads JSON, and names the field in which something is wrong.
+/// Reads JSON, and names the field of an error.
 fn read<'t, T: Deserialize<'t>>(text: &'t str) -> Result<T, SavedError> {
     let mut json = serde_json::Deserializer::from_str(text);
     let whole =
@@ -223,7 +225,7 @@ fn placed(offset: &[f64; 6]) -> Option<Placed> {
 }
 
 impl Machine {
-    /// What a power cut would leave of it now.
+    /// The state that a power cut would leave now.
     #[must_use]
     pub fn saved(&self) -> SavedState {
         let offsets = |frames: &BTreeMap<u32, Placed>| {
@@ -252,7 +254,8 @@ impl Machine {
         }
     }
 
-    /// A number that is another one whenever [`Self::saved`] may be another: cheap enough to be asked after every call.
+    /// A number that changes whenever [`Self::saved`] may have changed. It is cheap enough to compute after
+    /// every call.
     #[must_use]
     pub fn saved_mark(&self) -> u64 {
         let kept = [
@@ -271,7 +274,7 @@ impl Machine {
         mark.0
     }
 
-    /// Takes what a power cut left, before the machine is switched on.
+    /// Takes the state that a power cut left, before the machine is switched on.
     pub(crate) fn restore(&mut self, saved: &SavedState) {
         let frames = |offsets: &BTreeMap<u32, [f64; 6]>| {
             offsets.iter().filter_map(|(number, offset)| Some((*number, placed(offset)?))).collect()
@@ -282,7 +285,8 @@ impl Machine {
             SavedMode::Auto => OperationMode::Auto,
         };
         self.restore_programs(&saved.programs);
-        // A program whose file was not given this time leaves the one that was chosen.
+        // If the file of the saved program was not given this time, the program from the settings stays in
+        // use.
         if self.programs.library.named(&saved.mold).is_some() {
             self.programs.mold.clone_from(&saved.mold);
         }
@@ -317,7 +321,7 @@ impl Machine {
     }
 }
 
-/// A sum of bytes (FNV-1a).
+/// A hash of bytes (FNV-1a).
 struct Mark(u64);
 
 impl Mark {

@@ -1,8 +1,9 @@
-//! Scenarios: what happens to a controller by itself, written down so that it happens again.
+//! Scenarios: events that happen to a controller, written down so that they can be repeated.
 //!
-//! A scenario is a text in TOML or JSON (`docs/SCENARIOS.md`) with a seed and three lists: a timeline of what people, other
-//! masters and the mains do (`[[at]]`), inputs that react to outputs (`[[react]]`), and faults with the time in which they are
-//! in force (`[[fault]]`). The same scenario, the same settings and the same input give the same bytes.
+//! A scenario is a text in TOML or JSON (`docs/SCENARIOS.md`) with a seed and three lists: a timeline of what
+//! operators, other masters and the mains do (`[[at]]`), inputs that react to outputs (`[[react]]`), and
+//! faults with the time in which they are in force (`[[fault]]`). The same scenario, settings and input give
+//! the same bytes.
 
 mod file;
 mod run;
@@ -19,67 +20,67 @@ use crate::panel::PanelAction;
 pub use file::HAPPENINGS;
 pub(crate) use run::{LateList, ScenarioRun, Turn};
 
-/// No list of a scenario is longer.
+/// The most entries of each list of a scenario.
 pub const MAX_ENTRIES: usize = 1000;
 
-/// No scenario's text is longer, bytes: three full lists with room to spare.
+/// The longest text of a scenario, in bytes: three full lists with room to spare.
 pub const MAX_TEXT_BYTES: usize = 1024 * 1024;
 
-/// A scenario, ready to run. The default one does nothing.
+/// A scenario, ready to run. The default does nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scenario {
-    /// The seed of whatever it leaves open.
+    /// The seed of its random values.
     pub seed: u64,
-    /// What happens when.
+    /// The events and their times.
     pub timeline: Vec<Entry>,
     /// Inputs that react to outputs.
     pub reactions: Vec<Reaction>,
-    /// What is broken when.
+    /// The faults and their times.
     pub faults: Vec<Window>,
 }
 
-/// Something that happens at a time, once or again and again.
+/// An event at a time, once or repeated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// When, since the controller was switched on.
     pub at: Duration,
-    /// How much later it may be, drawn anew each time.
+    /// How much later it may happen, drawn again each time.
     pub spread: Duration,
-    /// How long until it happens again; `None`: once.
+    /// The time between repetitions; `None` if it happens once.
     pub every: Option<Duration>,
-    /// How often it happens; `None`: for ever.
+    /// How often it happens; `None` for no limit.
     pub times: Option<u32>,
-    /// What.
+    /// What happens.
     pub what: Happening,
 }
 
 /// What can happen to a controller.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Happening {
-    /// A person does something at the machine.
+    /// An operator does something at the machine.
     Panel(PanelAction),
-    /// A person sets an output at the pendant.
+    /// An operator sets an output at the pendant.
     Output(OutputPoint, bool),
-    /// An input goes on and off, so many times, and ends as it is told.
+    /// An input changes several times, and ends at a given level.
     Bounce(Bounce),
-    /// A counter is set at the pendant.
+    /// An operator sets a counter at the pendant.
     Counter {
         /// Its number.
         id: u32,
-        /// The count it has from now on.
+        /// Its new count.
         current: i64,
-        /// The count it goes to; `None`: as before.
+        /// Its new target; `None` to keep the target.
         target: Option<i64>,
     },
     /// A camera is asked for a photo.
     Photo(i64),
-    /// Another master sends this frame; nobody hears the reply.
+    /// Another master sends this frame; it does not read the reply.
     Request(Vec<u8>),
-    /// The mains fail: nobody is answered, and afterwards the connections that were there are reset.
+    /// The mains fail: nothing is answered, and when the mains are back, the old connections are reset.
     PowerCut {
-        /// For how long, the time to start anew included.
+        /// How long, including the time to start again.
         off: Duration,
-        /// The program it starts with; `None`: the one it had.
+        /// The program it starts with; `None` for the one it had.
         program: Option<String>,
     },
 }
@@ -91,9 +92,9 @@ pub struct Bounce {
     pub input: InputPoint,
     /// How often it changes.
     pub times: u32,
-    /// Within which time.
+    /// The time in which it changes.
     pub within: Duration,
-    /// How it ends.
+    /// Its level at the end.
     pub on: bool,
 }
 
@@ -107,7 +108,7 @@ pub enum InputPoint {
 }
 
 impl InputPoint {
-    /// What a person, or a machine in the cell, does to set it.
+    /// The action of an operator, or of a machine in the cell, that sets it.
     #[must_use]
     pub fn set(self, on: bool) -> PanelAction {
         match self {
@@ -122,33 +123,34 @@ impl InputPoint {
 pub struct Reaction {
     /// The output, or M point.
     pub when: OutputPoint,
-    /// To which of its changes; `None`: to both.
+    /// The change that counts: to on or to off; `None` for both.
     pub is: Option<bool>,
-    /// The input.
+    /// The input that reacts.
     pub then: InputPoint,
-    /// How it is set; `None`: like the output.
+    /// The new level of the input; `None` for the level of the output.
     pub set: Option<bool>,
-    /// How long after the change.
+    /// The delay after the change.
     pub after: Duration,
-    /// How much longer it may be, drawn anew each time.
+    /// How much longer the delay may be, drawn again each time.
     pub spread: Duration,
 }
 
 /// A fault and the time in which it is in force.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {
-    /// What is broken.
+    /// The fault.
     pub fault: Fault,
-    /// From when, since the controller was switched on.
+    /// The beginning, since the controller was switched on.
     pub from: Duration,
-    /// For how long; `None`: to the end.
+    /// The duration; `None` for no end.
     pub lasts: Option<Duration>,
-    /// How likely it strikes, 0 to 1, each time it could.
+    /// How likely it strikes each time it can, 0 to 1.
     pub chance: f64,
 }
 
 impl Window {
-    /// Whether the fault is in force this long after the controller was switched on: from its first moment, up to its last.
+    /// Whether the fault is in force this long after the controller was switched on: from its beginning
+    /// (included) to its end (excluded).
     #[must_use]
     pub fn is_in_force(&self, since: Duration) -> bool {
         since >= self.from && self.lasts.is_none_or(|lasts| since < self.from.saturating_add(lasts))
@@ -156,15 +158,15 @@ impl Window {
 }
 
 impl Scenario {
-    /// Whether an entry of the timeline happens again and again.
+    /// Whether an entry of the timeline repeats.
     pub(crate) fn repeats(&self, number: usize) -> bool {
         self.timeline.get(number).is_some_and(|entry| entry.every.is_some())
     }
 
-    /// The scenario that a text describes.
+    /// Reads a scenario from a text.
     ///
     /// # Errors
-    /// [`Mistakes`]: all places where the text is wrong, in which entry, and what is due there.
+    /// [`Mistakes`]: all places where the text is wrong, in which entry, and what is expected there.
     pub fn read(text: &str) -> Result<Self, Mistakes> {
         file::read(text)
     }

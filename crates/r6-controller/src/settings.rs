@@ -1,4 +1,4 @@
-//! What a virtual controller has when it is switched on, besides its profile.
+//! The settings of a virtual controller when it is switched on, besides its profile.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,42 +9,43 @@ use crate::program::Library;
 use crate::scenario::Scenario;
 use r6_motion::RobotModel;
 
-/// The program that waits for remote commands: what a controller runs unless it is told otherwise.
+/// The program that waits for remote commands. A controller runs it by default.
 pub const REMOTE_MOLD: &str = "remote";
 
 /// How a virtual controller is built.
 #[derive(Clone, Debug)]
 pub struct ControllerSettings {
-    /// The firmware it plays.
+    /// The profile of its firmware.
     pub profile: Profile,
     /// The arm.
     pub model: RobotModel,
-    /// How it stands when it is switched on.
+    /// Its state when it is switched on.
     pub start: StartState,
-    /// Whether the machine is homed (`origin`); one that is not runs no program.
+    /// Whether the machine is homed (`origin`). A machine that is not homed runs no program.
     pub homed: bool,
-    /// What `machineName` answers. It says that the machine is virtual, in a field that clients only display.
+    /// The value of `machineName`. It says that the machine is virtual, in a field that clients only display.
     pub machine_name: String,
-    /// The user that `curAccount` tells.
+    /// The value of `curAccount`: the user.
     pub account: String,
     /// The programs.
     pub library: Library,
-    /// The program in use; one that is not in the library has no steps.
+    /// The program in use. A program that is not in the library has no steps.
     pub mold: String,
     /// The counters: id, (target, current).
     pub counters: BTreeMap<u32, (i64, i64)>,
-    /// How many IO boards `boardIOnum` tells.
+    /// The value of `boardIOnum`: how many IO boards there are.
     pub io_boards: u8,
-    /// The global speed, percent.
+    /// The global speed in percent.
     pub global_speed: f64,
-    /// The seed of whatever is random: how long AddRCC takes to be acknowledged, what a scenario leaves open.
+    /// The seed of all random values: how long the reply to AddRCC takes, and what a scenario leaves open.
     pub seed: u64,
-    /// What happens to it by itself.
+    /// Its scenario: the events and faults that happen to it.
     pub scenario: Option<Arc<Scenario>>,
 }
 
 impl ControllerSettings {
-    /// The settings of a controller with this profile and arm: homed, waiting for remote commands, global speed 100 %.
+    /// The settings of a controller with this profile and arm: homed, waiting for remote commands, global
+    /// speed 100 %.
     #[must_use]
     pub fn new(profile: Profile, model: RobotModel) -> Self {
         Self {

@@ -1,7 +1,10 @@
-//! What a person would see standing at the machine.
+//! The state of the machine that an operator can see.
+
+use std::collections::BTreeMap;
 
 use r6_motion::robot_model::AxisMotion;
 use r6_proto::AXES;
+use r6_proto::readiness::{ReadinessFacts, Unmet};
 
 use crate::io::Io;
 use crate::machine::Machine;
@@ -10,9 +13,9 @@ use r6_proto::OperationMode;
 /// A virtual controller at one point in time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControllerSnapshot {
-    /// What `version` answers.
+    /// The value of `version`.
     pub version: String,
-    /// What `machineName` answers.
+    /// The value of `machineName`.
     pub machine_name: String,
     /// The profile's name.
     pub profile: String,
@@ -30,11 +33,19 @@ pub struct ControllerSnapshot {
     pub moving: bool,
     /// The program in use.
     pub program: String,
-    /// The programs there are.
+    /// The names of the programs.
     pub programs: Vec<String>,
+    /// The step of the program whose turn it is; `None` where no step is left.
+    pub step: Option<ProgramStep>,
+    /// What keeps the machine from taking instructions, as a client judges it; empty where it takes them.
+    pub unmet: Vec<Unmet>,
+    /// Whether the program is in its step that waits for remote commands. No query address tells this.
+    pub takes_remote: bool,
+    /// The cameras whose points no program has used yet: camera, how many.
+    pub points: Vec<(i64, usize)>,
     /// How many instructions are left in the list.
     pub list_length: usize,
-    /// Axis positions, degrees, or mm where an axis slides.
+    /// Axis positions in degrees, or mm on a linear axis: J1 is `axes[0]`.
     pub axes: [f64; AXES],
     /// Soft limits of the arm's axes, in the same units: lowest, highest.
     pub axis_limits: Vec<(f64, f64)>,
@@ -42,11 +53,11 @@ pub struct ControllerSnapshot {
     pub axis_motions: Vec<AxisMotion>,
     /// X, Y, Z in mm, U, V, W in degrees, of the tool in use in the work frame in use.
     pub world: [f64; 6],
-    /// Global speed, percent.
+    /// Global speed in percent.
     pub global_speed_percent: f64,
-    /// Time of the present cycle, seconds.
+    /// Time of the current cycle in seconds.
     pub cycle_seconds: f64,
-    /// Time of the last cycle that ended, seconds.
+    /// Time of the last finished cycle in seconds.
     pub last_cycle_seconds: f64,
     /// Inputs, outputs and M points, 32 to a word.
     pub io: Io,
@@ -54,7 +65,36 @@ pub struct ControllerSnapshot {
     pub connections: usize,
 }
 
+/// A step of a program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProgramStep {
+    /// The program it stands in: the one in use, or one that it calls.
+    pub program: String,
+    /// Its number, from 1.
+    pub number: usize,
+    /// How many steps that program has.
+    pub steps: usize,
+    /// What it does, in English.
+    pub text: String,
+}
+
 impl ControllerSnapshot {
+    /// Whether the machine takes instructions now: every condition is met, and the program waits for remote
+    /// commands.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.unmet.is_empty() && self.takes_remote
+    }
+
+    /// What keeps the machine from taking instructions, in English, in the order in which to deal with it.
+    #[must_use]
+    pub fn not_ready(&self) -> Vec<String> {
+        let elsewhere = self.unmet.is_empty() && !self.takes_remote;
+        let step =
+            elsewhere.then(|| "the program is not in its step that waits for remote commands".to_owned());
+        self.unmet.iter().map(ToString::to_string).chain(step).collect()
+    }
+
     pub(crate) fn of(machine: &Machine, connections: usize) -> Self {
         let motion = machine.motion();
         Self {
@@ -69,6 +109,10 @@ impl ControllerSnapshot {
             moving: machine.tells_moving(),
             program: machine.programs.mold.clone(),
             programs: machine.programs.library.names().map(str::to_owned).collect(),
+            step: machine.present_step(),
+            unmet: facts(machine).unmet(),
+            takes_remote: machine.mode == OperationMode::Running && machine.is_remote(),
+            points: points_of_cameras(machine),
             list_length: machine.list.len(),
             axes: *motion.axes.degrees(),
             axis_limits: machine.model.drives().map(|axis| (axis.soft.min, axis.soft.max)).collect(),
@@ -81,4 +125,24 @@ impl ControllerSnapshot {
             connections,
         }
     }
+}
+
+/// The facts by which a client judges whether the machine takes instructions.
+fn facts(machine: &Machine) -> ReadinessFacts<'_> {
+    ReadinessFacts {
+        program: Some(&machine.programs.mold),
+        mode: Some(machine.mode),
+        alarm: Some(i64::from(machine.alarm)),
+        homed: Some(machine.homed),
+        moving: Some(machine.tells_moving()),
+        list_length: i64::try_from(machine.list.len()).ok(),
+    }
+}
+
+fn points_of_cameras(machine: &Machine) -> Vec<(i64, usize)> {
+    let mut counts = BTreeMap::new();
+    for (camera, _) in machine.points() {
+        *counts.entry(*camera).or_default() += 1;
+    }
+    counts.into_iter().collect()
 }

@@ -1,4 +1,4 @@
-//! Every query address (manual 4.1.1 and later): what it reports, caused by something.
+//! Every query address (manual 4.1.1 and later): it reports what something has caused.
 
 mod common;
 
@@ -14,7 +14,7 @@ fn address_version() {
 
 #[test]
 fn address_cur_mold() {
-    // The mainboard's port has no curMold: it is left out of the values, but not of the echo (captured, unit C).
+    // The mainboard's port has no curMold: the values leave it out, but the echo has it (captured, unit C).
     let mut cell = Cell::new();
     assert_eq!(cell.query(&["version", "curMold"]).len(), 1);
     let mut pendant = Cell::with_profile("r6-pendant");
@@ -32,7 +32,7 @@ fn address_counter_list() {
 fn address_counter_n() {
     let mut cell = Cell::new();
     cell.ok(&["modifyCounter", "2", "7", "20"]);
-    // Numbers, as captured; a counter that is not there is left out.
+    // Numbers, as captured; a missing counter is left out.
     assert_eq!(cell.query(&["counter-2", "counter-3"]), [json!([2, 20, 7])]);
     let mut pendant = Cell::with_profile("r6-pendant");
     pendant.ok(&["modifyCounter", "2", "7", "20"]);
@@ -97,8 +97,9 @@ fn address_axis_n() {
 #[test]
 fn address_world_n() {
     let mut cell = Cell::new();
-    // At all axes 0 the upper arm leans by 0.0603 degrees, the forearm by -0.0413 and the tool by 0.597 (the offsets of the
-    // model), so that by hand: 50 + 350 sin + (363 cos + 41 sin) + 118.3 cos, and 296.5 + 350 cos + (41 cos - 363 sin) - 118.3 sin.
+    // At all axes 0 the upper arm leans by 0.0603 degrees, the forearm by -0.0413 and the tool by 0.597 (the
+    // offsets of the model), so that by hand: 50 + 350 sin + (363 cos + 41 sin) + 118.3 cos, and 296.5 + 350
+    // cos + (41 cos - 363 sin) - 118.3 sin.
     let (upper, fore, tool) = (0.0603_f64.to_radians(), -0.0413_f64.to_radians(), 0.597_f64.to_radians());
     let reach = 50.0 + 350.0 * upper.sin() + 363.0 * fore.cos() + 41.0 * fore.sin() + 118.3 * tool.cos();
     let height = 296.5 + 350.0 * upper.cos() + 41.0 * fore.cos() - 363.0 * fore.sin() - 118.3 * tool.sin();
@@ -151,7 +152,8 @@ fn address_machine_name() {
 fn address_cur_torque_n() {
     let mut cell = Cell::new();
     assert_eq!(cell.text("curTorque-0"), "0", "0 at rest (reported, unit A), and gravity does not turn J1");
-    // Gravity on the level forearm, as r6-motion's own test has it by hand: 56.74 of 95 Nm, 2580 a rated torque.
+    // Gravity on the level forearm, as computed by hand in r6-motion's own test: 56.74 of 95 Nm, 2580 is the
+    // rated torque.
     assert_eq!(cell.text("curTorque-2"), "1541");
     cell.run_ok(&json!([axis_move([90.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0)]));
     cell.pass(0.15);
@@ -221,7 +223,7 @@ fn address_is_moving() {
     let mut cell = Cell::new();
     assert_eq!(cell.text("isMoving"), "0");
     cell.add_rcc("1", &json!([axis_move([10.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0)]));
-    // Clients poll isMoving right behind the reply: it is 1 before the reply leaves.
+    // Clients poll isMoving right after the reply: it is 1 before the reply is sent.
     assert_eq!(cell.text("isMoving"), "1");
     cell.pass(5.0);
     assert!(cell.frame().unwrap().contains("AddRCC"));

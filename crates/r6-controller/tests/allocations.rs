@@ -1,4 +1,5 @@
-//! In the steady state a query costs no allocation, from its bytes to those of its reply, whether the arm moves or not.
+//! In the steady state a query costs no allocation, from its bytes to the bytes of its reply, with the arm
+//! moving or not.
 
 use std::time::Duration;
 
@@ -9,7 +10,7 @@ use r6_testkit::alloc::{CountingAllocator, allocations_during};
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
-/// What viewers ask for all day.
+/// A typical query of viewers.
 const QUERY: &[u8] = br#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"1","queryAddr":["axis-0","axis-1","axis-2","axis-3","axis-4","axis-5","world-0","world-1","world-2","world-3","world-4","world-5","curMode","curAlarm","isMoving","origin","RemoteCmdLen","input-0","output-0","M-0","curCycle","version","counter-0"]}"#;
 
 /// A move that takes minutes.
@@ -19,13 +20,13 @@ fn at(ms: u64) -> Instant {
     Instant::ORIGIN + Duration::from_millis(ms)
 }
 
-/// Asks, and tells how long the reply is.
+/// Sends the query and returns the length of the reply.
 fn ask(controller: &mut Controller, connection: ConnectionId, now: Instant) -> usize {
     controller.handle_input(now, connection, QUERY);
     controller.poll_transmit(now, connection).map_or(0, <[u8]>::len)
 }
 
-/// How often memory is asked for in a hundred queries, a hundredth of a second apart.
+/// Counts the allocations in a hundred queries, a hundredth of a second apart.
 fn allocations(controller: &mut Controller, connection: ConnectionId, begin: u64) -> u64 {
     // The buffers have to grow first.
     for ms in 0..20 {

@@ -1,4 +1,4 @@
-//! Corners between two moves: what begins there, what stops there, and interruptions in the middle of one.
+//! Corners between two moves: what begins and what stops at a corner, and interruptions within it.
 
 mod common;
 
@@ -32,14 +32,14 @@ fn output_on(point: &str) -> Value {
     json!({"oneshot": "1", "action": "200", "type": "0", "io_status": "1", "point": point, "delay": "0"})
 }
 
-/// J1 to 30 degrees, then J2 to 20; the clock stands where the acknowledgement has come.
+/// J1 to 30 degrees, then J2 to 20; the acknowledgement has just come.
 fn corner_cell(blend: u8) -> Cell {
     let mut cell = Cell::new();
     cell.run_ok(&json!([smooth(to_j1(30.0), blend), to_j2(20.0)]));
     cell
 }
 
-/// Lets time pass until so many seconds after the list was sent.
+/// Lets time pass until this many seconds after the list was sent.
 fn until(cell: &mut Cell, seconds: f64) {
     let now = cell.now.since(r6_proto::time::Instant::ORIGIN).as_secs_f64();
     cell.pass(seconds - now);
@@ -87,7 +87,7 @@ fn steps_between_are_carried_out_at_the_corner() {
     until(&mut cell, corner + 0.001);
     assert_eq!(cell.query(&["output-0", "RemoteCmdLen"]), [json!("8"), json!("5")]);
     assert_eq!(cell.value("toolCoord"), json!(["0", "2", "0"]));
-    // What was switched back since is not switched on again when the first move ends.
+    // An output that was switched back in between is not switched on again when the first move ends.
     cell.ok(&["modifyOutput", "0", "3", "0"]);
     until(&mut cell, FIRST + 0.001);
     assert_eq!(cell.query(&["output-0", "RemoteCmdLen"]), [json!("0"), json!("1")]);
@@ -148,7 +148,7 @@ fn a_next_move_that_cannot_be_raises_its_alarm_with_the_arm_at_the_point() {
     assert_near(cell.axes(), [30.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1e-9);
 }
 
-/// In the middle of the corner of level 9.
+/// A cell in the middle of the corner of level 9.
 fn in_the_corner() -> Cell {
     let mut cell = corner_cell(9);
     until(&mut cell, FIRST - 0.2);
@@ -186,7 +186,7 @@ fn a_stop_in_the_corner_leaves_the_second_move_to_do() {
     assert!(rest[0] < 30.0 && rest[1] > 0.0, "{rest:?}");
     cell.pass(60.0);
     assert_near(cell.axes(), rest, 1e-9);
-    // It does not go back to the point that it was leaving.
+    // It does not go back to the point that it has left.
     cell.ok(&["startButton"]);
     cell.pass(5.0);
     assert_near(cell.axes(), [30.0, 20.0, 0.0, 0.0, 0.0, 0.0], 1e-6);
@@ -289,7 +289,7 @@ fn kept_steps_round_their_corners_pass_after_pass() {
     );
 }
 
-/// Something that happens to a running list.
+/// An event during a running list.
 #[derive(Clone, Debug)]
 enum Event {
     Pause,
@@ -315,7 +315,7 @@ fn any_event() -> impl Strategy<Value = (f64, Event)> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
 
-    /// Whatever is pressed and sent, the axes never jump in place or speed, and what is left of the list gets done.
+    /// With any input, the axes never jump in position or speed, and the rest of the list is executed.
     #[test]
     fn no_interruption_makes_the_arm_jump(events in prop::collection::vec(any_event(), 1..20)) {
         let mut cell = Cell::new();
@@ -333,7 +333,8 @@ proptest! {
                 for axis in 0..2 {
                     let (last, now) = (before[1][axis] - before[0][axis], here[axis] - before[1][axis]);
                     prop_assert!(now.abs() <= 270.0 * step + 1e-5, "place jumps: {last} {now}");
-                    // A stop within 0.078 s is the hardest: 1.5 × 270 / 0.078 deg/s² on top of two full ramps.
+                    // A stop within 0.078 s is the hardest: 1.5 × 270 / 0.078 deg/s² on top of two full
+                    // ramps.
                     let hardest = 270.0 * (1.5 / 0.078 + 2.0 / 0.175);
                     prop_assert!((now - last).abs() <= hardest * step * step + 1e-5, "speed jumps: {last} {now}");
                 }
@@ -354,7 +355,7 @@ proptest! {
                         taken += 1;
                     }
                     before = [cell.axes(); 2];
-                    // Where it was 2 ms ago is not known: the next difference counts from here.
+                    // The position 2 ms ago is unknown: the next difference counts from here.
                     cell.pass(step);
                     before[1] = cell.axes();
                 }

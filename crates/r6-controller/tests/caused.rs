@@ -1,7 +1,9 @@
-//! Every address of the manual reports, and every command changes, something that a program or a person caused.
+//! Every address of the manual reports, and every command changes, something that a program or an operator
+//! caused.
 //!
-//! One case for each address and each command of the code's tables; each runs on every profile that has it, and on the
-//! others it is shown that they have not. What nobody causes is listed by name: [`cabinet::BY_NOBODY`].
+//! There is one case for each address and each command of the code's tables. It runs on every profile that
+//! has it; on the others the test shows that they lack it. Values that nothing causes are listed by name:
+//! [`cabinet::BY_NOBODY`].
 
 #[path = "caused/arm.rs"]
 mod arm;
@@ -23,7 +25,7 @@ use serde_json::Value;
 /// Tool 0 looks down.
 const TOOL_DOWN: [f64; 6] = [0.0, 10.0, -20.0, 0.0, -80.0, 0.0];
 
-/// What a case does, on a profile that has its address or command.
+/// The action of a case, on a profile that has its address or command.
 type Case = (&'static str, fn(&Profile));
 
 /// Defines the cases of a table and a test for each of them.
@@ -82,7 +84,7 @@ fn command_on_each(word: &str, case: fn(&Profile)) {
             case(&profile);
             ran += 1;
         } else {
-            // The right number of arguments, so that only the word can be what is refused.
+            // The right number of arguments, so that only the word can be refused.
             let words: Vec<_> = [word].into_iter().chain(name.info().arguments.iter().map(|_| "1")).collect();
             let reply = Cell::with(profile.clone(), StartState::Waiting).command(&words);
             // Old firmware refuses with an empty text.
@@ -104,12 +106,12 @@ fn settings(profile: &Profile) -> ControllerSettings {
     ControllerSettings { start: StartState::Auto, ..ControllerSettings::new(profile.clone(), arm()) }
 }
 
-/// A controller in automatic on which this program is in use, and does not run yet.
+/// A controller in automatic with this program in use, not running yet.
 fn taught(profile: &Profile, program: &str) -> Cell {
     with_programs(profile, &[("taught", program)])
 }
 
-/// The same with several programs, the first of them in use.
+/// The same with several programs; the first is in use.
 fn with_programs(profile: &Profile, programs: &[(&str, &str)]) -> Cell {
     let mut settings = settings(profile);
     for (name, text) in programs {
@@ -119,7 +121,7 @@ fn with_programs(profile: &Profile, programs: &[(&str, &str)]) -> Cell {
     Cell::of(settings)
 }
 
-/// A person does this at the machine.
+/// Does this as the operator.
 #[track_caller]
 fn person(cell: &mut Cell, action: &PanelAction) {
     assert_eq!(cell.controller.operate(cell.now, action), Ok(()), "{action:?}");
@@ -130,20 +132,20 @@ fn press(cell: &mut Cell, button: Button) {
     person(cell, &PanelAction::Press(button));
 }
 
-/// A person presses start, and the taught program runs.
+/// Presses start, and the taught program runs.
 #[track_caller]
 fn start(cell: &mut Cell) {
     press(cell, Button::Start);
 }
 
-/// The PC sends a command, which is answered ok in whatever form.
+/// Sends a command from the PC. The answer has to be ok, in any form.
 #[track_caller]
 fn told(cell: &mut Cell, words: &[&str]) {
     let reply = cell.command(words);
     assert_eq!(reply.last().map(String::as_str), Some("ok"), "{words:?}: {reply:?}");
 }
 
-/// The value of an address, as the text it is or as JSON.
+/// The value of an address: a text as it is, anything else as JSON.
 fn value(cell: &mut Cell, address: &str) -> String {
     match cell.value(address) {
         Value::String(text) => text,
@@ -151,7 +153,7 @@ fn value(cell: &mut Cell, address: &str) -> String {
     }
 }
 
-/// The address has a value, something happens, and it has the other.
+/// Checks that the cause changes the value of the address from `before` to `after`.
 #[track_caller]
 fn changes(cell: &mut Cell, address: &str, before: &str, cause: impl FnOnce(&mut Cell), after: &str) {
     assert_eq!(value(cell, address), before, "{address} before");
@@ -159,7 +161,7 @@ fn changes(cell: &mut Cell, address: &str, before: &str, cause: impl FnOnce(&mut
     assert_eq!(value(cell, address), after, "{address} after");
 }
 
-/// How far a counter has counted; on old firmware it is one text.
+/// The count of a counter; on old firmware the counter is one text.
 fn count(cell: &mut Cell, id: u32) -> i64 {
     let value = cell.value(&format!("counter-{id}"));
     let text = match &value {
@@ -205,6 +207,6 @@ mod step {
         format!("[[step]]\ndo = \"{what}\"\nnumber = {number}\n")
     }
 
-    /// The program waits here for ever (or for what AddRCC sends).
+    /// The program waits here without end (or for instructions of AddRCC).
     pub const REMOTE: &str = "[[step]]\ndo = \"remote\"\n";
 }

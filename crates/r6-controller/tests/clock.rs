@@ -1,4 +1,4 @@
-//! Time as fast as it can go, and what the seed says: the same input gives the same bytes.
+//! The clock that runs as fast as it can, and the seed: the same input gives the same bytes.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use r6_controller::{
 use r6_proto::time::Instant;
 use serde_json::{Value, json};
 
-/// A controller whose clock only the input drives, with one connection.
+/// A controller with a clock that only the input drives, and one connection.
 struct Fast {
     controller: Controller,
     clock: FastClock,
@@ -34,7 +34,7 @@ impl Fast {
         self.clock.handle_input(&mut self.controller, self.id, bytes.as_ref());
     }
 
-    /// Every frame that may leave now.
+    /// All frames that can be sent now.
     fn frames(&mut self) -> Vec<String> {
         let mut frames = Vec::new();
         while let Some(frame) = self.controller.poll_transmit(self.clock.now(), self.id) {
@@ -88,7 +88,7 @@ fn wait_for_input(limit: &str) -> Value {
     })
 }
 
-/// A conversation of every kind of frame, with what answers it.
+/// A conversation with every kind of frame.
 fn conversation() -> Vec<String> {
     vec![
         query("curMode"),
@@ -218,7 +218,7 @@ fn a_list_that_never_ends_makes_one_pass_for_each_frame() {
     let second = cell.seconds();
     let pass: f64 = cell.value("lastCycle").parse().unwrap();
     assert!((second - first - pass).abs() < 1e-3, "{first} {second} {pass}");
-    // Nobody says anything: after a while it makes one more.
+    // Without input it makes one more cycle after a while.
     let before = cell.seconds();
     assert_eq!(cell.clock.pause(&cell.controller), Some(Duration::from_secs(1)));
     cell.clock.go_on(&mut cell.controller);
@@ -257,13 +257,13 @@ fn a_jump_takes_no_time_from_others() {
     cell.send(r#"{"reqType":"que"#);
     let other = cell.controller.connect(cell.clock.now());
     cell.clock.handle_input(&mut cell.controller, other, add_rcc(&json!(list)).as_bytes());
-    // Each look sees two thirds of what was left.
+    // Each query sees two thirds of what was left.
     for _ in 0..6 {
         cell.clock.handle_input(&mut cell.controller, other, query("isMoving").as_bytes());
     }
     assert!(cell.seconds() > 40.0, "{}", cell.seconds());
     assert_eq!(cell.controller.snapshot(cell.clock.now()).alarm, 0);
-    // The frame that had begun is still understood, and a silence is one in real time.
+    // The incomplete frame is still understood, and silence is measured in real time.
     cell.send(r#"ry","queryAddr":["curMode"]}"#);
     assert!(cell.frames()[0].contains("curMode"));
     let before = cell.seconds();

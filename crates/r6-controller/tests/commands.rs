@@ -1,4 +1,4 @@
-//! Every command (manual 4.2.1 and clearAlarm): what it changes.
+//! Every command (manual 4.2.1 and clearAlarm) and its effect.
 
 mod common;
 
@@ -31,7 +31,7 @@ fn command_action_stop() {
     assert!(rest > before && rest - before < 22.08 * 0.078, "{before} to {rest}");
     cell.pass(60.0);
     assert_eq!(cell.number("axis-0"), rest);
-    // The left-over list starts again from its first step with the start button.
+    // The start button starts the left-over list again from its first step.
     assert_eq!(cell.text("RemoteCmdLen"), "1");
     cell.ok(&["startButton"]);
     cell.pass(10.0);
@@ -66,7 +66,7 @@ fn command_action_single_cycle() {
     cell.ok(&["actionSingleCycle"]);
     assert_eq!(cell.text("curMode"), "9");
     cell.pass(20.0);
-    // The pass is over and the list, whose steps are kept, does not begin again.
+    // The pass is over. The list keeps its steps, but does not begin again.
     assert_eq!(
         cell.query(&["curMode", "isMoving", "RemoteCmdLen", "axis-0"]),
         [json!("2"), json!("0"), json!("2"), json!("0.000000")]
@@ -82,7 +82,7 @@ fn command_start_button() {
         assert_eq!(&reply[..2], ["startButton", "err"]);
         assert!(reply[2].contains("automatic"), "{reply:?}");
         assert_eq!(cell.text("curMode"), mode);
-        // A person turns the key, and then it starts.
+        // The operator turns the key, and then it starts.
         cell.controller.turn_key(cell.now, Key::Auto);
         assert_eq!(cell.text("curMode"), "2");
         cell.ok(&["startButton"]);
@@ -98,7 +98,8 @@ fn command_start_button() {
 fn command_stop_button() {
     let mut cell = moving_cell();
     cell.ok(&["stopButton"]);
-    // The first press: the running instruction is not stopped (reported, unit B), the cycle is finished (unit C).
+    // The first press does not stop the running instruction (reported, unit B); the cycle is finished (unit
+    // C).
     cell.pass(0.5);
     assert_eq!(cell.query(&["isMoving", "curMode"]), [json!("1"), json!("7")]);
     cell.pass(10.0);
@@ -142,7 +143,7 @@ fn command_modify_counter() {
     cell.ok(&["modifyCounter", "0", "-1", "200"]);
     cell.ok(&["modifyCounter", "0", "6", "-1"]);
     assert_eq!(cell.value("counter-0"), json!([0, 200, 6]));
-    // Captured, unit C: a counter that does not exist is answered ok all the same.
+    // Captured, unit C: a counter that does not exist is answered ok nevertheless.
     cell.ok(&["modifyCounter", "3", "1", "1"]);
     assert_eq!(cell.value("counterList"), json!(["0", "2", "5"]));
     let mut host = Cell::with_profile("r6-host");
@@ -198,12 +199,12 @@ fn command_clear_alarm_run_next() {
 
 #[test]
 fn command_clear_alarm_continue() {
-    // It goes on with the same step: the alarm comes again.
+    // It continues with the same step: the alarm comes again.
     let mut cell = alarmed_cell();
     cell.ok(&["clearAlarmContinue"]);
     cell.pass(10.0);
     assert_eq!(cell.query(&["curAlarm", "RemoteCmdLen"]), [json!("135"), json!("2")]);
-    // An alarm without a cause that stays: the program goes on.
+    // An alarm without a lasting cause: the program continues.
     let mut cell = moving_cell();
     cell.send(r#"{"reqType":"heartbreak"}"#);
     cell.pass(10.0);
@@ -217,7 +218,7 @@ fn command_clear_alarm() {
     let mut cell = alarmed_cell();
     cell.ok(&["clearAlarm"]);
     cell.pass(10.0);
-    // Nothing runs by itself: the mode stays, and so does the list.
+    // Nothing starts on its own: the mode stays, and so does the list.
     assert_eq!(
         cell.query(&["curAlarm", "curMode", "isMoving", "RemoteCmdLen"]),
         [json!("0"), json!("2"), json!("0"), json!("2")]
@@ -227,7 +228,7 @@ fn command_clear_alarm() {
 
 #[test]
 fn command_clear_alarm_takes_the_arguments_of_the_newest_manual() {
-    // Unit B sends two, unit H sends one that no manual has.
+    // Unit B sends two arguments, unit H sends one; no manual has them.
     for arguments in [&["1", "1"][..], &["0", "1"], &["0"]] {
         let mut cell = alarmed_cell();
         cell.ok(&[&["clearAlarm"], arguments].concat());
@@ -277,7 +278,7 @@ fn command_rewrite_data() {
     let mut cell = Cell::new();
     cell.ok(&["rewriteData", "850", "-123456", "1"]);
     assert_eq!(cell.text("Addr-850"), "-123456");
-    // Captured, unit C: a value that is none is answered ok, and nothing is checked.
+    // Captured, unit C: an invalid value is answered ok, and nothing is checked.
     let reply = cell.ask(
         r#"{"dsID": "www.hc-system.com.RemoteMonitor", "reqType": "command", "packID": "1000", "cmdData": ["rewriteData", "800", "-456,754,826,179,0,-89", "0"]}"#,
     );
@@ -314,7 +315,7 @@ fn command_modify_acc_dec() {
         cell.pass(60.0);
         cell.number("lastCycle")
     };
-    // The way at full speed, half of each ramp, and the filter of 0.128 s.
+    // The distance at full speed, half of each ramp, and the filter of 0.128 s.
     let cruise = 90.0 / 220.8;
     assert!((time_of_move(None) - (cruise + 0.25 + 0.128)).abs() < 1e-6);
     let slow = time_of_move(Some(["300", "400"]));

@@ -1,5 +1,5 @@
-//! A palletising cell with a camera, sheets, pallets and a PC works for an hour of its time (`day/cell.rs`); the bench `day`
-//! has it work for a day.
+//! A palletising cell with a camera, sheets, pallets and a PC works for an hour of its time (`day/cell.rs`).
+//! The bench `day` lets it work for a day.
 
 #[path = "day/cell.rs"]
 mod cell;
@@ -20,13 +20,13 @@ fn an_hour_of_a_palletising_cell_does_what_it_should() {
     assert!((600..1200).contains(&hour.parts), "one in three to six seconds: {hour:?}");
     assert_eq!(hour.pallets, hour.parts / PLACES);
     assert!(hour.farthest < 1e-6, "{} mm from its place", hour.farthest);
-    // Pallets of 9 a layer and of 6 take turns, five of each; the last pallet is not full.
+    // Pallets with 9 and with 6 parts a layer take turns, five of each; the last pallet is not full.
     let pattern = |pallet: u64| pallet / PALLETS_OF_A_PATTERN % 2;
     let full: u64 = (0..hour.pallets).map(|pallet| 2 + pattern(pallet)).sum();
     let layer = [9, 6][usize::try_from(pattern(hour.pallets)).unwrap()];
     assert_eq!(hour.layers, full + hour.parts % PLACES / layer, "{hour:?}");
     assert_eq!(hour.patterns, hour.pallets / PALLETS_OF_A_PATTERN + 1);
-    // A photo for each part, and one more for each of those that were in vain.
+    // One photo for each part, and one more for each that failed.
     assert!(hour.photos > hour.parts && hour.photos < hour.parts + hour.parts / 5, "{hour:?}");
     // Each poll was answered, each photo asked for, each point acknowledged.
     assert!(hour.frames > 3599 + hour.photos + hour.parts, "{hour:?}");

@@ -1,4 +1,5 @@
-//! The emergency stop: at once, for good until somebody starts again, in whatever order its buttons are pressed.
+//! The emergency stop: it acts at once, and lasts until someone starts again, in any order of pressing its
+//! buttons.
 
 mod common;
 
@@ -14,7 +15,7 @@ fn kept(j1: f64, speed: f64) -> Value {
     step
 }
 
-/// A cell whose list goes to and fro for ever, slowly.
+/// A cell with a list that moves to and fro without end, slowly.
 fn running(profile: &str) -> Cell {
     let mut cell = Cell::with_profile(profile);
     cell.add_rcc("1", &json!([kept(100.0, 5.0), kept(0.0, 5.0)]));
@@ -86,7 +87,7 @@ fn what_was_paused_begins_anew() {
     assert_eq!(cell.controller.machine().list().position(), 1);
     operate(&mut cell, &PanelAction::EmergencyStop).unwrap();
     operate(&mut cell, &PanelAction::ReleaseEmergencyStop).unwrap();
-    // Not even the command that goes on with the next step knows which that would be.
+    // `clearAlarmRunNext` does not skip a step either.
     cell.ok(&["clearAlarmRunNext"]);
     assert_eq!(cell.controller.machine().list().position(), 0);
     let before = cell.number("axis-0");
@@ -106,7 +107,7 @@ fn a_program_of_its_own_begins_anew_too() {
     assert_eq!(cell.text("isMoving"), "1");
     operate(&mut cell, &PanelAction::EmergencyStop).unwrap();
     operate(&mut cell, &PanelAction::ReleaseEmergencyStop).unwrap();
-    // While the arm is still coming to rest, a PC may clear and start; a person waits.
+    // While the arm is still coming to rest, a PC may clear and start; the operator may not.
     assert_eq!(operate(&mut cell, &PanelAction::ClearAlarm), Err(Refused::Moving));
     cell.ok(&["clearAlarmContinue"]);
     cell.pass(5.0);
@@ -121,12 +122,12 @@ const ORDERS: [PanelAction; 4] = [
     PanelAction::Press(Button::Start),
 ];
 
-/// What the four buttons have to come to.
+/// The expected result of the four buttons.
 struct Expected {
     pressed: bool,
     alarm: bool,
     runs: bool,
-    /// The arm still slows down: a person neither clears nor starts.
+    /// The arm still slows down: the operator can neither clear nor start.
     slows_down: bool,
 }
 
@@ -162,7 +163,7 @@ impl Expected {
 
 #[test]
 fn every_order_of_its_buttons_ends_where_it_has_to() {
-    // All sequences of five presses, each soon after the other or after the arm has come to rest.
+    // All sequences of five presses, each shortly after the other or after the arm has come to rest.
     for sequence in 0..4_usize.pow(5) {
         for pause in [0.0, 0.2] {
             let mut cell = running("hc1");
@@ -187,7 +188,7 @@ fn every_order_of_its_buttons_ends_where_it_has_to() {
     }
 }
 
-/// One thing that happens at or to a stopped machine.
+/// An event at a stopped machine.
 #[derive(Clone, Debug)]
 enum Event {
     Panel(PanelAction),
@@ -196,7 +197,7 @@ enum Event {
     Pass(f64),
 }
 
-/// Commands that could move the arm by way of a program.
+/// Commands that could move the arm through a program.
 const PROGRAM_COMMANDS: [&[&str]; 7] = [
     &["switchMold", "register-follow"],
     &["switchMold", "register-move"],
@@ -242,7 +243,7 @@ fn event() -> impl Strategy<Value = Event> {
     ]
 }
 
-/// Whether this is a person or a peer who wants the arm to move now.
+/// Whether this event is an operator or a peer starting the arm.
 fn is_start(event: &Event) -> bool {
     match event {
         Event::Panel(
@@ -280,7 +281,7 @@ proptest! {
         after in prop::collection::vec(event(), 1..40),
         profile in 0..5_usize,
     ) {
-        // The last is one on which AddRCC starts the program by itself.
+        // With the last one, AddRCC starts the program.
         let arms = || Profile::from_toml("add_rcc_unarmed = \"arm\"").unwrap();
         let profile = Profile::names().get(profile).map_or_else(arms, |name| Profile::named(name).unwrap());
         let mut cell = Cell::with(profile, StartState::Waiting);
@@ -295,7 +296,7 @@ proptest! {
             let clears = matches!(event, Event::Command(["clearAlarmRunNext" | "clearAlarmContinue"]));
             apply(&mut cell, event);
             if is_start(event) && !state.emergency_stop && (state.alarm == 0 || clears) {
-                // From here on it may move: this is what was to be shown.
+                // From here on it may move: the test has shown what it has to.
                 return Ok(());
             }
             prop_assert!(!cell.controller.machine().is_moving(), "after {event:?}");

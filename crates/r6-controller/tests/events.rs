@@ -32,6 +32,20 @@ fn some() -> Vec<(Event, Level, &'static str, &'static str, Value)> {
             json!({ "event": "list_taken", "instructions": 1, "replaced": true, "done": false }),
         ),
         (
+            Event::PointsTaken { camera: 2, points: 1, waiting: 5 },
+            info,
+            "AddPoints: camera 2 sent 1 point, 5 wait for a program",
+            "AddPoints：相机 2 发来 1 个点，共有 5 个点等待程序取用",
+            json!({ "event": "points_taken", "camera": 2, "points": 1, "waiting": 5 }),
+        ),
+        (
+            Event::PointsCleared { points: 3 },
+            info,
+            "3 points of cameras were removed",
+            "已清除相机点 3 个",
+            json!({ "event": "points_cleared", "points": 3 }),
+        ),
+        (
             Event::ListRefused { why: ListRefusal::ListFull },
             warning,
             "AddRCC refused: the instruction list is full",

@@ -1,5 +1,5 @@
-//! Every scenario of `examples/scenarios`, run on a virtual clock against a small client: the promises hold after every step, the fault
-//! was felt, and when it is over all is well again.
+//! Every scenario of `examples/scenarios`, run on a virtual clock against a small client. The promises hold
+//! after every step, the fault was felt, and after the fault everything works again.
 
 #[path = "faults/cases.rs"]
 mod cases;
@@ -37,7 +37,7 @@ fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/scenarios")
 }
 
-/// How far J1 had to go from rest to rest, through the points on the way.
+/// The distance that J1 has to go from rest to rest, through the points on the way.
 fn way(world: &World) -> f64 {
     let pairs = world.rests.windows(2);
     pairs
@@ -57,7 +57,7 @@ fn scenario(name: &str) -> Scenario {
     Scenario::read(&text).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// Says what was run where a check fails.
+/// Prints the scenario and seed if a check fails.
 struct Run(String);
 
 impl Drop for Run {
@@ -68,7 +68,8 @@ impl Drop for Run {
     }
 }
 
-/// Runs a scenario to its end, has a person make the machine ready, and wants all to be well then.
+/// Runs a scenario to its end, makes the machine ready as an operator does, and checks that everything works
+/// then.
 fn run(name: &str, seed: u64) -> World {
     let _told = Run(format!("{name}, seed {seed}"));
     let scenario = scenario(name);
@@ -77,9 +78,9 @@ fn run(name: &str, seed: u64) -> World {
     if name.starts_with('C') || name == "P14-two-masters" {
         world.watch();
     }
-    // A list that is shifted has the right length: nobody can see that.
+    // A shifted list has the right length, so a client cannot see the fault.
     let shifted = name == "P5-bad-list";
-    // Nor a byte that is another within a text or a number.
+    // The same goes for a changed byte within a text or a number.
     let noisy = name == "T11-noise";
     (world.client.trusts_bytes, world.other.trusts_bytes) = (!noisy, !noisy);
     let trusted = !shifted && !noisy;
@@ -107,7 +108,7 @@ fn run(name: &str, seed: u64) -> World {
             world.rests
         );
     }
-    // A list that runs twice goes back and forth.
+    // A list that runs twice moves back and forth.
     let further = world.travel_to_rest - way(&world);
     assert!(
         further < 0.01 || !name.starts_with("P10"),
@@ -121,7 +122,7 @@ fn run(name: &str, seed: u64) -> World {
     world
 }
 
-/// One test for each class, so that they run side by side and a failure names it.
+/// One test for each class, so that they run in parallel and a failure names its class.
 macro_rules! classes {
     ($($test:ident: $($name:literal),+;)+) => {
         $(#[test] fn $test() { for name in [$($name),+] { holds(name); } })+
@@ -180,7 +181,8 @@ classes! {
     stalls: "T14-stall";
 }
 
-/// The promises hold with every seed; the same seed gives the same bytes, and another one others where anything is drawn.
+/// The promises hold with every seed. The same seed gives the same bytes; another seed gives other bytes if
+/// anything is random.
 fn holds(name: &str) {
     let (_, felt) = CASES.iter().find(|(case, _)| *case == name).expect("a case");
     let mut conversations = BTreeSet::new();
@@ -188,7 +190,7 @@ fn holds(name: &str) {
         let world = run(name, seed);
         assert!(
             felt(&world),
-            "{name}, seed {seed}: nobody felt it: {:?} {:?} {:?}",
+            "{name}, seed {seed}: the fault had no effect: {:?} {:?} {:?}",
             world.client.seen,
             world.client.motions,
             world.all_read()
@@ -200,7 +202,7 @@ fn holds(name: &str) {
     assert_eq!(conversations.len(), wanted, "{name}: conversations with {} seeds", SEEDS.len());
 }
 
-/// Whether anything of it depends on the seed.
+/// Whether any part of it depends on the seed.
 fn draws(scenario: &Scenario) -> bool {
     let unsure = |chance: f64| chance > 0.0 && chance < 1.0;
     scenario.timeline.iter().any(|entry| !entry.spread.is_zero())
@@ -265,7 +267,7 @@ fn a_day_in_the_cell() {
         let _told = Run(format!("cell, seed {seed}"));
         let mut world = World::with(scenario("cell"), seed, "palletise", false);
         world.run_to(Instant::ORIGIN + Duration::from_secs(400));
-        // A part is there, the gripper has closed on it, a pallet has come: what the program waits for.
+        // A part is there, the gripper has closed on it, a pallet has come: the program waits for these.
         let changes = |what: fn(&Sight) -> bool| world.edges(0.0, 400.0, what);
         assert!(changes(|seen| seen.x(0)) > 80, "{} parts", changes(|seen| seen.x(0)));
         assert!(changes(|seen| seen.eu_inputs & 1 == 1) > 40, "the gripper did not close and open");
@@ -280,7 +282,8 @@ fn a_day_in_the_cell() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Two scenarios at once, whatever the seed: the arm keeps its limits, no reply is paired wrongly, nothing panics.
+    /// Two scenarios at once, with any seed: the arm keeps its limits, no reply is paired wrongly, nothing
+    /// panics.
     #[test]
     fn faults_that_meet(one in 0..CASES.len(), two in 0..CASES.len(), seed in any::<u64>()) {
         let _told = Run(format!("{} with {}, seed {seed}", CASES[one].0, CASES[two].0));

@@ -1,4 +1,5 @@
-//! Where real controllers are less kind than the manual, and where nobody knows: what each setting of a profile does.
+//! The effect of each setting of a profile: where real controllers differ from the manual, or their behaviour
+//! is unknown.
 
 mod common;
 
@@ -10,7 +11,7 @@ fn cell(settings: &str) -> Cell {
     Cell::with(Profile::from_toml(settings).unwrap(), StartState::Waiting)
 }
 
-/// A cell whose arm stands where lines and curves of some 100 mm have room.
+/// A cell with the arm at a position with room for lines and curves of some 100 mm.
 fn cell_with_room(settings: &str) -> Cell {
     let mut cell = cell(settings);
     cell.run_ok(&json!([axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 0.0], 100.0)]));
@@ -18,7 +19,7 @@ fn cell_with_room(settings: &str) -> Cell {
     cell
 }
 
-/// A pose so many millimetres along Y.
+/// A pose this many millimetres along Y.
 fn beside(pose: [f64; 6], y: f64) -> [f64; 6] {
     let [x, from, z, u, v, w] = pose;
     [x, from + y, z, u, v, w]
@@ -45,7 +46,8 @@ fn watch(on: bool, io_status: &str) -> Value {
     json!({"oneshot": "1", "action": "52", "isUse": in_use, "ioNumber": "3", "io_status": io_status})
 }
 
-/// Reported: a curve without a line before it is answered ok and not executed. Nothing tells it but the arm, and the log.
+/// Reported: a curve without a line before it is answered ok and not executed. Only the arm and the log show
+/// it.
 #[test]
 fn a_lone_curve_is_answered_ok_and_not_executed() {
     for before in [vec![], vec![axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 0.0], 100.0)]] {
@@ -54,7 +56,7 @@ fn a_lone_curve_is_answered_ok_and_not_executed() {
         cell.run_ok(&Value::from([before, vec![curve(start), output("5")]].concat()));
         cell.pass(30.0);
         assert_near(cell.world(), start, 1e-6);
-        // The list goes on, and nothing is wrong as far as anybody can read.
+        // The list continues, and no value shows that anything is wrong.
         let seen = cell.query(&["RemoteCmdLen", "curAlarm", "curMode", "isMoving", "output-0"]);
         assert_eq!(seen, [json!("0"), json!("0"), json!("7"), json!("0"), json!("32")]);
         let log = cell.log();
@@ -70,7 +72,7 @@ fn a_curve_behind_a_line_is_executed() {
     cell.run_ok(&json!([line(), curve(start)]));
     cell.pass(30.0);
     assert_near(cell.world(), beside(start, 40.0), 1e-3);
-    // A line of the same list counts, however long ago it was carried out, and whatever came between.
+    // A line of the same list counts, however long ago it was executed, and whatever came between.
     cell.append_ok(&json!([axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 0.0], 100.0)]));
     cell.pass(30.0);
     assert_near(cell.world(), start, 1e-3);
@@ -80,7 +82,7 @@ fn a_curve_behind_a_line_is_executed() {
     assert_eq!(cell.text("curAlarm"), "0");
 }
 
-/// What ends a run of the list: it is replaced, or the program begins anew.
+/// A run of the list ends when it is replaced, or when the program begins again.
 #[test]
 fn a_line_of_an_earlier_run_does_not_count() {
     let back = axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 0.0], 100.0);
@@ -111,7 +113,7 @@ fn a_line_of_an_earlier_run_does_not_count() {
     }
 }
 
-/// A move with a blend level does not run into a curve that is not executed.
+/// A move with a blend level does not blend into a curve that is not executed.
 #[test]
 fn no_corner_is_rounded_into_a_curve_that_is_not_executed() {
     let mut cell = cell_with_room("");
@@ -124,7 +126,7 @@ fn no_corner_is_rounded_into_a_curve_that_is_not_executed() {
     assert_eq!(cell.query(&["RemoteCmdLen", "curAlarm"]), [json!("0"), json!("0")]);
 }
 
-/// A list that takes the arm over in mid-move and begins with such a curve stops it.
+/// A list that takes over the arm in mid-move and begins with such a curve stops it.
 #[test]
 fn a_list_that_takes_over_with_a_lone_curve_stops_the_arm() {
     let mut cell = cell_with_room("replace_in_motion = \"take-over\"");
@@ -159,7 +161,7 @@ fn a_lone_curve_is_executed_where_the_profile_says_so() {
     }
 }
 
-/// Steps that stay are skipped in each pass, and the log does not tell it each time.
+/// Steps that stay are skipped in each pass, and the log says so only once.
 #[test]
 fn a_lone_curve_that_stays_is_told_once() {
     let mut cell = cell_with_room("");
@@ -186,7 +188,7 @@ fn a_path_speed_before_a_line_is_answered_err_and_runs_where_the_profile_says_so
         cell.pass(30.0);
         assert_near(cell.world(), beside(start, 30.0), 1e-3);
         assert_eq!(cell.query(&["RemoteCmdLen", "curAlarm"]), [json!("0"), json!("0")]);
-        // Neither of the two alone, nor the other way round.
+        // Neither of the two alone, nor in the other order.
         for list in [
             json!([path_speed]),
             json!([linear_move(start, 5.0)]),
@@ -199,7 +201,8 @@ fn a_path_speed_before_a_line_is_answered_err_and_runs_where_the_profile_says_so
     }
 }
 
-/// Whether a move is cut short whose watched signal is there already, and one during which it comes.
+/// Whether a move is cut short: if its watched signal is already there, and if the signal comes during the
+/// move.
 fn cut_short(settings: &str) -> [bool; 2] {
     [true, false].map(|is_there_before| {
         let mut cell = cell(settings);
@@ -223,7 +226,7 @@ fn the_profile_says_whether_a_signal_that_is_there_already_stops_a_move() {
     assert_eq!(cut_short("signal_stop = \"edge\""), [false, true]);
 }
 
-/// An edge counts in the direction that is watched, and again for the next move.
+/// An edge counts in the watched direction, and again for the next move.
 #[test]
 fn an_edge_stops_each_move_during_which_it_comes() {
     let mut cell = cell("signal_stop = \"edge\"");
@@ -243,7 +246,8 @@ fn an_edge_stops_each_move_during_which_it_comes() {
     assert_eq!(cell.query(&["RemoteCmdLen", "isMoving", "curAlarm"]), [json!("0"), json!("0"), json!("0")]);
 }
 
-/// Whether the watch that one list began still stops a move of the next: of one that was appended, and one that replaced it.
+/// Whether the watch of one list still stops a move of the next list, if that is appended and if it replaces
+/// the first.
 fn outlives(settings: &str) -> [bool; 2] {
     [false, true].map(|replaces| {
         let mut cell = cell(settings);
@@ -269,7 +273,7 @@ fn the_profile_says_whether_the_watch_outlives_its_list() {
     assert_eq!(outlives("signal_stop_outlives_list = false"), [false, false]);
 }
 
-/// A list that is still going when it is replaced ends its watch, too.
+/// The watch also ends if its list is replaced while it still runs.
 #[test]
 fn a_watch_ends_with_the_list_that_is_replaced_before_its_end() {
     let mut cell = cell("signal_stop_outlives_list = false\nreplace_in_motion = \"take-over\"");
@@ -301,7 +305,7 @@ fn a_single_cycle_without_a_list_waits_for_one() {
         cell.ok(&["actionSingleCycle"]);
         cell.pass(60.0);
         assert_eq!(cell.text("curMode"), "9");
-        // One list, and the cycle is over; a step that stays is not begun a second time.
+        // One list, and the cycle is over; a step that stays is not executed a second time.
         let mut kept = axis_move([10.0, 0.0, 0.0, 0.0, 0.0, 0.0], 50.0);
         kept["oneshot"] = json!("0");
         cell.run_ok(&json!([kept]));
@@ -341,7 +345,7 @@ fn the_profile_says_what_an_instruction_without_oneshot_is() {
         let mut cell = cell(settings);
         let mut step = axis_move([5.0, 0.0, 0.0, 0.0, 0.0, 0.0], 100.0);
         step.as_object_mut().unwrap().remove("oneshot");
-        // One that has its own stays what it is.
+        // An instruction with `oneshot` keeps its own value.
         let own = axis_move([0.0; 6], 100.0);
         cell.run_ok(&json!([own, step]));
         cell.pass(20.0);
@@ -379,7 +383,7 @@ fn the_profile_says_whether_an_arm_that_waits_to_set_out_moves() {
     }
 }
 
-/// A client that polls right after the reply must not see an arm that seems to be there already.
+/// A client that polls right after the reply must not see an arm that seems to have arrived already.
 #[test]
 fn a_move_without_a_delay_moves_from_the_start() {
     let mut cell = cell("add_rcc_ack_ms = 0");
@@ -387,7 +391,7 @@ fn a_move_without_a_delay_moves_from_the_start() {
     assert_eq!(cell.text("isMoving"), "1");
 }
 
-/// Replies come as ever: what a real controller does with them is not known.
+/// Replies come as usual, because it is unknown what a real controller does with them.
 #[test]
 fn a_wrong_ds_id_is_told_once_for_each_connection() {
     let query = |ds_id: &str| format!(r#"{{{ds_id}"reqType":"query","queryAddr":["curMode"]}}"#);

@@ -1,4 +1,4 @@
-//! What each instruction does in the list (manual 6.1 and later).
+//! The effect of each instruction in the list (manual 6.1 and later).
 
 mod common;
 
@@ -83,7 +83,7 @@ fn instruction_10_goes_straight() {
     // 5 % of 2000 mm/s at 10 %: 10 mm/s for 100 mm.
     cell.ok(&["modifyGSPD", "100"]);
     cell.run_ok(&json!([linear_move(end, 5.0)]));
-    // Half of the way, and half of the ramp and its filter.
+    // Half of the distance, and half of the ramp and its filter.
     cell.pass(5.0 + 0.189 - 0.018);
     let middle = cell.world();
     assert!((middle[0] - start[0] - 30.0).abs() < 1.0, "{middle:?}");
@@ -135,7 +135,7 @@ fn instruction_17_goes_through_the_middle() {
         step[format!("m{n}_p")] = json!(format!("{:.6}", value + offset));
     }
     cell.ok(&["modifyGSPD", "100"]);
-    // A curve needs a line before it in its list: here one to where the tool is.
+    // A curve needs a line before it in its list: here a line to the present position of the tool.
     cell.run_ok(&json!([linear_move(start, 5.0), step]));
     let mut farthest: f64 = 0.0;
     for _ in 0..180 {
@@ -187,7 +187,7 @@ fn instruction_52_stops_the_move_at_the_signal() {
     let rest = cell.number("axis-0");
     assert!(rest > at_signal && rest - at_signal < 22.08 * 0.078, "{at_signal} to {rest}");
     cell.pass(10.0);
-    // The next instructions follow: with the watch ended, the signal no longer stops anything.
+    // The next instructions follow. The watch has ended, so the signal no longer stops anything.
     assert_eq!(
         cell.query(&["axis-1", "curAlarm", "RemoteCmdLen"]),
         [json!("5.000000"), json!("0"), json!("0")]
@@ -269,7 +269,7 @@ fn instruction_200_sets_outputs() {
     assert_eq!(cell.text("output-0"), "1");
     cell.pass(0.2);
     assert_eq!(cell.text("output-0"), "17");
-    // A timed output goes back by itself, and the list does not wait for it.
+    // A timed output goes back on its own, and the list does not wait for it.
     cell.run_ok(&json!([output("100", "8", "2")]));
     assert_eq!(cell.query(&["output-0", "RemoteCmdLen"]), [json!("273"), json!("0")]);
     cell.pass(2.0);
@@ -278,7 +278,8 @@ fn instruction_200_sets_outputs() {
 
 #[test]
 fn instruction_204_sets_a_whole_board() {
-    // The later manual's examples: Y010, Y012, Y020, Y025 on, Y013, Y021, Y024 off; Y030, Y040 on, Y031, Y041 off.
+    // The later manual's examples: Y010, Y012, Y020, Y025 on, Y013, Y021, Y024 off; Y030, Y040 on, Y031, Y041
+    // off.
     let mut cell = Cell::new();
     cell.ok(&["modifyOutput", "0", "3", "1"]);
     cell.ok(&["modifyOutput", "0", "4", "1"]);
@@ -390,7 +391,7 @@ fn empty_list_1_while_moving_takes_over_without_a_stop_where_the_profile_says_so
     assert_eq!(cell.query(&["curAlarm", "RemoteCmdLen"]), [json!("0"), json!("0")]);
 }
 
-/// Twenty targets a second, each replacing the one before: the arm follows and never stands.
+/// Twenty targets a second, each replacing the one before: the arm follows and never rests.
 #[test]
 fn a_target_that_moves_on_is_followed() {
     let profile = Profile::from_toml("replace_in_motion = \"take-over\"\nadd_rcc_ack_ms = 0").unwrap();
@@ -409,7 +410,7 @@ fn a_target_that_moves_on_is_followed() {
     assert_near(cell.axes(), [50.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1e-6);
 }
 
-/// What cannot be gone to in mid-move stops the arm first, and then raises its alarm.
+/// If a target cannot be reached in mid-move, the arm stops first, and then raises its alarm.
 #[test]
 fn a_list_that_cannot_take_over_stops_the_arm_first() {
     let profile = Profile::from_toml("replace_in_motion = \"take-over\"").unwrap();
@@ -433,7 +434,7 @@ fn an_empty_list_clears_what_is_left() {
     cell.ok(&["actionStop"]);
     cell.pass(1.0);
     assert_eq!(cell.text("RemoteCmdLen"), "1");
-    // Allowed although the mode is no longer 7: it moves nothing.
+    // Allowed although the mode is no longer 7, because it moves nothing.
     cell.run_ok(&json!([]));
     assert_eq!(cell.text("RemoteCmdLen"), "0");
     cell.ok(&["startButton"]);
@@ -453,7 +454,7 @@ fn a_list_is_refused_while_no_program_waits() {
     cell.pass(8.0);
     assert_eq!(cell.frame(), None);
     assert_eq!(cell.query(&["isMoving", "RemoteCmdLen"]), [json!("0"), json!("0")]);
-    // On a later unit the mode goes from 2 to 7 by itself (reported, unit B).
+    // On a later unit AddRCC changes the mode from 2 to 7 (reported, unit B).
     let arm = Profile::from_toml("add_rcc_unarmed = \"arm\"").unwrap();
     let mut cell = Cell::with(arm, r6_controller::StartState::Auto);
     cell.run_ok(&steps);
@@ -480,7 +481,7 @@ fn instruction_10_uses_its_own_tool() {
     cell.ok(&["switchTool", "1"]);
     let tip = cell.world();
     cell.ok(&["switchTool", "0"]);
-    // Tool 1 is at `tip` already: told to go there with tool 1, the arm stays; with tool 0 it moves.
+    // Tool 1 is already at `tip`: for a move there with tool 1 the arm stays; with tool 0 it moves.
     let mut step = linear_move(tip, 5.0);
     step["tool"] = json!("1");
     cell.run_ok(&json!([step]));
@@ -491,7 +492,7 @@ fn instruction_10_uses_its_own_tool() {
     assert_near(cell.world(), tip, 1e-3);
 }
 
-/// Workbench 2 is one that a power cut left: no command defines any.
+/// Workbench 2 comes from a saved state, because no command defines one.
 #[test]
 fn a_step_is_told_in_its_own_workbench() {
     let bench = [100.0, 50.0, -20.0];
@@ -532,7 +533,7 @@ fn a_step_is_told_in_its_own_workbench() {
             }
         }
         if action == "4" {
-            // Axes are axes on every workbench.
+            // Axis positions do not depend on the workbench.
             step = axis_move([0.0, -20.0, 10.0, 0.0, 40.0, 5.0], 50.0);
             step["coord"] = json!("2");
         }

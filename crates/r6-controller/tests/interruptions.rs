@@ -1,4 +1,4 @@
-//! What comes in between: loops that take no time, pauses, stops at the edge of a move, a speed of 0, new lists.
+//! Interruptions: loops that take no time, pauses, stops at the edge of a move, a speed of 0, new lists.
 
 mod common;
 
@@ -45,7 +45,7 @@ fn a_paused_controller_does_nothing_until_it_is_started() {
     cell.pass(0.1);
     assert_eq!(cell.text("output-0"), "8");
 
-    // A wait with a limit, whose signal comes meanwhile.
+    // A wait with a limit; its signal comes during the pause.
     let mut cell = Cell::new();
     cell.run_ok(&json!([{"oneshot": "1", "action": "100", "type": "0", "point": "3", "io_status": "1", "limit": "1"}]));
     cell.ok(&["actionPause"]);
@@ -74,7 +74,7 @@ fn global_speed_0_and_back_goes_on() {
             "{back_after} s"
         );
     }
-    // A move that begins at 0 waits for a speed.
+    // A move that begins at speed 0 waits for a speed.
     let mut cell = Cell::new();
     cell.ok(&["modifyGSPD", "0"]);
     cell.run_ok(&json!([moved(10.0, 100.0)]));
@@ -199,7 +199,7 @@ fn a_lost_connection_keeps_its_place_until_the_mains_fail() {
     };
     let (first, second) = (cell.id, cell.controller.connect(cell.now));
     assert!(is_served(&mut cell, first) && is_served(&mut cell, second));
-    // In the middle of a frame, and with a reply held back: nothing of it may go on.
+    // In the middle of a frame, and with a delayed reply: neither may continue.
     cell.controller.handle_input(
         cell.now,
         first,
@@ -212,7 +212,7 @@ fn a_lost_connection_keeps_its_place_until_the_mains_fail() {
     assert!(cell.controller.poll_transmit(cell.now, second).is_some(), "the photo request");
     let ignored = cell.controller.connect(cell.now);
     assert!(!is_served(&mut cell, ignored) && is_served(&mut cell, second));
-    // A connection that was never served takes no place from the others when it is lost.
+    // A lost connection that was never served takes no place from the others.
     cell.controller.lose(ignored);
     assert!(cell.controller.is_over(ignored));
     assert_eq!(cell.controller.snapshot(cell.now).connections, 2);

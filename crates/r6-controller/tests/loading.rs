@@ -1,4 +1,4 @@
-//! Programs that a person loads at the machine; and buttons that wait for an arm at rest.
+//! Programs that an operator loads at the machine, and buttons that need the arm at rest.
 
 mod common;
 
@@ -101,12 +101,13 @@ fn a_program_that_runs_is_not_replaced_nor_one_that_it_may_call() {
     load(&mut cell, "other", COUNT_TENS).unwrap();
     cell.pass(0.5);
     assert_eq!(count(&mut cell), 1);
-    // Paused it rests, and begins anew with the new text: it does not go on in the middle of what is no longer there.
+    // A paused program can be replaced. It begins again with the new text and does not continue in the middle
+    // of the old one.
     press(&mut cell, Button::Pause).unwrap();
     load(&mut cell, "part", COUNT_TENS).unwrap();
     press(&mut cell, Button::Start).unwrap();
     assert_eq!(count(&mut cell), 11);
-    // A program that calls itself, directly or in a circle, is found out too.
+    // A program that calls itself, directly or in a circle, is detected too.
     cell.ok(&["switchMold", "remote"]);
     load(&mut cell, "part", "[[step]]\ndo=\"call\"\nprogram=\"whole\"").unwrap();
     load(&mut cell, "own", "[[step]]\ndo=\"call\"\nprogram=\"own\"").unwrap();
@@ -149,7 +150,7 @@ fn there_is_room_for_so_much() {
     assert!(matches!(refused, Refused::NoRoom { .. }) && refused.to_string().contains("bytes"), "{refused}");
     load(&mut cell, "long0", COUNT).unwrap();
     load(&mut cell, "one-more", COUNT).unwrap();
-    // All that can be loaded can be read again.
+    // Everything that can be loaded can be read again.
     let saved = cell.controller.machine().saved();
     assert_eq!(SavedState::from_json(&saved.to_json()), Ok(saved));
 }
@@ -161,7 +162,7 @@ fn it_survives_a_power_cut() {
     load(&mut cell, "part", COUNT).unwrap();
     assert_ne!(cell.controller.machine().saved_mark(), mark);
     load(&mut cell, "cell", CALLS_PART).unwrap();
-    // One that every controller has can be another one.
+    // A shipped program can be replaced.
     load(&mut cell, "palletise", COUNT_TENS).unwrap();
     cell.ok(&["switchMold", "cell"]);
     let text = cell.controller.machine().saved().to_json();
@@ -188,11 +189,11 @@ fn a_program_that_is_given_at_the_start_counts_and_the_loaded_one_is_kept() {
     };
     let mut other = Cell::restored(given(COUNT_TENS), &saved);
     let _ = other.query(&["curMode"]);
-    assert!(other.log().contains("program `cell` is the one that was given at the start"));
+    assert!(other.log().contains("program `cell` was given at the start"));
     other.ok(&["switchMold", "cell"]);
     other.ok(&["startButton"]);
     assert_eq!(count(&mut other), 10);
-    // Without it, the loaded one is there again.
+    // Without it, the loaded program is there again.
     let mut without = Cell::restored(settings(), &other.controller.machine().saved());
     without.ok(&["startButton"]);
     assert_eq!(count(&mut without), 11);
@@ -202,7 +203,8 @@ fn a_program_that_is_given_at_the_start_counts_and_the_loaded_one_is_kept() {
     assert!(!same.log().contains("given at the start"), "nothing to tell");
 }
 
-/// A person starts, and clears, an arm at rest; over the wire both are taken at once and begin at rest.
+/// At the panel, start and clear need the arm at rest. Over the wire both are accepted at once and begin at
+/// rest.
 #[test]
 fn buttons_wait_for_an_arm_that_slows_down() {
     let moving = || {
@@ -224,12 +226,12 @@ fn buttons_wait_for_an_arm_that_slows_down() {
     let mut cell = moving();
     operate(&mut cell, &PanelAction::RaiseAlarm(850)).unwrap();
     assert_eq!(operate(&mut cell, &PanelAction::ClearAlarm), Err(Refused::Moving));
-    // What has to be done first is told first.
+    // The reason that has to be dealt with first comes first.
     assert_eq!(press(&mut cell, Button::Start), Err(Refused::Alarm { alarm: 850 }));
     cell.pass(0.2);
     operate(&mut cell, &PanelAction::ClearAlarm).unwrap();
 
-    // After a pause, start goes on, slowed down or not.
+    // After a pause, start continues, even while the arm still slows down.
     let mut cell = moving();
     press(&mut cell, Button::Pause).unwrap();
     press(&mut cell, Button::Start).unwrap();

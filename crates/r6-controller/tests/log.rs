@@ -1,4 +1,4 @@
-//! What the log tells of a peer that sends rubbish as fast as it can.
+//! The log of a peer that sends rubbish as fast as it can.
 
 mod common;
 
@@ -7,7 +7,8 @@ use r6_controller::Event;
 use r6_controller::{Controller, ControllerSettings, FastClock, Profile, RobotModel};
 use r6_proto::time::Instant;
 
-/// Takes the lines one by one, as a shell does that reads after each piece: how many there are, and how many they say were left out.
+/// Reads the lines one by one, like a shell that reads after each piece. Returns their number, and how many
+/// they say were left out.
 fn told(cell: &mut Cell) -> (u64, u64) {
     let (mut lines, mut left_out) = (0, 0);
     while let Some(line) = cell.controller.poll_log() {
@@ -19,7 +20,7 @@ fn told(cell: &mut Cell) -> (u64, u64) {
     (lines, left_out)
 }
 
-/// Sends so many frames that are none, and tells what the log said meanwhile.
+/// Sends this many invalid frames and returns the same counts for the log.
 fn rubbish(cell: &mut Cell, frames: u64) -> (u64, u64) {
     let (mut lines, mut left_out) = (0, 0);
     for _ in 0..frames {
@@ -36,7 +37,7 @@ fn of_too_many_warnings_the_rest_is_counted() {
     let mut cell = Cell::new();
     assert_eq!(rubbish(&mut cell, 32), (32, 0));
     assert_eq!(rubbish(&mut cell, 5_000), (0, 0));
-    // Nothing more comes of this connection: it is told all the same, a second after the first of them.
+    // The connection sends nothing more: the count still comes, a second after the first warning.
     cell.pass(0.999);
     assert_eq!(told(&mut cell), (0, 0));
     cell.pass(0.002);
@@ -76,7 +77,7 @@ fn a_connection_that_ends_leaves_its_count() {
     assert_eq!(cell.controller.poll_timeout(), None);
 }
 
-/// What is no warning is told always: a fault that struck, an order that was taken.
+/// Other events than warnings are always logged: a fault that struck, a command that was accepted.
 #[test]
 fn orders_are_told_beside_the_warnings() {
     let mut cell = Cell::new();
@@ -85,7 +86,7 @@ fn orders_are_told_beside_the_warnings() {
     assert_eq!(told(&mut cell), (1, 0));
 }
 
-/// `{{{{…` was one line for each brace beyond the depth that is read.
+/// `{{{{…` once caused one line for each brace beyond the depth limit.
 #[test]
 fn an_endless_nest_is_no_endless_log() {
     let mut cell = Cell::new();
@@ -101,7 +102,7 @@ fn an_endless_nest_is_no_endless_log() {
     assert!(left_out > 1_000, "{left_out}");
 }
 
-/// Where only the input drives the clock, the count comes once nobody says anything.
+/// With a clock that only the input drives, the count comes once no input comes.
 #[test]
 fn a_clock_that_stands_tells_the_count_too() {
     let model = RobotModel::named("BRTIRUS0707A").unwrap().clone();

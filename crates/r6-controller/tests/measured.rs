@@ -1,4 +1,5 @@
-//! The published experiments on real arms, run on the virtual controller over the wire and set beside it.
+//! The published experiments on real arms, run on the virtual controller over the wire and compared with
+//! them.
 //!
 //! `cargo test -p r6-controller --test measured -- --nocapture` prints the tables of `docs/FIDELITY.md`.
 
@@ -8,17 +9,17 @@ use common::{Cell, assert_near, axis_move, linear_move};
 use r6_controller::{ControllerSettings, Profile, RobotModel, StartState};
 use serde_json::{Value, json};
 
-/// How often the original observer of unit A looked, seconds.
+/// The polling interval of the original observer of unit A, in seconds.
 const POLL: f64 = 1.0 / 15.0;
 
-/// It stopped its clock when the arm had stood still for this long, seconds; the wait is part of its figures.
+/// It stopped its clock when the arm had rested for this long, in seconds; the wait is part of its figures.
 const STILLNESS: f64 = 1.5;
 
-/// How much the axis has to move between two polls not to count as standing still, degrees. The observer's own rule is
+/// How much the axis has to move between two polls to count as moving, in degrees. The observer's own rule is
 /// not reported: chosen.
 const STILL: f64 = 0.01;
 
-/// What the tables are printed in.
+/// The page with the tables.
 const PAGE: &str = include_str!("../../../docs/FIDELITY.md");
 
 fn j1(degrees: f64, speed: f64, blend: u8) -> Value {
@@ -27,7 +28,7 @@ fn j1(degrees: f64, speed: f64, blend: u8) -> Value {
     step
 }
 
-/// A row of the table: measured, simulated.
+/// Prints and checks a row of the table: measured, simulated.
 #[track_caller]
 fn row(what: &str, measured: f64, simulated: f64, within: f64) {
     let deviation = simulated / measured - 1.0;
@@ -35,14 +36,14 @@ fn row(what: &str, measured: f64, simulated: f64, within: f64) {
     assert!(deviation.abs() <= within, "{what}: measured {measured}, simulated {simulated}");
 }
 
-/// The page says this; else it has to be brought in line with what was simulated.
+/// Checks that the page says this. If not, the page has to be updated to the simulation.
 #[track_caller]
 fn page_says(words: &str) {
     println!("{words}");
     assert!(PAGE.contains(words), "docs/FIDELITY.md does not say: {words}");
 }
 
-/// What an observer sees that asks for J1 and `isMoving` at 15 Hz: the time at which it stops its clock.
+/// The time at which an observer that polls J1 and `isMoving` at 15 Hz stops its clock.
 fn observed(cell: &mut Cell) -> f64 {
     let (mut clock, mut still_since, mut before) = (0.0, 0.0, cell.number("axis-0"));
     loop {
@@ -87,8 +88,9 @@ fn blend_levels_take_the_measured_times() {
     }
 }
 
-/// How long J1 stood, each time, seconds, for an observer who polls at 15 Hz, first so many seconds from now: the polls
-/// that saw it within `still` degrees of where the poll before saw it. The start and the end do not count.
+/// How long J1 rested, each time, in seconds, for an observer who polls at 15 Hz, beginning in `first`
+/// seconds. It counts the polls that saw J1 within `still` degrees of the previous poll. The start and the
+/// end do not count.
 fn stops(cell: &mut Cell, first: f64, still: f64) -> Vec<f64> {
     cell.pass(first);
     let (mut found, mut polls, mut has_set_out) = (Vec::new(), 0, false);
@@ -111,7 +113,8 @@ fn stops(cell: &mut Cell, first: f64, still: f64) -> Vec<f64> {
     found
 }
 
-/// The shortest and the longest stop of a level, however the polls fall; at level 0 there are four of them each time.
+/// The shortest and the longest stop of a level, for any phase of the polls; at level 0 there are always
+/// four.
 fn shortest_and_longest_stop(blend: u8, still: f64) -> (f64, f64) {
     let mut all = Vec::new();
     for tenth in 0..10 {
@@ -124,8 +127,8 @@ fn shortest_and_longest_stop(blend: u8, still: f64) -> (f64, f64) {
     (all.iter().copied().fold(f64::INFINITY, f64::min), all.into_iter().fold(0.0, f64::max))
 }
 
-/// Reported, unit A: 0.25 to 0.33 s at each of the four points at level 0, none above. The page says how far off that
-/// the simulated ones are.
+/// Reported, unit A: 0.25 to 0.33 s at each of the four points at level 0, no stops above. The page gives the
+/// deviation of the simulated ones.
 #[test]
 fn only_level_0_stops_at_each_point() {
     let (shortest, longest) = shortest_and_longest_stop(0, STILL);
@@ -133,7 +136,7 @@ fn only_level_0_stops_at_each_point() {
     let most = (1..=9).map(|blend| shortest_and_longest_stop(blend, STILL).1).fold(0.0, f64::max);
     page_says(&format!("| stop at each point, levels 1–9 | none | at most {most:.2} s"));
     assert!(most < shortest);
-    // How much hangs on the rule.
+    // How much depends on the rule.
     let lax = 4.0 * STILL;
     let (shortest, longest) = shortest_and_longest_stop(0, lax);
     let most = (1..=9).map(|blend| shortest_and_longest_stop(blend, lax).1).fold(0.0, f64::max);
@@ -144,7 +147,7 @@ fn only_level_0_stops_at_each_point() {
 /// Unit B's full axis speeds, degrees per second: fitted to its figures at speed 5, 10 and 20 %.
 const UNIT_B_FULL_SPEEDS: [f64; 6] = [235.0, 264.5, 370.0, 338.0, 599.0, 588.0];
 
-/// What unit B's axes did at global 10 %, degrees per second, for these speeds in percent.
+/// The speeds of unit B's axes at global 10 %, in degrees per second, for these speeds in percent.
 const SPEEDS: [f64; 7] = [5.0, 10.0, 20.0, 30.0, 50.0, 70.0, 100.0];
 const UNIT_B: [[f64; 7]; 6] = [
     [1.16, 2.38, 4.76, 7.13, 11.89, 16.64, 23.65],
@@ -155,11 +158,11 @@ const UNIT_B: [[f64; 7]; 6] = [
     [2.95, 5.89, 11.72, 17.05, 27.75, 34.37, 38.71],
 ];
 
-/// How far each of them went is not known, nor how the speed was taken. With this stroke, degrees, the highest speed
-/// on the way explains the falling off at 50 to 100 %: fitted.
+/// It is unknown how far each axis went, and how the speed was measured. With this stroke, in degrees, the
+/// highest speed on the way explains the deviation at 50 to 100 %: fitted.
 const STROKE: f64 = 8.0;
 
-/// How much the simulated speed may differ where the stroke is too short for the speed that was told.
+/// How much the simulated speed may differ if the stroke is too short for the requested speed.
 const SHORT_STROKE: f64 = 0.09;
 
 fn unit_b() -> Cell {
@@ -174,7 +177,7 @@ fn unit_b() -> Cell {
     cell
 }
 
-/// The highest speed of an axis on one stroke, as positions over 10 ms show it.
+/// The highest speed of an axis on one stroke, from positions 10 ms apart.
 fn highest_speed(axis: usize, speed: f64) -> f64 {
     let mut cell = unit_b();
     let mut target = [0.0; 6];
@@ -204,7 +207,8 @@ fn axis_speeds_follow_the_measured_law() {
     }
 }
 
-/// How far the tool went in unit B's lines is not known either. This length, mm, explains 84.1 mm/s at 100 %: fitted.
+/// How far the tool went in unit B's lines is unknown, too. This length, in mm, explains 84.1 mm/s at 100 %:
+/// fitted.
 const LINE: f64 = 19.2;
 
 #[test]
@@ -236,16 +240,17 @@ fn line_speeds_follow_the_measured_law() {
     }
 }
 
-/// How much some axis has to move in 0.01 s not to count as a pause, degrees. The original rule is not reported: chosen.
+/// How much some axis has to move in 0.01 s to count as moving, in degrees. The original rule is not
+/// reported: chosen.
 const PAUSED: f64 = 1e-4;
 
-/// The longest that no axis moved, seconds, from now until nothing is left to run; looked at at 100 Hz.
+/// The longest time without motion, in seconds, until nothing is left to run; sampled at 100 Hz.
 fn longest_pause(cell: &mut Cell, mut chunks: Vec<Value>) -> f64 {
     let (mut pause, mut longest) = (0.0, 0.0_f64);
     let mut before = cell.axes();
     chunks.reverse();
     loop {
-        // The next chunk when two instructions are left.
+        // Send the next chunk when two instructions are left.
         if cell.number("RemoteCmdLen") <= 2.0
             && let Some(chunk) = chunks.pop()
         {
@@ -277,7 +282,7 @@ fn pause_while_streaming(blend: u8) -> f64 {
     let chunks: Vec<Value> = points.chunks(6).map(|chunk| chunk.to_vec().into()).collect();
     assert_eq!(chunks.len(), 3);
     cell.append_ok(&chunks[0]);
-    // The start counts for nothing.
+    // The start does not count.
     cell.pass(0.2);
     let longest = longest_pause(&mut cell, chunks[1..].to_vec());
     assert_near(cell.axes(), place(17), 1e-6);
@@ -285,7 +290,7 @@ fn pause_while_streaming(blend: u8) -> f64 {
     longest
 }
 
-/// Reported, unit A: no pause of 0.25 s. Level 0 would pass that too, so what is held is far shorter.
+/// Reported, unit A: no pause of 0.25 s. Level 0 would pass that too, so this test requires far less.
 #[test]
 fn a_path_of_17_points_streamed_in_three_chunks_has_no_pause() {
     let longest = (1..=9).map(pause_while_streaming).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! What a move takes from the profile, from the steps before it and from the list that it replaces.
+//! What a move takes from the profile, from earlier steps and from the list that it replaces.
 
 mod common;
 
@@ -6,7 +6,7 @@ use common::{Cell, assert_near, axis_move, linear_move};
 use r6_controller::Profile;
 use serde_json::{Value, json};
 
-/// The arm with its tool down but for 10 degrees, J6 at so many degrees.
+/// The arm with its tool down except for 10 degrees, J6 at this many degrees.
 fn tool_down(profile: &str, j6: f64) -> Cell {
     let mut cell = Cell::with(Profile::from_toml(profile).unwrap(), Default::default());
     cell.run_ok(&json!([axis_move([0.0, -20.0, 0.0, 0.0, -60.0, j6], 100.0)]));
@@ -14,12 +14,12 @@ fn tool_down(profile: &str, j6: f64) -> Cell {
     cell
 }
 
-/// From J6 at so many degrees, how far it turns and the alarm, when a line tells the tool to stay, but to have one angle
-/// (3 to 5 for U to W) otherwise.
+/// How far J6 turns, and the alarm, when a line from J6 at `j6` degrees keeps the position of the tool and
+/// changes one angle (3 to 5 for U to W).
 fn turned_to(profile: &str, j6: f64, angle: usize, told: impl Fn(f64) -> f64) -> (f64, String) {
     let mut cell = tool_down(profile, j6);
     let mut target = cell.world();
-    // W reads ±180 with J6 at 0, and no other angle reads so near to it that its sign is rounding.
+    // W reads ±180 with J6 at 0. No other angle is close enough for rounding to decide its sign.
     assert!((target[5] - 180.0 * j6.signum() + j6).abs() < 3.0 && target[3].abs() < 179.9, "{target:?}");
     target[angle] = told(target[angle]);
     cell.run_ok(&json!([linear_move(target, 20.0)]));
@@ -27,15 +27,15 @@ fn turned_to(profile: &str, j6: f64, angle: usize, told: impl Fn(f64) -> f64) ->
     (cell.number("axis-5") - j6, cell.text("curAlarm"))
 }
 
-/// A real unit's wrist went the long way when it was told U +180 where it read −180 (reported). The profile decides.
+/// A real unit's wrist turned the long way for U +180 where U read −180 (reported). The profile decides.
 #[test]
 fn the_profile_says_which_way_round_the_wrist_turns() {
-    // What was seen is what `hc1` does.
+    // `hc1` does what was seen.
     const AS_TOLD: &str = "";
     const SHORTEST: &str = "turning = \"shortest\"";
     #[track_caller]
     fn turns(seen: (f64, String), by: f64) {
-        // The tool is tilted, so the other axes turn a little too, and W is not quite what J6 is.
+        // The tool is tilted, so the other axes turn a little too, and W is not exactly J6.
         assert!((seen.0 - by).abs() < 10.0 && seen.1 == "0", "{seen:?}, not {by}");
     }
     let whole_turn_less = |u: f64| u - 360.0 * u.signum();
@@ -47,7 +47,7 @@ fn the_profile_says_which_way_round_the_wrist_turns() {
         turns(turned_to(SHORTEST, 5.0 * side, 5, |w| -w), -10.0 * side);
         let end_of_j6 = if side > 0.0 { "135" } else { "145" };
         assert_eq!(turned_to(AS_TOLD, 5.0 * side, 5, |w| -w), (0.0, end_of_j6.to_owned()));
-        // The same place of U told a whole turn on: a turn that no arm can do.
+        // The same orientation with U a whole turn away: no arm can make that turn.
         turns(turned_to(SHORTEST, 80.0 * side, 3, whole_turn_less), 0.0);
         assert_ne!(turned_to(AS_TOLD, 80.0 * side, 3, whole_turn_less).1, "0");
     }
@@ -65,7 +65,7 @@ fn path_speed(mm_per_second: &str) -> Value {
 /// Two lines in one direction with a path speed between them: the second has no speed of its own.
 #[test]
 fn a_line_after_a_corner_goes_by_the_path_speed_told_before_it() {
-    // With and without an older path speed that no longer counts.
+    // With and without an older path speed, which no longer counts.
     for older in [vec![], vec![path_speed("120")]] {
         let mut cell = tool_down("", 0.0);
         let start = cell.world();
@@ -84,7 +84,7 @@ fn a_line_after_a_corner_goes_by_the_path_speed_told_before_it() {
             speeds.push((here - before) / 0.01);
             before = here;
         }
-        // Without the ramp at either end: no stop at the corner, and 20 mm/s from there on.
+        // Without the ramps at both ends: no stop at the corner, and 20 mm/s from there on.
         let way = &speeds[40..speeds.len() - 40];
         let slowest = way.iter().copied().fold(f64::INFINITY, f64::min);
         assert!(slowest > 19.0, "{slowest}");

@@ -1,4 +1,4 @@
-//! What a person does at the machine: every action, what it changes and when it is refused.
+//! The operator's actions: what each changes and when it is refused.
 
 mod common;
 
@@ -118,7 +118,7 @@ fn single_step_runs_one_step_for_each_press() {
     cell.pass(0.1);
     done(&mut cell, &PanelAction::TurnKey(Key::Auto));
     assert_eq!(press(&mut cell, Button::Start), Ok(()));
-    // Blended and kept: neither a corner nor the end of a pass runs a second step.
+    // Blended and kept: neither a corner nor the end of a pass starts a second step.
     let smooth = |j1| {
         let mut step = kept(j1, 50.0);
         step["smooth"] = json!("9");
@@ -144,7 +144,7 @@ fn single_step_runs_one_step_for_each_press() {
         ["2 0.000000 0", "2 20.000000 0", "2 40.000000 0", "2 40.000000 16", "2 40.000000 16"],
         "a wait, two moves, an output, and the wait of the next pass"
     );
-    // Start goes on from where the steps ended.
+    // Start continues from where the steps ended.
     assert_eq!(press(&mut cell, Button::Start), Ok(()));
     cell.pass(0.5);
     assert_eq!(cell.query(&["curMode", "isMoving"]), [json!("7"), json!("1")]);
@@ -165,7 +165,7 @@ fn single_step_with_nothing_to_run_ends_at_once_and_ends_a_running_program_with_
         cell.query(&["curMode", "axis-0", "RemoteCmdLen"]),
         [json!("2"), json!("20.000000"), json!("1")]
     );
-    // Start during a step lets the program run on.
+    // Start during a step lets the program continue.
     assert_eq!(press(&mut cell, Button::SingleStep), Ok(()));
     cell.pass(0.1);
     assert_eq!(press(&mut cell, Button::Start), Ok(()));
@@ -234,7 +234,7 @@ fn a_move_by_hand_can_be_stopped() {
         cell.pass(within);
         let rest = cell.number("axis-0");
         assert!(rest > 20.0 && rest < 80.0 && cell.text("isMoving") == "0", "{name}: at {rest}");
-        // It does not go on, whatever is pressed.
+        // It does not continue, whatever is pressed.
         done(&mut cell, &PanelAction::ReleaseEmergencyStop);
         done(&mut cell, &PanelAction::ClearAlarm);
         cell.ok(&["modifyGSPD", "1000"]);
@@ -242,7 +242,7 @@ fn a_move_by_hand_can_be_stopped() {
         assert_eq!(press(&mut cell, Button::Start), Ok(()), "{name}");
         cell.pass(5.0);
         assert!((cell.number("axis-0") - rest).abs() < 1e-9, "{name}");
-        // And what comes next begins where it stands.
+        // The next move begins at the present position.
         cell.run_ok(&json!([moved(rest + 10.0, 100.0)]));
         cell.pass(0.01);
         assert!((cell.number("axis-0") - rest).abs() < 1.0, "{name}");
@@ -276,7 +276,7 @@ fn soft_limits_hold_for_moves_by_hand() {
             let state = cell.query(&["curAlarm", "isMoving", "curMode"]);
             assert_eq!(state, [json!(alarm.to_string()), json!("0"), json!("1")]);
             assert!((cell.axes()[usize::from(axis)] - wanted).abs() < 1e-6);
-            // From there only back, once the alarm is cleared.
+            // From there it can only go back, after the alarm is cleared.
             assert_eq!(operate(&mut cell, &jog(axis, -by.signum(), 100.0)), Err(Refused::Alarm { alarm }));
             done(&mut cell, &PanelAction::ClearAlarm);
             done(&mut cell, &jog(axis, by.signum(), 100.0));
@@ -288,7 +288,7 @@ fn soft_limits_hold_for_moves_by_hand() {
             assert_eq!(cell.text("curAlarm"), "0");
         }
     }
-    // Exactly to the limit is no fault.
+    // A move exactly to the limit is not a fault.
     let mut cell = manual();
     done(&mut cell, &jog(0, limits[0].max, 100.0));
     cell.pass(20.0);

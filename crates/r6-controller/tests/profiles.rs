@@ -1,4 +1,4 @@
-//! `docs/PROFILES.md` against the code.
+//! Checks `docs/PROFILES.md` against the code.
 
 mod common;
 
@@ -9,7 +9,7 @@ use r6_controller::{Profile, StartState};
 
 const PAGE: &str = include_str!("../../../docs/PROFILES.md");
 
-/// The rows of the table of settings: the cells without their quotes.
+/// The rows of the table of settings, without the quotes of their cells.
 fn rows() -> Vec<Vec<String>> {
     let table = PAGE.split("## Settings").nth(1).unwrap().split("\n## ").next().unwrap();
     table
@@ -19,7 +19,7 @@ fn rows() -> Vec<Vec<String>> {
         .collect()
 }
 
-/// The settings that a file may have, as the reader itself lists them.
+/// The settings that a file may have, from the reader's own error message.
 fn settings() -> BTreeSet<String> {
     let error = Profile::from_toml("no_such_setting = 1").unwrap_err().to_string();
     let (_, list) = error.split_once("there are: ").unwrap();
@@ -56,7 +56,7 @@ fn the_example_of_the_page_works() {
     );
 }
 
-/// The page's other examples: what is reported of unit B, and the replies that the manual prints for old firmware.
+/// The page's other examples: the reports of unit B, and the replies that the manual prints for old firmware.
 #[test]
 fn the_other_examples_of_the_page_work() {
     let examples: Vec<_> = PAGE
@@ -74,7 +74,7 @@ fn the_other_examples_of_the_page_work() {
     }
 }
 
-/// A reply that says that no real controller sent it: only where somebody asked for it.
+/// Replies say that no real controller sent them only if the profile asks for it.
 #[test]
 fn replies_say_that_they_are_virtual() {
     for base in Profile::names() {

@@ -1,9 +1,9 @@
-//! Taught programs: what each step does, and how programs begin, go on and end.
+//! Taught programs: the effect of each step, and how programs begin, continue and end.
 
 mod common;
 
 use common::{Cell, assert_near};
-use r6_controller::{ControllerSettings, Profile, RobotModel, StartState};
+use r6_controller::{ControllerSettings, Event, PanelAction, Profile, RobotModel, StartState};
 use serde_json::json;
 
 const PHOTO: &str = r#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":0}"#;
@@ -19,7 +19,7 @@ fn cell_with(profile: Profile, programs: &[(&str, &str)], start: StartState) -> 
     Cell::of(settings)
 }
 
-/// A controller on which this program runs.
+/// A controller that runs this program.
 fn running(text: &str) -> Cell {
     cell_with(Profile::hc1(), &[("test", text)], StartState::Waiting)
 }
@@ -86,7 +86,7 @@ fn moves_blend_from_step_to_step() {
         assert_near(cell.axes(), [0.0; 6], 1e-6);
         stops
     };
-    // It turns round at 40 and stands there for an instant; level 0 also stops at 20.
+    // It turns back at 40 and rests there for an instant; level 0 also stops at 20.
     assert!(stops(0) >= 2);
     assert!(stops(5) <= 1);
 }
@@ -129,7 +129,7 @@ fn programs_call_one_another_and_return() {
     let sub = "[[step]]\ndo=\"register\"\nnumber=800\nto=7\n[[step]]\ndo=\"return\"\n[[step]]\ndo=\"alarm\"\nnumber=5000";
     let mut cell = cell_with(Profile::hc1(), &[("main", main), ("sub", sub)], StartState::Waiting);
     assert_eq!(cell.query(&["Addr-800", "Addr-801", "curAlarm"]), [json!("7"), json!("1"), json!("0")]);
-    // One that calls itself is an error, not a hang.
+    // A program that calls itself is an error and does not hang.
     let mut cell = running("[[step]]\ndo=\"call\"\nprogram=\"test\"");
     assert_eq!(cell.text("curAlarm"), "10");
     assert!(cell.log().contains("program `test`, step 1: programs call one another more than 16 deep"));
@@ -195,13 +195,56 @@ fn conditions_choose_the_way() {
     assert_eq!(way(&|cell| assert!(points(cell, 1, &[(3, 0.0)]).contains("AddPoints"))), "0");
 }
 
-/// The camera sends points: template, and how far along Y from the middle of the reach.
+/// Sends points of a camera: template, and offset along Y from the middle of the reach.
 fn points(cell: &mut Cell, camera: u32, found: &[(u32, f64)]) -> String {
     let data: Vec<_> = found
         .iter()
         .map(|(model, y)| json!({"ModelID": model, "X": 400.0, "Y": y, "Z": 450.0, "Angel": 90.0, "Rel": 0}))
         .collect();
     cell.ask(json!({"dsID": "www.hc-system.com.cam", "reqType": "AddPoints", "dsData": [{"camID": camera, "data": data}]}).to_string())
+}
+
+#[test]
+fn the_snapshot_tells_the_step_whose_turn_it_is() {
+    let mut cell = running(&format!(
+        "{}[[step]]\ndo=\"wait\"\npoint=\"X011\"\n[[step]]\ndo=\"call\"\nprogram=\"remote\"",
+        axis_move(20.0, "")
+    ));
+    let step = |cell: &mut Cell| {
+        let step = cell.controller.snapshot(cell.now).step.unwrap();
+        (step.program, step.number, step.steps, step.text)
+    };
+    cell.pass(0.1);
+    assert_eq!(step(&mut cell), ("test".to_owned(), 1, 3, "axis move".to_owned()));
+    cell.pass(10.0);
+    assert_eq!(step(&mut cell), ("test".to_owned(), 2, 3, "wait until X011 is on".to_owned()));
+    assert!(!cell.controller.snapshot(cell.now).is_ready(), "mode 7, and no list is taken");
+    cell.controller.operate(cell.now, &PanelAction::SetInput { board: 0, point: 1, on: true }).unwrap();
+    cell.pass(0.1);
+    assert_eq!(step(&mut cell), ("remote".to_owned(), 1, 1, "wait for remote commands".to_owned()));
+    assert!(cell.controller.snapshot(cell.now).is_ready());
+}
+
+#[test]
+fn points_of_cameras_are_told_shown_and_removed() {
+    let mut cell = running("[[step]]\ndo=\"remote\"");
+    points(&mut cell, 2, &[(1, 70.0), (1, 71.0)]);
+    points(&mut cell, 0, &[(1, 70.0)]);
+    assert_eq!(cell.controller.snapshot(cell.now).points, [(0, 1), (2, 2)]);
+    cell.controller.operate(cell.now, &PanelAction::ClearPoints).unwrap();
+    assert_eq!(cell.controller.snapshot(cell.now).points, []);
+    let log = std::iter::from_fn(|| cell.controller.poll_log()).map(|entry| entry.event);
+    let about_points =
+        |event: &Event| matches!(event, Event::PointsTaken { .. } | Event::PointsCleared { .. });
+    let told: Vec<_> = log.filter(about_points).collect();
+    assert_eq!(
+        told,
+        [
+            Event::PointsTaken { camera: 2, points: 2, waiting: 2 },
+            Event::PointsTaken { camera: 0, points: 1, waiting: 3 },
+            Event::PointsCleared { points: 3 },
+        ]
+    );
 }
 
 const TOOL_DOWN: &str = "[[step]]\ndo=\"axis-move\"\nto=[0,10,-20,0,-80,0]\nspeed=100\n";
@@ -217,7 +260,7 @@ fn points_of_a_camera_are_targets_in_the_order_they_came() {
     ));
     cell.pass(5.0);
     assert_eq!(cell.text("isMoving"), "0", "it waits for a point");
-    // Of another template, and of another camera: not for this program.
+    // Points of another template, and of another camera, are not for this program.
     points(&mut cell, 0, &[(1, 70.0)]);
     points(&mut cell, 1, &[(2, 70.0)]);
     cell.pass(5.0);
@@ -274,7 +317,7 @@ fn points_that_do_not_come() {
     assert_eq!(cell.text("curAlarm"), "5003", "points of other cameras do not lengthen the wait");
 }
 
-/// An alarm in the middle of a wait: what goes on waits for its whole limit, not for what was left long ago.
+/// After an alarm in the middle of a wait, the wait has its whole limit again, not the rest of the old one.
 #[test]
 fn a_wait_that_an_alarm_ended_begins_anew() {
     let mut cell = running("[[step]]\ndo=\"take-point\"\nlimit=3\n[[step]]\ndo=\"remote\"");
@@ -286,7 +329,7 @@ fn a_wait_that_an_alarm_ended_begins_anew() {
     assert_eq!(cell.text("curAlarm"), "0");
     cell.pass(0.2);
     assert_eq!(cell.text("curAlarm"), "201");
-    // A point of another camera on the way lengthens nothing, and the next step has a limit of its own.
+    // A point of another camera does not lengthen the wait, and the next step has its own limit.
     let take = "[[step]]\ndo=\"take-point\"\nlimit=3\n";
     let mut cell = running(&format!("{take}{take}[[step]]\ndo=\"remote\""));
     cell.pass(2.0);
@@ -347,7 +390,7 @@ fn a_step_that_cannot_be_is_left_out_by_run_next() {
     assert_eq!((cell.text("curAlarm").as_str(), count(&mut cell, 0)), ("130", 0), "the same step again");
     cell.ok(&["clearAlarmRunNext"]);
     assert_eq!((cell.text("curAlarm").as_str(), count(&mut cell, 0)), ("0", 1));
-    // A counter that is not there: no instruction, but left out all the same.
+    // A step with a missing counter is not an instruction, but is skipped as well.
     let mut cell =
         running(&format!("[[step]]\ndo=\"counter\"\nnumber=77\nby=1\n{COUNT}[[step]]\ndo=\"remote\""));
     assert_eq!(cell.text("curAlarm"), "300");
@@ -402,7 +445,7 @@ fn a_single_cycle_is_one_cycle() {
     assert_eq!((cell.text("curMode").as_str(), count(&mut cell, 0)), ("2", 1));
 }
 
-/// One press, one step; what is no instruction is a step too.
+/// Each press runs one step, also if the step is not an instruction.
 #[test]
 fn a_taught_program_goes_step_by_step() {
     use r6_controller::panel::{Button, PanelAction};
@@ -450,7 +493,7 @@ fn remote_commands_are_one_step_of_a_program() {
     cell.run_ok(&list);
 }
 
-/// A client that clears leftovers does not touch what the program does.
+/// A client that clears leftovers does not affect the program.
 #[test]
 fn an_empty_list_does_not_touch_a_program_that_moves_or_waits() {
     let program = format!("{COUNT}{}[[step]]\ndo=\"wait\"\npoint=\"X010\"\nlimit=4\n", axis_move(150.0, ""));
@@ -535,7 +578,7 @@ fn pick_and_place_picks_what_the_camera_found() {
         }
         assert_eq!((grips, pulses, count(&mut cell, 0)), (3, 3, 3), "{profile}");
         assert_eq!(cell.text("curAlarm"), "0");
-        // And it asks for the next photo.
+        // Then it asks for the next photo.
         cell.pass(3.0);
         assert!(cell.frame().is_some_and(|frame| frame.contains("photo")), "{profile}");
     }
@@ -583,7 +626,7 @@ fn a_stack_that_is_not_there_is_an_error() {
     assert!(cell.log().contains("program `test`, step 1: there is no stack 3"));
 }
 
-/// A counter that the program brings along counts; one that is there keeps its counts.
+/// A counter that the program defines counts; a counter that exists keeps its count.
 #[test]
 fn a_program_brings_its_counters_along() {
     let step = |number: u32| format!("[[step]]\ndo=\"counter\"\nnumber={number}\nby=1\n");

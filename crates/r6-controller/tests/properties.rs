@@ -1,4 +1,5 @@
-//! Whatever a peer sends, and whenever: nothing panics, nothing is answered that must not be, everybody else is served.
+//! With any input at any time: nothing panics, only what may be answered is answered, and other connections
+//! are served.
 
 mod common;
 
@@ -9,7 +10,7 @@ use r6_controller::{Profile, RobotModel};
 use r6_testkit::vector;
 use serde_json::{Value, json};
 
-/// One thing that happens to a controller.
+/// An event at a controller.
 #[derive(Clone, Debug)]
 enum Event {
     /// A golden frame arrives.
@@ -24,9 +25,9 @@ enum Event {
     Command(Index),
     /// An input changes.
     Input(u8, bool),
-    /// Time passes, milliseconds.
+    /// Time passes, in milliseconds.
     Pass(u32),
-    /// The connection is lost and made anew.
+    /// The connection is lost, and a new one is made.
     Reconnect,
 }
 
@@ -95,7 +96,7 @@ fn apply(cell: &mut Cell, vectors: &[Vec<u8>], event: &Event) {
     }
 }
 
-/// The state that a second connection reads, as one JSON object.
+/// The state read over a second connection, as one JSON object.
 fn look(cell: &mut Cell) -> Value {
     let id = cell.controller.connect(cell.now);
     let query = br#"{"reqType":"query","queryAddr":["curMode","curAlarm","isMoving","RemoteCmdLen","axis-0","axis-1","axis-2","axis-3","axis-4","axis-5"]}"#;

@@ -1,4 +1,5 @@
-//! The other world of motion: a PC writes registers, and a program moves there (demanded by half of the known clients).
+//! The other way to move: a PC writes registers, and a program moves there (half of the known clients need
+//! it).
 
 mod common;
 
@@ -40,7 +41,7 @@ fn a_pulse_of_m011_moves_to_the_registers_and_asks_for_a_photo() {
     assert_eq!(cell.frame().as_deref(), Some(PHOTO));
     assert_near(cell.axes(), [10.123, -20.0, 3.5, 45.0, 30.987, 40.678], 1e-6);
     assert_eq!(cell.value("counter-0"), json!([0, 0, 1]));
-    // Without another pulse it stays; with one it goes where the registers then say.
+    // Without another pulse it stays; with one it moves to the new register values.
     write_target(&mut cell, ["0", "0", "0", "0", "0", "0"]);
     cell.pass(10.0);
     assert_eq!(cell.text("isMoving"), "0");
@@ -59,7 +60,7 @@ fn a_single_cycle_needs_no_pulse_and_ends_by_itself() {
     cell.pass(10.0);
     assert_eq!(cell.frame().as_deref(), Some(PHOTO));
     assert_eq!(cell.query(&["curMode", "axis-0"]), [json!("2"), json!("5.000000")]);
-    // And again, from automatic.
+    // The same again, from automatic.
     write_target(&mut cell, ["0", "0", "0", "0", "0", "0"]);
     cell.ok(&["actionSingleCycle"]);
     cell.pass(10.0);
@@ -91,7 +92,7 @@ fn a_target_beyond_a_limit_is_an_alarm_and_remote_lists_are_refused() {
     cell.ok(&["startButton"]);
     assert_eq!(cell.run(&json!([{"oneshot": "1", "action": "800", "cnt_id": "1"}])), ["AddRCC", "err"]);
     assert!(cell.log().contains("another program than `remote`"));
-    // Back in the other program, lists are taken again.
+    // With the first program in use again, lists are accepted.
     cell.ok(&["switchMold", "remote"]);
     cell.run_ok(&json!([{"oneshot": "1", "action": "800", "cnt_id": "1"}]));
 }
@@ -105,13 +106,13 @@ fn a_free_running_program_follows_what_is_written() {
     cell.ok(&["rewriteDataList", "850", "6", "0", "10000", "-5000", "0", "0", "30000", "0"]);
     assert_eq!(cell.query(&["isMoving", "RemoteCmdLen", "curMode"]), [json!("1"), json!("0"), json!("7")]);
     cell.pass(0.2);
-    // The newest target counts once the arm is there.
+    // The newest target is used once the arm has arrived.
     cell.ok(&["rewriteData", "850", "20000", "0"]);
     cell.ok(&["rewriteData", "850", "15000", "0"]);
     cell.pass(10.0);
     assert_near(cell.axes(), [15.0, -5.0, 0.0, 0.0, 30.0, 0.0], 1e-6);
     assert_eq!(cell.query(&["isMoving", "curAlarm"]), [json!("0"), json!("0")]);
-    // Stopped, it follows nothing, and started again it waits for the next write.
+    // While stopped, it follows nothing; after a start it waits for the next write.
     cell.ok(&["actionStop"]);
     cell.ok(&["rewriteData", "850", "0", "0"]);
     cell.pass(5.0);

@@ -1,4 +1,4 @@
-//! What a power cut leaves, and what it does not.
+//! What survives a power cut, and what does not.
 
 mod common;
 
@@ -14,13 +14,13 @@ fn settings() -> ControllerSettings {
     ControllerSettings::new(Profile::hc1(), RobotModel::named("BRTIRUS0707A").unwrap().clone())
 }
 
-/// The cell after its power was cut: through the text on the disk.
+/// The cell after a power cut, restored from the text on the disk.
 fn power_cut(cell: &Cell) -> Cell {
     let text = cell.controller.machine().saved().to_json();
     Cell::restored(settings(), &SavedState::from_json(&text).unwrap())
 }
 
-/// A program that counts, moves, sets an output and brings a stack along, from the moment the power is on.
+/// A program that counts, moves, sets an output and defines a stack runs as soon as the power is on.
 #[test]
 fn what_a_program_did_before_the_cut_does_not_happen_again_by_itself() {
     let busy = "[[stack]]\nnumber=4\nspacing=[1,2,3]\ncount=[1,2,3]\n\
@@ -44,7 +44,7 @@ fn what_a_program_did_before_the_cut_does_not_happen_again_by_itself() {
     );
     assert_eq!(after.value("counter-0"), json!([0, 0, 1]));
     assert_eq!(after.controller.machine().stacks()[&4].spacing, [9.0; 3]);
-    // Started, it runs from its first step; a stack that nobody saved is the program's own.
+    // After a start it runs from its first step; a stack that was not saved is the program's own.
     after.ok(&["startButton"]);
     assert_eq!(after.value("counter-0"), json!([0, 0, 2]));
     let nothing = Cell::new().controller.machine().saved();
@@ -91,10 +91,10 @@ fn what_is_savable_comes_back() {
     assert_eq!(after.text("output-0"), "0");
     assert_eq!(after.controller.snapshot(after.now).global_speed_percent, 100.0);
     assert_eq!(after.controller.machine().saved(), {
-        // It ran, and comes back in automatic: the same state.
+        // It ran, and starts in automatic: the same state.
         cell.controller.machine().saved()
     });
-    // The program is the one that was in use.
+    // The program is the one in use before.
     after.ok(&["startButton"]);
     after.ok(&["rewriteData", "800", "9000", "0"]);
     after.ok(&["modifyOutput", "4", "1", "1"]);
@@ -153,7 +153,7 @@ fn what_may_have_changed_has_another_mark() {
     cell.controller.turn_key(cell.now, Key::Manual);
     assert_ne!(cell.controller.machine().saved_mark(), before);
     before = cell.controller.machine().saved_mark();
-    // What a power cut does not leave is no reason to write.
+    // State that does not survive a power cut is no reason to write.
     let others: [&[&str]; 4] = [
         &["rewriteData", "800", "7", "0"],
         &["modifyOutput", "0", "1", "1"],
@@ -213,7 +213,8 @@ fn a_newer_state_is_told_apart_from_a_damaged_one() {
     assert_eq!(error, SavedError::Newer { version: 3 });
 }
 
-/// What an older program wrote is read, and what needs nothing new is written so that an older program reads it.
+/// A state of an older version is read. A state without newer parts is written so that an older release can
+/// read it.
 #[test]
 fn only_a_state_that_needs_it_says_that_it_is_newer() {
     let old = state();
@@ -228,7 +229,7 @@ fn only_a_state_that_needs_it_says_that_it_is_newer() {
 
 fn load(cell: &mut Cell, name: &str, text: &str) {
     let action = PanelAction::LoadProgram { name: name.to_owned(), text: text.to_owned() };
-    // What is refused is no state.
+    // A refused action changes no state.
     let _ = cell.controller.operate(cell.now, &action);
 }
 
@@ -242,7 +243,7 @@ fn a_state_that_is_cut_off_anywhere_is_refused() {
     assert!(SavedState::from_json(&format!("{text}x")).is_err());
 }
 
-/// A number as a peer may send it.
+/// A number in a form that a peer may send.
 fn number() -> impl Strategy<Value = String> {
     prop_oneof![
         (-5_i64..40).prop_map(|number| number.to_string()),

@@ -1,4 +1,4 @@
-//! Scenarios: what happens to a controller by itself, when, and in what words a text of one is refused.
+//! Scenarios: what they do to a controller, when, and the errors for a wrong text.
 
 #[path = "scenario/clock.rs"]
 mod clock;
@@ -32,7 +32,7 @@ fn settings(text: &str) -> ControllerSettings {
     }
 }
 
-/// A cell in which this happens.
+/// A cell with this scenario.
 fn cell(text: &str) -> Cell {
     Cell::of(settings(text))
 }
@@ -46,7 +46,7 @@ fn input(cell: &mut Cell, point: u8) -> bool {
     cell.controller.snapshot(cell.now).io.input(point)
 }
 
-/// When an input X changes, seconds, looked at every millisecond.
+/// When an input X changes, in milliseconds, sampled every millisecond.
 fn changes(cell: &mut Cell, point: u8, seconds: f64) -> Vec<(u64, bool)> {
     let mut found = Vec::new();
     let mut before = input(cell, point);

@@ -1,4 +1,4 @@
-//! Cameras: over which connection a photo request goes, and whose points a program takes.
+//! Cameras: over which connection a photo request goes, and which camera's points a program takes.
 
 mod common;
 
@@ -10,7 +10,7 @@ fn photo(camera: i64) -> String {
     format!(r#"{{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":{camera}}}"#)
 }
 
-/// The number of the photo request that each of these connections now gets, if it gets one.
+/// The `camID` of the photo request that each of these connections gets now, if any.
 fn asked(cell: &mut Cell, connections: &[ConnectionId]) -> Vec<Option<String>> {
     let frame = |id: &ConnectionId| {
         let frame = cell.controller.poll_transmit(cell.now, *id)?;
@@ -19,7 +19,7 @@ fn asked(cell: &mut Cell, connections: &[ConnectionId]) -> Vec<Option<String>> {
     connections.iter().map(frame).collect()
 }
 
-/// Asks for a photo, and tells which of the connections got the request.
+/// Asks for a photo, and returns which of the connections got the request.
 #[track_caller]
 fn takers(cell: &mut Cell, camera: i64, connections: &[ConnectionId]) -> Vec<usize> {
     cell.controller.request_photo(cell.now, camera);
@@ -49,17 +49,17 @@ fn cameras_that_connect_are_told_apart_by_what_they_spoke_as() {
     let mut cell = Cell::new();
     let second = cell.controller.connect(cell.now);
     let both = [cell.id, second];
-    assert_eq!(takers(&mut cell, 1, &both), [0, 1], "nobody has said who the camera is");
+    assert_eq!(takers(&mut cell, 1, &both), [0, 1], "no connection has said that it is the camera");
     answer(&mut cell, both[0], 1, 1);
     add_points(&mut cell, second, &[(2, vec![point(0, 0.0)])]);
     assert_eq!(takers(&mut cell, 1, &both), [0]);
     assert_eq!(takers(&mut cell, 2, &both), [1]);
     assert_eq!(takers(&mut cell, 3, &both), [1], "the last that spoke as any camera");
-    // The last word counts: camera 1 has connected anew.
+    // The last frame counts: camera 1 has connected again.
     add_points(&mut cell, second, &[(1, vec![])]);
     assert_eq!(takers(&mut cell, 1, &both), [1]);
     cell.controller.disconnect(second);
-    assert_eq!(takers(&mut cell, 1, &both), [0], "nobody is known any more");
+    assert_eq!(takers(&mut cell, 1, &both), [0], "the camera is not known any more");
     answer(&mut cell, both[0], 1, 1);
     assert_eq!(takers(&mut cell, 2, &both), [0]);
 }
@@ -73,9 +73,9 @@ fn a_camera_that_was_dialled_is_known_from_its_first_moment() {
     let all = [pc, first, second];
     assert_eq!(takers(&mut cell, 1, &all), [1]);
     assert_eq!(takers(&mut cell, 2, &all), [2]);
-    // Camera 3 is neither of them: it may be anybody else.
+    // Camera 3 is neither of them, so it may be any other connection.
     assert_eq!(takers(&mut cell, 3, &all), [0]);
-    // Who was told where camera 1 is does not believe a PC that speaks as it.
+    // If the shell dialled camera 1, a PC that speaks as it does not count.
     add_points(&mut cell, pc, &[(1, vec![])]);
     assert_eq!(takers(&mut cell, 1, &all), [1]);
 
@@ -97,7 +97,7 @@ fn a_dialled_camera_that_is_away_is_not_looked_for_elsewhere() {
         assert_eq!(takers(&mut cell, 0, &[pc, camera]), [1]);
         cell.controller.disconnect(camera);
         assert_eq!(takers(&mut cell, 0, &[pc]), [0; 0], "after it has gone: {dialled:?}");
-        // It came by itself meanwhile.
+        // Meanwhile the camera connected itself.
         answer(&mut cell, pc, 0, 1);
         assert_eq!(takers(&mut cell, 0, &[pc]), [0]);
         let camera = cell.controller.connect_camera(cell.now, dialled);
@@ -109,7 +109,7 @@ fn a_dialled_camera_that_is_away_is_not_looked_for_elsewhere() {
 fn a_connection_to_a_camera_takes_no_socket_from_others() {
     let mut cell = Cell::new();
     let most = cell.controller.profile().max_connections;
-    // One is the cell's own.
+    // The cell itself has one.
     let accepted: Vec<_> = (1..most).map(|_| cell.controller.connect(cell.now)).collect();
     let camera = cell.controller.connect_camera(cell.now, None);
     let refused = cell.controller.connect(cell.now);
@@ -120,7 +120,7 @@ fn a_connection_to_a_camera_takes_no_socket_from_others() {
         assert_eq!(cell.controller.poll_transmit(cell.now, id).is_some(), is_served, "{id:?}");
     }
     assert_eq!(cell.controller.snapshot(cell.now).connections, most + 1);
-    // And the other way round: it is there first, and all others have room.
+    // In the other order: the camera is there first, and all others have room.
     let mut cell = Cell::new();
     cell.controller.connect_camera(cell.now, None);
     for _ in 1..most {
@@ -146,7 +146,7 @@ fn a_camera_that_was_dialled_is_answered_like_any_peer() {
     assert!(!cell.log().contains("speaks as"), "told once");
 }
 
-/// A cell whose one program is this text; it runs.
+/// A cell that runs this text as its only program.
 fn running(model: &str, text: &str) -> Cell {
     let model = RobotModel::named(model).unwrap().clone();
     let mut settings = ControllerSettings::new(Profile::hc1(), model);
@@ -163,14 +163,14 @@ fn a_photo_that_nobody_takes_is_told_and_is_the_programs_alarm() {
     cell.pass(5.0);
     let log = cell.log();
     let lost = "photo requested from camera 4, but no connection can be its: the request is lost";
-    // The first request was made while it was switched on, before the connection went.
+    // The first request was made when it was switched on, before the connection ended.
     assert!(log.contains(lost) && log.contains("alarm 5004"), "{log}");
     assert_eq!(cell.controller.snapshot(cell.now).alarm, 5004);
 }
 
 const TOOL_DOWN: &str = "[[step]]\ndo=\"axis-move\"\nto=[0,10,-20,0,-80,0]\nspeed=100\n";
 
-/// What cameras send is kept apart by camera and template, whoever sends it and in whatever order.
+/// Points are kept apart by camera and template, for any sender and any order.
 #[test]
 fn a_program_takes_points_of_its_camera_and_template_only() {
     let mut cell = running(
@@ -185,7 +185,7 @@ fn a_program_takes_points_of_its_camera_and_template_only() {
     );
     cell.pass(5.0);
     let first = cell.controller.connect_camera(cell.now, Some(1));
-    // All of it in one frame, the wrong ones first.
+    // All sets in one frame, the wrong ones first.
     let sets = [
         (2, vec![point(7, -60.0), point(1, -30.0)]),
         (1, vec![point(3, 20.0), point(7, 40.0), point(3, 50.0), point(7, 60.0)]),
@@ -214,7 +214,7 @@ fn a_program_takes_points_of_its_camera_and_template_only() {
     assert_eq!(left, [(1, 3), (1, 3), (11, 7)]);
 }
 
-/// `Rel`: above the place and down to it are the same place, as with a point that is absolute.
+/// `Rel`: the move above the place and the move down to it mean the same place, as with an absolute point.
 #[test]
 fn all_moves_to_a_relative_point_mean_one_place() {
     let mut cell = running(
@@ -265,8 +265,8 @@ fn on_four_axes_the_angle_is_u() {
     assert_eq!(cell.text("curAlarm"), "0");
 }
 
-/// A point without `Angel`, without any angle or without `Z` (manual 5.2 always has them) is no point with a 0 there: a wrist that
-/// looked down would turn over, and the tool go down to the table.
+/// A missing `Angel`, missing angles or a missing `Z` (manual 5.2 always has them) do not count as 0. With 0,
+/// a wrist that looks down would turn over, and the tool would go down to the table.
 #[test]
 fn what_a_point_leaves_out_stays_as_it_is() {
     let program = |first: &str| {
@@ -319,6 +319,6 @@ fn a_camera_that_sends_too_much_loses_its_own_points() {
     );
     add_points(&mut cell, id, &[(3, vec![point(0, 0.0)])]);
     assert!(points(&cell).ends_with(&[3]), "a camera without any has room");
-    // The list of a PC is no business of cameras.
+    // Cameras do not affect the list of a PC.
     cell.run_ok(&json!([axis_move([1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 100.0)]));
 }

@@ -1,4 +1,4 @@
-//! What a connection sees: acknowledgements, limits, silence, dialects, bad input.
+//! The behaviour of a connection: acknowledgements, limits, silence, dialects, bad input.
 
 mod common;
 
@@ -48,7 +48,7 @@ fn the_older_forms_are_echoed_as_sent() {
         cell.ask(r#"{"cmdType":"query","dsID":"HCRemoteMonitor","queryAddr":["curMode"]}"#),
         r#"{"cmdType":"query","dsID":"HCRemoteMonitor","queryAddr":["curMode"],"queryData":["7"]}"#
     );
-    // A packID that is a number stays one.
+    // A numeric packID stays a number.
     assert!(cell.ask(r#"{"reqType":"query","packID":7,"queryAddr":["curMode"]}"#).contains(r#""packID":7,"#));
 }
 
@@ -79,7 +79,7 @@ fn the_manual_to_the_letter() {
 
 #[test]
 fn before_2_0_2_1() {
-    // Both replies that were captured from unit E, from their vectors.
+    // Both replies that were captured from unit E, from their test vectors.
     let captured = |vector: &str| -> String {
         let vector: serde_json::Value = serde_json::from_str(vector).unwrap();
         vector["frame"].as_str().unwrap().to_owned()
@@ -106,7 +106,7 @@ fn add_rcc_is_acknowledged_after_18_ms_and_queries_at_once() {
     let mut cell = Cell::new();
     cell.send(add_rcc_of(2048));
     assert_eq!(cell.frame(), None);
-    // A query sent behind it is answered before it.
+    // A query sent after it is answered before it.
     assert_eq!(cell.ask(STATUS), STATUS_REPLY);
     cell.pass(0.017_9);
     assert_eq!(cell.frame(), None);
@@ -142,7 +142,7 @@ fn add_rcc_over_4096_bytes_resets_the_connection() {
     let other = cell.controller.connect(cell.now);
     cell.controller.handle_input(cell.now, other, STATUS.as_bytes());
     assert!(cell.controller.poll_transmit(cell.now, other).is_some(), "no other connection suffers");
-    // A profile without the limit takes it.
+    // A profile without the limit accepts it.
     let mut host = Cell::with_profile("r6-host");
     host.send(add_rcc_of(5000));
     assert!(host.frame().unwrap().contains("\"ok\""));
@@ -159,7 +159,7 @@ fn a_ninth_connection_is_accepted_but_never_answered() {
         assert_eq!(answered, *id != ninth);
         assert!(!cell.controller.is_over(*id));
     }
-    // It stays so when another one goes; a new one is served again.
+    // It stays ignored when another one ends; a new connection is served again.
     cell.controller.disconnect(more[0]);
     cell.controller.handle_input(cell.now, ninth, STATUS.as_bytes());
     assert!(cell.controller.poll_transmit(cell.now, ninth).is_none());
@@ -189,7 +189,7 @@ fn malformed_input_gets_silence_and_a_log_line() {
         assert_eq!(cell.frame(), None, "{reason}");
         let log = cell.log();
         assert!(log.contains(reason), "{log}");
-        // The same connection is served on, and so are all others.
+        // This connection and all others are still served.
         assert_eq!(cell.ask(STATUS), STATUS_REPLY, "{reason}");
     }
 }
@@ -246,7 +246,7 @@ fn heartbreak_is_not_answered_and_arms_the_watchdog() {
     assert_eq!(cell.text("curAlarm"), "0");
     cell.pass(0.2);
     assert_eq!(cell.text("curAlarm"), "9");
-    // Cleared, it does not come again before another heartbreak was missed.
+    // After it is cleared, it does not come again until another heartbreak is missed.
     cell.ok(&["clearAlarm"]);
     cell.pass(60.0);
     assert_eq!(cell.text("curAlarm"), "0");
@@ -262,7 +262,7 @@ fn heartbreak_is_not_answered_and_arms_the_watchdog() {
 fn what_was_refused_is_not_called_carried_out() {
     let mut cell = Cell::new();
     cell.log();
-    // Without `reqType` there is no answer (manual 5.2, 6): the log tells what became of the request.
+    // Without `reqType` there is no answer (manual 5.2, 6): the log says what happened to the request.
     cell.send(r#"{"cmdData":["switchMold","nobody"]}"#);
     let log = cell.log();
     assert!(log.contains("command switchMold refused: there is no program `nobody`"), "{log}");
@@ -314,7 +314,7 @@ fn photo_goes_to_the_camera_else_to_all() {
     cell.controller.request_photo(cell.now, 3);
     assert_eq!(cell.frame(), None);
     assert!(cell.controller.poll_transmit(cell.now, other).is_some());
-    // When the camera goes, all are asked again.
+    // When the camera disconnects, all connections are asked again.
     cell.controller.disconnect(other);
     cell.controller.request_photo(cell.now, 0);
     assert!(cell.frame().is_some());
@@ -340,8 +340,9 @@ fn r_points() -> Vec<u8> {
 
 #[test]
 fn every_ending_and_any_piece_is_understood() {
-    // What existing clients together demand: nothing, \n, \r\n or NUL at the end; several requests in one segment; one
-    // request in pieces; blanks; duplicate keys; unknown keys; numbers where texts are documented.
+    // What existing clients together need: nothing, \n, \r\n or NUL at the end; several requests in one
+    // segment; one request in pieces; blanks; duplicate keys; unknown keys; numbers where texts are
+    // documented.
     for ending in ["", "\n", "\r\n", "\0", " ", "\u{feff}"] {
         let mut cell = Cell::new();
         assert_eq!(cell.ask(format!("{STATUS}{ending}")), STATUS_REPLY);

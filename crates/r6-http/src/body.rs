@@ -1,4 +1,4 @@
-//! The bodies of requests: within limits of time and length, and of the right kind.
+//! Reads the bodies of requests: within limits of time and length, and of the right type.
 
 use std::time::Duration;
 
@@ -13,10 +13,11 @@ use r6_api::Code;
 
 use crate::refusal::Refusal;
 
-/// How long a request may take, its body included: what is asked for takes microseconds, and a disk that keeps something some seconds.
+/// How long a request may take, its body included. Requests themselves take microseconds, and a disk that
+/// saves a state takes some seconds.
 pub(crate) const REQUEST_TIME: Duration = Duration::from_secs(10);
 
-/// Lets a request end within 10 s, or refuses it with 408: a layer for `axum::middleware::from_fn`.
+/// Refuses a request with 408 if it takes longer than 10 s: a layer for `axum::middleware::from_fn`.
 pub async fn in_time(request: Request, next: Next) -> Response {
     tokio::time::timeout(REQUEST_TIME, next.run(request)).await.unwrap_or_else(|_| {
         let message = "the request did not come to its end in time";
@@ -24,10 +25,11 @@ pub async fn in_time(request: Request, next: Next) -> Response {
     })
 }
 
-/// A body that was read to its end.
+/// The body, after it was read to its end.
 ///
 /// # Errors
-/// 413 if it is longer than `most` bytes; the limit itself is that of `axum::extract::DefaultBodyLimit`. 400 if it broke off.
+/// 413 if it is longer than `most` bytes (the limit itself is set by `axum::extract::DefaultBodyLimit`). 400
+/// if it broke off.
 pub fn whole(body: Result<Bytes, BytesRejection>, most: usize) -> Result<Bytes, Refusal> {
     body.map_err(|rejection| match rejection.status() {
         StatusCode::PAYLOAD_TOO_LARGE => {
@@ -38,7 +40,8 @@ pub fn whole(body: Result<Bytes, BytesRejection>, most: usize) -> Result<Bytes, 
     })
 }
 
-/// Refuses a request whose `Content-Type` is not JSON: a page of a browser can send forms and plain text without asking, but no JSON.
+/// Refuses a request whose `Content-Type` is not JSON. A web page can send forms and plain text without
+/// asking, but no JSON.
 ///
 /// # Errors
 /// 415, `not_json`.

@@ -1,7 +1,7 @@
-//! Who may use a server without a login: programs on this machine, and no page that a browser has loaded from elsewhere.
+//! Access to a server without a login: programs on this machine may use it, web pages from elsewhere may not.
 //!
-//! There is no login. A page on the web can make a browser on this machine send requests here, under a foreign
-//! `Origin`, or under a name of its own that it lets point to 127.0.0.1. Neither gets through.
+//! There is no login. A web page can make a browser on this machine send requests here. Such a request has a
+//! foreign `Origin`, or names a host of the attacker that resolves to 127.0.0.1. Both are refused.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -16,8 +16,8 @@ use r6_api::Code;
 
 use crate::refusal::Refusal;
 
-/// Lets a request through, or refuses it with 403: a layer for `axum::middleware::from_fn_with_state`, whose state is where the server
-/// listens.
+/// Lets a request through, or refuses it with 403: a layer for `axum::middleware::from_fn_with_state`. Its
+/// state is the address that the server listens on.
 pub async fn guard(State(address): State<SocketAddr>, request: Request, next: Next) -> Response {
     match check(address.ip(), request.uri(), request.headers()) {
         Ok(()) => next.run(request).await,
@@ -56,7 +56,7 @@ fn check(listens: IpAddr, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal>
     Ok(())
 }
 
-/// Whether a host is this machine: a page can give itself any name, but no address.
+/// Whether a host is this machine. A page can choose any name for itself, but no address.
 fn is_own(listens: IpAddr, told: &Authority) -> bool {
     let host = told.host();
     let plain = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);

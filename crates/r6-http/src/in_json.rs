@@ -1,7 +1,7 @@
-//! Answers of the HTTP library itself, in JSON.
+//! Adds JSON bodies to answers of the HTTP library itself.
 //!
-//! To bytes that are no HTTP request the library answers by itself, with a status and no body; no handler ever sees them. Whoever reads
-//! the other answers reads JSON, so such an answer gets a body on its way out.
+//! If the bytes are not an HTTP request, the library answers with a status and no body, and no handler sees
+//! the request. Clients expect JSON, so such an answer gets a body on its way out.
 
 use std::io;
 use std::pin::Pin;
@@ -14,11 +14,11 @@ use r6_api::{Code, Problem};
 
 use crate::server::MAX_HEAD_BYTES;
 
-/// A stream whose bare refusals get a body.
+/// A stream that adds a body to bare refusals.
 #[derive(Debug)]
 pub(super) struct InJson<S> {
     stream: S,
-    /// A refusal, and how much of it was written.
+    /// A refusal, and how much of it has been written.
     refusal: Vec<u8>,
     written: usize,
 }
@@ -28,7 +28,7 @@ impl<S: AsyncWrite + Unpin> InJson<S> {
         Self { stream, refusal: Vec::new(), written: 0 }
     }
 
-    /// Whether a refusal got a body: nothing else comes on this connection.
+    /// Whether a refusal got a body. Nothing else is sent on this connection then.
     pub fn has_refused(&self) -> bool {
         !self.refusal.is_empty()
     }
@@ -82,7 +82,7 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for InJson<S> {
     }
 }
 
-/// The same refusal with a body, if this is one without. Every refusal of a handler has a body of its own.
+/// The same refusal with a body, if it has none. Every refusal of a handler has its own body.
 fn with_body(written: &[u8]) -> Option<Vec<u8>> {
     let head = std::str::from_utf8(written).ok()?.strip_suffix("\r\n\r\n")?;
     let status = head.strip_prefix("HTTP/1.1 ").or_else(|| head.strip_prefix("HTTP/1.0 "))?.get(..3)?;

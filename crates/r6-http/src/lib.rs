@@ -1,8 +1,9 @@
-//! What every HTTP server of r6 needs: the panel of virtual controllers has it, and whatever else serves HTTP.
+//! The common parts of every HTTP server of r6, such as the panel of virtual controllers.
 //!
 //! - [`serve`] accepts connections, and keeps room for new ones ([`server`]).
-//! - [`guard`] lets programs of this machine through, and no page that a browser has loaded from elsewhere.
-//! - [`Refusal`] is a problem of the contract with its status; [`body`] reads bodies within limits of length and time.
+//! - [`guard`] lets programs of this machine through, but no web pages from elsewhere.
+//! - [`Refusal`] is a problem of the contract with its status; [`body`] reads bodies within limits of length
+//!   and time.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)

@@ -1,11 +1,11 @@
-//! What a request is told that was not carried out.
+//! The answer to a request that was not carried out.
 
 use axum::Json;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use r6_api::{Code, Problem};
 
-/// A problem and the status that it goes out with.
+/// A problem and its HTTP status.
 #[derive(Debug)]
 pub struct Refusal {
     status: StatusCode,
@@ -13,23 +13,23 @@ pub struct Refusal {
 }
 
 impl Refusal {
-    /// This problem.
+    /// A refusal with this problem.
     pub fn new(status: StatusCode, code: Code, message: impl Into<String>) -> Self {
         Self { status, problem: Problem { code, message: message.into() } }
     }
 
-    /// 404.
+    /// A refusal with 404.
     pub fn not_found(code: Code, message: impl Into<String>) -> Self {
         Self::new(StatusCode::NOT_FOUND, code, message)
     }
 
-    /// 403: a request that a page of a browser may have sent.
+    /// A refusal with 403, for a request that a web page may have sent.
     pub fn foreign(code: Code, message: impl Into<String>) -> Self {
         Self::new(StatusCode::FORBIDDEN, code, message)
     }
 
-    /// What is wrong with a body that should have been JSON of a certain kind: 400 if it is no JSON at all; 422 with `other` if it is
-    /// another JSON, with the nearest word to one that is not known.
+    /// A refusal of a body with this JSON error: 400 if it is not JSON at all; 422 with `other` if it is the
+    /// wrong JSON. For an unknown word the message names the nearest known one.
     #[must_use]
     pub fn of_json(error: &serde_json::Error, other: Code) -> Self {
         let text = error.to_string();
@@ -47,7 +47,7 @@ impl IntoResponse for Refusal {
     }
 }
 
-/// Serde's words about an unknown one, which lists those there are, with the nearest of them.
+/// Serde's message, and for an unknown word the nearest of the known words in it.
 fn with_nearest(text: &str) -> String {
     let words: Vec<_> = text.split('`').skip(1).step_by(2).collect();
     match words.split_first() {

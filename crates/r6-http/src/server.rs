@@ -21,17 +21,18 @@ use crate::in_json::InJson;
 /// How many connections are open at once. A person and a few scripts need one each.
 const MAX_CONNECTIONS: usize = 64;
 
-/// How many of them one address may have: others keep room beside a machine that opens connections without end.
+/// How many of them one address may have, so that others have room beside a machine that opens connections
+/// without end.
 const MAX_OF_ONE_PEER: usize = 32;
 
-/// How long the head of a request may take, from when the connection is open or the request before has its answer. Clients send it
-/// as one piece.
+/// How long the head of a request may take, from the opening of the connection or the answer to the request
+/// before. Clients send it in one piece.
 const HEAD_TIME: Duration = Duration::from_secs(2);
 
-/// The longest head of a request, and what is read at once.
+/// The longest head of a request, and the most that is read at once.
 pub(crate) const MAX_HEAD_BYTES: usize = 16 * 1024;
 
-/// Serves what comes for as long as it is polled.
+/// Accepts and serves connections for as long as it is polled.
 pub async fn serve(listener: TcpListener, router: Router) {
     let mut guests = Guests::default();
     loop {
@@ -47,11 +48,11 @@ pub async fn serve(listener: TcpListener, router: Router) {
     }
 }
 
-/// The connections that are open, the oldest first.
+/// The open connections, oldest first.
 ///
-/// A new one never waits: whoever presses the emergency stop must not stand behind requests that do not come to their end. Where there
-/// is no room, the oldest one goes that is answering nothing, else the oldest: of the same address where that has too many, else of the
-/// address that has most.
+/// A new connection never waits, because an emergency stop must not wait behind incomplete requests. If there
+/// is no room, one connection is closed. It belongs to the same address if that has too many, else to the
+/// address that has most. Of these it is the oldest that is not answering a request, else the oldest.
 #[derive(Default)]
 struct Guests {
     open: Vec<Guest>,
@@ -60,7 +61,7 @@ struct Guests {
 
 struct Guest {
     peer: IpAddr,
-    /// A request is there, and its answer is not.
+    /// Whether a request has come and its answer has not been sent.
     answers: Arc<AtomicBool>,
     task: AbortHandle,
 }
@@ -77,7 +78,7 @@ impl Guests {
         self.open.push(Guest { peer, answers, task });
     }
 
-    /// Which one makes room for a connection of this address, if one has to.
+    /// Which connection is closed to make room for one of this address, if any.
     fn who_goes(&self, peer: IpAddr) -> Option<usize> {
         let of = |peer| self.open.iter().filter(|guest| guest.peer == peer).count();
         let crowd = if of(peer) >= MAX_OF_ONE_PEER {
@@ -115,13 +116,14 @@ async fn converse(stream: TcpStream, router: Router, answers: Arc<AtomicBool>) {
     if let Err(error) = served {
         debug!(%error, "an HTTP connection was lost");
         if stream.has_refused() {
-            // What the peer still sends is read, else it would lose the answer.
+            // Read what the peer still sends; otherwise it would lose the answer.
             hang_up(stream.into_inner()).await;
         }
     }
 }
 
-/// Closes our half, and waits, as `r6-sim` does for the robots' own protocol: neither crate uses the other's sockets. It waits a little for the peer to close its own.
+/// Closes our half and waits a little for the peer to close its own. `r6-sim` does the same for the robots'
+/// own protocol; neither crate uses the other's sockets.
 async fn hang_up(mut stream: TcpStream) {
     /// How long a peer has to close its half after we have closed ours.
     const HANG_UP_TIME: Duration = Duration::from_secs(2);

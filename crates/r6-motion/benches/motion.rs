@@ -1,8 +1,10 @@
-//! Inverse kinematics, planning and evaluation, each beside the library that does the like, called bare.
+//! Inverse kinematics, planning and evaluation, each compared with a library that does the same, called
+//! directly.
 //!
-//! Ratios are what counts (`tools/ratios` prints them); times differ from machine to machine. Every case goes through
-//! 1 024 different inputs in shuffled order. Both sides are asked for all of them before the first is timed, and have to
-//! agree where they can. They take turns, a slice of a quarter of a second each, fifteen rounds of it.
+//! Only the ratios matter (`tools/ratios` prints them), because times differ between machines. Every case
+//! goes through 1 024 different inputs in shuffled order. Before any timing both sides compute all of them,
+//! and have to agree where they can. They take turns, a slice of a quarter of a second each, in fifteen
+//! rounds.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -21,7 +23,7 @@ use rs_opw_kinematics::kinematics_impl::OPWKinematics;
 use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
 use rsruckig::prelude::*;
 
-/// Different inputs of each case: enough that a branch predictor cannot learn them by heart.
+/// How many inputs each case has: enough that a branch predictor cannot learn them by heart.
 const CASES: usize = 1024;
 
 /// How often the contenders take turns.
@@ -30,17 +32,17 @@ const ROUNDS: usize = 15;
 const GLOBAL: f64 = 0.5;
 const PERCENT: f64 = 60.0;
 
-/// A multiplicative generator: the same numbers in every run.
+/// A multiplicative generator: it gives the same numbers in every run.
 struct Random(u64);
 
 impl Random {
-    /// Between 0 and 1.
+    /// A number between 0 and 1.
     fn part(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Anywhere in the soft limits.
+    /// Axes anywhere in the soft limits.
     fn axes(&mut self) -> Axes {
         let arm = model().axes.map(|axis| axis.soft.min + self.part() * (axis.soft.max - axis.soft.min));
         Axes::of_arm(arm).expect("soft limits are axis positions")
@@ -51,7 +53,8 @@ fn model() -> &'static RobotModel {
     RobotModel::named("BRTIRUS0707A").expect("a model that comes with the crate")
 }
 
-/// What one side does with the input of this number; a number of the result, so that nothing is left out.
+/// The work of one contender for the input with this number. The number it returns depends on the result, so
+/// that the compiler removes nothing.
 type Work<'a> = Box<dyn FnMut(usize) -> f64 + 'a>;
 
 /// Lets the contenders take turns.
@@ -64,7 +67,7 @@ fn compare(criterion: &mut Criterion, name: &str, contenders: &mut [(&str, Work<
             let mut turn = 0_usize;
             group.bench_function(BenchmarkId::new(*contender, round), |bencher| {
                 bencher.iter(|| {
-                    // Odd, so every input comes once in each pass.
+                    // The step is odd, so every input comes once in each pass.
                     turn = (turn + 389) % CASES;
                     work(black_box(turn))
                 });
@@ -74,7 +77,7 @@ fn compare(criterion: &mut Criterion, name: &str, contenders: &mut [(&str, Work<
     group.finish();
 }
 
-/// The solver that our model stands for.
+/// The solver with the numbers of our model.
 fn bare_solver() -> OPWKinematics {
     let Geometry::SixAxis(g) = &model().geometry else { panic!("a six-axis arm") };
     let mut offsets = model().axes.map(|axis| -axis.offset.to_radians());
@@ -107,14 +110,15 @@ fn same_arm(ours: &Axes, theirs: &[f64; 6]) -> bool {
     })
 }
 
-/// Whether whole turns take each axis into its soft limits.
+/// Whether whole turns can bring each axis into its soft limits.
 fn allowed(arm: &[f64; 6]) -> bool {
     arm.iter().zip(&model().axes).all(|(radians, axis)| {
         [-360.0, 0.0, 360.0].iter().any(|turn| axis.soft.contains(radians.to_degrees() + turn))
     })
 }
 
-/// Every way to bend the arm to a pose, nearest first: ours with limits, whole turns and degrees, theirs without.
+/// All configurations of the arm for a pose, nearest first: ours with limits, whole turns and degrees, theirs
+/// without.
 fn inverse(criterion: &mut Criterion) {
     let (mut random, tool, solver) = (Random(1), Frame::identity(), bare_solver());
     let nears: Vec<Axes> = (0..CASES).map(|_| random.axes()).collect();
@@ -148,7 +152,7 @@ fn inverse(criterion: &mut Criterion) {
     compare(criterion, "inverse kinematics, all solutions", &mut contenders);
 }
 
-/// Moves of ours, and for rsruckig the axes' way of each with the limits that our plan obeys.
+/// Our moves, and for rsruckig the same axis moves under the limits of our plan.
 struct Moves {
     orders: Vec<(Axes, Move)>,
     inputs: Vec<InputParameter<6>>,
@@ -162,7 +166,7 @@ impl Moves {
         Self::of((0..CASES).map(|_| order(&mut random)).collect())
     }
 
-    /// Lines of up to 200 mm that can be drawn.
+    /// Lines of up to 200 mm that can be planned.
     fn linear() -> Self {
         let mut random = Random(3);
         let line = |random: &mut Random| loop {
@@ -211,7 +215,8 @@ impl Moves {
         trajectory
     }
 
-    /// Both set out and arrive at the same places. On axis moves theirs takes no longer, and ours not much.
+    /// Checks that both begin and end at the same positions. On axis moves theirs takes no longer, and ours
+    /// not much longer.
     fn agree(&self, straight: bool) {
         for at in 0..CASES {
             let (ours, theirs) = (self.ours(at), self.theirs(at));
@@ -240,7 +245,7 @@ fn conditions() -> Conditions {
     }
 }
 
-/// Where rsruckig has the axes; it is asked for speeds and accelerations too.
+/// The axes according to rsruckig, which also computes speeds and accelerations here.
 fn evaluated(trajectory: &Trajectory<6>, time: f64) -> DataArrayOrVec<f64, 6> {
     let [mut position, mut speed, mut acceleration] = [(); 3].map(|()| DataArrayOrVec::new(None, 0.0));
     let (at, by, of) = (&mut Some(&mut position), &mut Some(&mut speed), &mut Some(&mut acceleration));
@@ -249,7 +254,7 @@ fn evaluated(trajectory: &Trajectory<6>, time: f64) -> DataArrayOrVec<f64, 6> {
     position
 }
 
-/// A plan of ours, beside one of rsruckig for six axes from the same start to the same target.
+/// Our plan compared with one of rsruckig for six axes from the same start to the same target.
 fn plan(criterion: &mut Criterion) {
     for (name, moves, straight) in
         [("plan an axis move", Moves::axis(), true), ("plan a line", Moves::linear(), false)]
@@ -271,7 +276,7 @@ fn plan(criterion: &mut Criterion) {
     }
 }
 
-/// A state of ours, axes, speeds and pose, beside one of rsruckig: axes, speeds and accelerations.
+/// Our state (axes, speeds and pose) compared with one of rsruckig (axes, speeds and accelerations).
 fn evaluate(criterion: &mut Criterion) {
     for (name, moves) in [("a state of an axis move", Moves::axis()), ("a state of a line", Moves::linear())]
     {

@@ -1,4 +1,5 @@
-//! Random axis moves, what each asks of the axes, and how long it takes: what `tools/oracles/trajectories` compares.
+//! Random axis moves, their limits for the axes, and their durations, for comparison by
+//! `tools/oracles/trajectories`.
 //!
 //! `cargo run --release --package r6-motion --example moves 10000` prints for each move one line
 //!
@@ -6,10 +7,10 @@
 //! move NAME SECONDS RSRUCKIG SPEED ACCELERATION JERK
 //! ```
 //!
-//! and six lines `axis START TARGET SPEED ACCELERATION JERK`. SECONDS is our plan's duration and RSRUCKIG that of
-//! rsruckig for six synchronised axes under the same limits, or the word `error`. The limits of an axis are its full
-//! speed times the [`Peaks`] of the move's profile; the three numbers of the move say how near the nearest of many
-//! looks at the planned [`Movement`] came to them, as fractions.
+//! and six lines `axis START TARGET SPEED ACCELERATION JERK`. SECONDS is our plan's duration. RSRUCKIG is
+//! that of rsruckig for six synchronised axes under the same limits, or the word `error`. The limits of an
+//! axis are its full speed times the [`Peaks`] of the move's profile. The three numbers of the move say how
+//! close many samples of the planned [`Movement`] came to them, as fractions.
 
 use r6_motion::profile::{Peaks, Profile, SmoothStep};
 use r6_motion::robot_model::AxisModel;
@@ -18,7 +19,7 @@ use r6_motion::{
 };
 use rsruckig::prelude::*;
 
-/// Looks at each change of speed, and as many at what is between them.
+/// How many samples each change of speed gets, and the part between them.
 const LOOKS: u32 = 100;
 
 fn main() {
@@ -42,26 +43,27 @@ mod common;
 
 use common::Numbers;
 
-/// Numbers that moves are made of.
+/// Random numbers for moves.
 struct Random(Numbers);
 
 impl Random {
-    /// Between 0 and 1.
+    /// A number between 0 and 1.
     fn part(&mut self) -> f64 {
         self.0.part()
     }
 
-    /// As often in each decade.
+    /// A number with the same probability in each decade.
     fn scaled(&mut self, least: f64, most: f64) -> f64 {
         least * (most / least).powf(self.part())
     }
 
-    /// Anywhere in the soft limits.
+    /// Axes anywhere in the soft limits.
     fn axes(&mut self, model: &RobotModel) -> Axes {
         self.0.axes(model)
     }
 
-    /// Another place: of five, two anywhere, two as near as a ten-thousandth of the way there, one with one axis moved.
+    /// Another target. Of five, two are anywhere, two are nearby (down to a ten-thousandth of the way), and
+    /// one moves one axis only.
     fn target(&mut self, model: &RobotModel, start: &Axes) -> Axes {
         let anywhere = self.axes(model);
         let kind = self.part();
@@ -76,7 +78,7 @@ impl Random {
         Axes::of_arm(arm).expect("between two axis positions")
     }
 
-    /// As the controller sets out with, or as `modifyAccDec` may set them.
+    /// The controller's initial ramps, or ramps that `modifyAccDec` may set.
     fn ramps(&mut self) -> Ramps {
         let told = [self.scaled(0.01, 3.0), self.scaled(0.01, 3.0)];
         let [up, down] = told.map(|seconds| (seconds * 1000.0).round() / 1000.0);
@@ -107,16 +109,18 @@ impl Case {
         };
         let conditions = Conditions { global, ramps, frames: Frames::default(), turning: Turning::Shortest };
         let movement = Movement::plan(model, &start, &order, &conditions).expect("a move within the limits");
-        // What a movement goes by is its own affair, so the profile is planned once more; its duration tells.
+        // A movement does not show its profile, so the profile is planned again; equal durations confirm it.
         let profile = Profile::plan(movement.path().length(), percent / 100.0 * global, ramps)
             .expect("a profile of sensible length");
         assert!((profile.duration() - movement.duration()).abs() < 1e-9, "two plans of one move differ");
         Self { model, start, target, movement, ramps, peaks: profile.peaks() }
     }
 
-    /// How near any look at any axis came to its limits of speed, acceleration and jerk: 1 is at the limit.
+    /// How close any sample of any axis came to its limits of speed, acceleration and jerk: 1 is at the
+    /// limit.
     ///
-    /// Acceleration and jerk are differences of the speed over a short while, so they are never above the real ones.
+    /// Acceleration and jerk are differences of the speed over a short time, so they never exceed the real
+    /// ones.
     fn nearest(&self) -> [f64; 3] {
         let end = self.movement.duration();
         let ramps = [self.ramps.acceleration(), self.ramps.deceleration()];
@@ -136,7 +140,8 @@ impl Case {
         nearest
     }
 
-    /// All over both changes of speed and between them, and where the jerk turns.
+    /// The sample times: throughout both changes of speed and between them, and where the jerk changes
+    /// direction.
     fn looks(&self, up: &SmoothStep, down: &SmoothStep) -> Vec<f64> {
         let end = self.movement.duration();
         let (up_ends, down_begins) = (up.width().min(end), (end - down.width()).max(0.0));
@@ -149,7 +154,7 @@ impl Case {
         looks
     }
 
-    /// How long rsruckig takes for it, seconds; `None` where it finds no plan.
+    /// The duration of rsruckig's plan, in seconds; `None` if it finds none.
     fn rsruckig(&self) -> Option<f64> {
         let mut input = InputParameter::<6>::new(None);
         for (n, axis) in self.model.axes.iter().enumerate() {
@@ -166,7 +171,7 @@ impl Case {
     }
 }
 
-/// Speed, acceleration and jerk that this axis has at most.
+/// The largest speed, acceleration and jerk of this axis.
 fn limits(axis: &AxisModel, peaks: &Peaks) -> [f64; 3] {
     [peaks.speed, peaks.acceleration, peaks.jerk].map(|peak| axis.max_speed * peak)
 }

@@ -1,7 +1,8 @@
-//! Random axes of each model, the pose they make, and every way back: what `tools/oracles/kinematics` compares.
+//! Random axes of each model, their pose, and all solutions for it, for comparison by
+//! `tools/oracles/kinematics`.
 //!
-//! `cargo run --release --package r6-motion --example poses 10000` prints, for each model and each of 10 000 random
-//! axis positions within the soft limits, one line
+//! `cargo run --release --package r6-motion --example poses 10000` prints, for each model and each of 10 000
+//! random axis positions within the soft limits, one line
 //!
 //! ```text
 //! pose NAME J1 … Jn X Y Z U V W

@@ -1,4 +1,4 @@
-//! Axis positions, axis numbers, and the mask that says which of them a move touches.
+//! Axis positions, axis numbers, and the mask of the axes that a move changes.
 
 use std::fmt;
 
@@ -7,48 +7,49 @@ use super::error::NotFinite;
 /// How many axes the protocol can address, J1 to J8 (manual 4.1.1).
 pub const AXES: usize = 8;
 
-/// How many of them are drives of a six-axis arm, J1 to J6.
+/// How many axes a six-axis arm drives, J1 to J6.
 pub const ARM_AXES: usize = 6;
 
-/// No arm turns or slides an axis this far, degrees or mm; beyond it a double no longer resolves a ten-millionth.
+/// The largest axis position in either direction, degrees or mm. No arm goes this far; beyond it a double no
+/// longer resolves a ten-millionth.
 pub(crate) const FARTHEST: f64 = 1e6;
 
-/// Where the eight axes stand, in degrees, or in mm where an axis slides: J1 … J8.
+/// The positions of the eight axes J1 … J8, in degrees, or in mm on a linear axis.
 ///
-/// Always finite and below a million either way. Axes that the arm has not, J7 and J8 on a six-axis arm, have no
-/// drive: no limit holds for them and no move changes them.
+/// Always finite and below a million in either direction. Axes that the arm lacks, such as J7 and J8 on a
+/// six-axis arm, have no drive: they have no limits, and no move changes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes([f64; AXES]);
 
 impl Axes {
-    /// All axes at 0: on a six-axis arm, upper arm upright, forearm level along +X.
+    /// All axes at 0. On a six-axis arm the upper arm is then upright, and the forearm level along +X.
     pub const ZERO: Self = Self([0.0; AXES]);
 
-    /// Axes at these degrees; an error when one is not finite or beyond a million degrees.
+    /// Axes at these degrees; an error if one is not finite or beyond a million degrees.
     pub fn new(degrees: [f64; AXES]) -> Result<Self, NotFinite> {
         if degrees.iter().all(|d| d.abs() <= FARTHEST) { Ok(Self(degrees)) } else { Err(NotFinite) }
     }
 
-    /// The arm's six axes at these degrees, J7 and J8 at 0; errors as [`Axes::new`].
+    /// The arm's six axes at these degrees, J7 and J8 at 0; errors as in [`Axes::new`].
     pub fn of_arm(degrees: [f64; ARM_AXES]) -> Result<Self, NotFinite> {
         let [j1, j2, j3, j4, j5, j6] = degrees;
         Self::new([j1, j2, j3, j4, j5, j6, 0.0, 0.0])
     }
 
-    /// All eight, degrees.
+    /// All eight axes in degrees.
     #[must_use]
     pub const fn degrees(&self) -> &[f64; AXES] {
         &self.0
     }
 
-    /// The arm's six, degrees.
+    /// The arm's six axes in degrees.
     #[must_use]
     pub const fn arm(&self) -> [f64; ARM_AXES] {
         let [j1, j2, j3, j4, j5, j6, _, _] = self.0;
         [j1, j2, j3, j4, j5, j6]
     }
 
-    /// These axes with the arm's six replaced. Only for values that planning has bounded.
+    /// The same with the arm's six axes replaced. Only for values that planning has bounded.
     pub(super) const fn with_arm(&self, arm: [f64; ARM_AXES]) -> Self {
         let [_, _, _, _, _, _, j7, j8] = self.0;
         let [j1, j2, j3, j4, j5, j6] = arm;
@@ -56,7 +57,7 @@ impl Axes {
     }
 }
 
-/// One axis of the arm, counted from 0; J1 … J6 for people.
+/// One axis of the arm, counted from 0; shown as J1 … J6.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct AxisNumber(u8);
 
@@ -86,15 +87,15 @@ impl fmt::Display for AxisNumber {
 /// Which axes, or which components X, Y, Z, U, V, W of a pose, a move changes: bit n is number n (`ckStatus`,
 /// manual 6.1.1).
 ///
-/// What is masked out keeps the value it has when the move starts. Bits 6 and 7 name J7 and J8, which a
-/// six-axis arm has not: they change nothing.
+/// Masked-out components keep the value they have at the start of the move. Bits 6 and 7 name J7 and J8,
+/// which a six-axis arm lacks: they change nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MoveMask(pub u8);
 
 impl MoveMask {
     /// The six axes, or the whole pose: `0x3F`.
     pub const SIX: Self = Self(0x3F);
-    /// X, Y and Z only, the orientation is kept: `0x07`.
+    /// X, Y and Z only, so the move keeps the orientation: `0x07`.
     pub const POSITION: Self = Self(0x07);
     /// U, V and W: `0x38`.
     pub const ORIENTATION: Self = Self(0x38);
@@ -111,7 +112,7 @@ impl MoveMask {
         self.0 & other.0 != 0
     }
 
-    /// For each of six numbers the target's where the mask has it, the start's where not.
+    /// Picks each of six numbers from the target if the mask has it, else from the start.
     #[must_use]
     pub fn pick(self, start: [f64; 6], target: [f64; 6]) -> [f64; 6] {
         let mut picked = start;

@@ -1,10 +1,10 @@
-//! Why a move cannot be planned, and the alarm a controller shows for it.
+//! Why a move cannot be planned, and the alarm that a controller shows for it.
 
 use std::fmt;
 
 use super::axes::AxisNumber;
 
-/// A coordinate that is no finite number, or far beyond anything an arm can be told.
+/// The error of a coordinate that is not finite, or far beyond the reach of any arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotFinite;
 
@@ -16,7 +16,7 @@ impl fmt::Display for NotFinite {
 
 impl std::error::Error for NotFinite {}
 
-/// Which end of an axis' range.
+/// One end of an axis' range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LimitSide {
     /// The end with the larger angle.
@@ -25,7 +25,7 @@ pub enum LimitSide {
     Minus,
 }
 
-/// Why a move cannot be planned. Nothing has moved.
+/// Why a move cannot be planned. Nothing has moved then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlanError {
     /// An axis would leave its soft limits, at the target or on the way to it.
@@ -35,19 +35,18 @@ pub enum PlanError {
         /// The end of its range.
         side: LimitSide,
     },
-    /// No axis position puts the tool there, at the target or on the way to it.
+    /// No axis positions put the tool there, at the target or on the way to it.
     Unreachable,
-    /// On the way, this axis would have to turn faster than it can even at a crawl: a wrist, elbow or
-    /// shoulder singularity.
+    /// On the way, this axis would have to turn faster than it can, even at a very low path speed: a wrist,
+    /// elbow or shoulder singularity.
     Singular {
         /// The axis that would have to turn.
         axis: AxisNumber,
     },
-    /// Start, middle and end of a curve give no circle: the end is the start, or the middle lies outside the
-    /// two on one line with them.
+    /// Start, middle and end of a curve do not define a circle. Either the end is the start, or all three lie
+    /// on one line with the middle outside.
     CurvePoints,
-    /// The speed, or the global speed, is not above zero, not finite, or so small that the move would not
-    /// end.
+    /// The speed or the global speed is not above zero, not finite, or so small that the move would not end.
     Speed,
     /// A coordinate, frame or delay is not finite or beyond all reach.
     NotFinite,

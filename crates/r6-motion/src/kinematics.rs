@@ -1,4 +1,4 @@
-//! From axes to poses and back.
+//! Converts axes to poses and back.
 
 mod four_axis;
 mod jacobian;
@@ -15,13 +15,13 @@ use super::error::{LimitSide, NotFinite, PlanError};
 use super::pose::{Frame, Pose};
 use super::robot_model::{AxisMotion, Geometry, RobotModel, first_outside};
 
-/// A solution this far beyond a soft limit is rounding, and is put on the limit, degrees.
+/// A solution beyond a soft limit by at most this is a rounding error, and is put on the limit. Degrees.
 const LIMIT_ROUNDING: f64 = 1e-9;
 
 /// A full turn, degrees.
 const TURN: f64 = 360.0;
 
-/// The tool that moves and the workbench that poses are measured in.
+/// The tool frame and the work frame in use.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Frames {
     /// The tool frame, from tool 0.
@@ -35,8 +35,8 @@ pub struct Frames {
 pub enum InverseError {
     /// The arm does not reach there, or the pose is not finite.
     Unreachable,
-    /// It would, but only with an axis outside its soft limits. The axis is that of the solution nearest to
-    /// where the arm stands.
+    /// The arm reaches there only with an axis outside its soft limits. The axis is that of the solution
+    /// nearest to the present position.
     OutsideLimits {
         /// The first axis outside.
         axis: AxisNumber,
@@ -68,17 +68,17 @@ pub fn forward(model: &RobotModel, axes: &Axes, tool: &Frame) -> Pose {
     pose_of(model, &tool_isometry(model, axes, tool))
 }
 
-/// The pose of the tool in the work frame: what `world-0` … `world-5` show.
+/// The pose of the tool in the work frame, as in `world-0` … `world-5`.
 #[must_use]
 pub fn world(model: &RobotModel, axes: &Axes, frames: &Frames) -> Pose {
     let in_base = tool_isometry(model, axes, &frames.tool);
     pose_of(model, &frames.work.isometry().inv_mul(&in_base))
 }
 
-/// A place of the tool as this arm's controller shows it.
+/// The pose for a transform of the tool, as the controller of this arm shows it.
 ///
-/// A machine of three or four axes can only turn the tool about Z: U is that turn (manual 5.2, `Angel`: W, "for a
-/// four-axis robot U"; it has no other angle), V and W read 0.
+/// A machine of three or four axes can only turn the tool about Z. U is that turn (manual 5.2, `Angel`: W,
+/// "for a four-axis robot U"; it has no other angle). V and W read 0.
 #[must_use]
 pub fn pose_of(model: &RobotModel, at: &Isometry3<f64>) -> Pose {
     let full = Pose::from_isometry(at);
@@ -88,10 +88,10 @@ pub fn pose_of(model: &RobotModel, at: &Isometry3<f64>) -> Pose {
     }
 }
 
-/// The place of the tool that a pose of this arm means; an error when the pose is not finite or beyond all reach.
+/// The transform of the tool for a pose of this arm; an error if the pose is not finite or beyond all reach.
 ///
-/// On a machine of four axes the tool keeps the tilt of `like` and is turned about Z until U is the pose's; V and W
-/// are not read. On one of three axes it stays turned as `like`.
+/// On a machine of four axes the tool keeps the tilt of `like`, and turns about Z to the U of the pose; V and
+/// W are not used. On a machine of three axes the tool keeps the orientation of `like`.
 pub fn place_of(
     model: &RobotModel,
     pose: &Pose,
@@ -109,12 +109,11 @@ pub fn place_of(
     Ok(Isometry3::from_parts(place.translation, rotation))
 }
 
-/// The axis position within the soft limits that puts the tool at a pose of the base frame, nearest to
-/// `near`.
+/// The axes within the soft limits that put the tool at a pose of the base frame, nearest to `near`.
 ///
-/// Nearest by the sum over all axes of the time each needs at full speed. Whole turns count as different
-/// positions, so a target written as +180 where the arm stands at −180 does not send the wrist round. With J5 of a
-/// six-axis arm at 0 only the sum of J4 and J6 matters: the turn is shared evenly, or as the limits allow.
+/// Nearest means the smallest sum over all axes of the time that each needs at full speed. Whole turns count
+/// as different positions, so a target of +180 with the arm at −180 does not turn the wrist round. With J5 of
+/// a six-axis arm at 0 only the sum of J4 and J6 matters: the turn is shared evenly, or as the limits allow.
 pub fn inverse(model: &RobotModel, pose: &Pose, tool: &Frame, near: &Axes) -> Result<Axes, InverseError> {
     let turned = fitted(model, pose, tool, near);
     let limits = model.soft_limits();
@@ -129,11 +128,11 @@ pub fn inverse(model: &RobotModel, pose: &Pose, tool: &Frame, near: &Axes) -> Re
     }
 }
 
-/// Every axis position within the soft limits that puts the tool at a pose of the base frame, nearest to
-/// `near` first; empty when there is none.
+/// All axis positions within the soft limits that put the tool at a pose of the base frame, nearest to `near`
+/// first. Empty if no position does.
 ///
-/// At most one for each way to bend the arm (eight for six axes, two for a SCARA, one for a Cartesian machine),
-/// every axis turned by whole turns to be as near as its limits allow.
+/// At most one for each configuration of the arm (eight for six axes, two for a SCARA, one for a Cartesian
+/// machine). Every axis is turned by whole turns to the nearest position that its limits allow.
 #[must_use]
 pub fn all_solutions(model: &RobotModel, pose: &Pose, tool: &Frame, near: &Axes) -> Vec<Axes> {
     let limits = model.soft_limits();
@@ -143,7 +142,7 @@ pub fn all_solutions(model: &RobotModel, pose: &Pose, tool: &Frame, near: &Axes)
     found.into_iter().map(|arm| near.with_arm(arm)).collect()
 }
 
-/// Every way to bend the arm to a pose of the base frame, fitted to the limits where that is possible; empty when
+/// All configurations of the arm for a pose of the base frame, fitted to the limits where possible. Empty if
 /// the arm does not reach there, or the pose is not finite.
 fn fitted(model: &RobotModel, pose: &Pose, tool: &Frame, near: &Axes) -> Vec<[f64; ARM_AXES]> {
     let Ok(tool_at) = place_of(model, pose, &tool.isometry().rotation) else { return Vec::new() };
@@ -151,13 +150,13 @@ fn fitted(model: &RobotModel, pose: &Pose, tool: &Frame, near: &Axes) -> Vec<[f6
     found.into_iter().map(|arm| fit_to_limits(model, arm, near.arm())).collect()
 }
 
-/// The tool in the base frame.
+/// The transform of the tool in the base frame.
 pub(super) fn tool_isometry(model: &RobotModel, axes: &Axes, tool: &Frame) -> Isometry3<f64> {
     flange(model, axes.arm()) * tool.isometry()
 }
 
-/// The axes nearest to `near` that put the tool there, whatever the limits say: for following a path, where a
-/// whole turn or another way to bend would be a jump.
+/// The axes nearest to `near` that put the tool there, without regard to the limits. This is for following a
+/// path, where a whole turn or another configuration would be a jump.
 pub(super) fn continued(
     model: &RobotModel,
     tool_at: &Isometry3<f64>,
@@ -167,7 +166,7 @@ pub(super) fn continued(
     nearest(model, candidates(model, &flange_of(tool_at, tool), near).into_iter(), near.arm())
 }
 
-/// The same, found from axes close by where that is certain, with the way the axes follow the tool.
+/// The same, computed from nearby axes where that is certain, and with how the axes follow the tool.
 pub(super) fn nearby(
     model: &RobotModel,
     tool_at: &Isometry3<f64>,
@@ -180,7 +179,7 @@ pub(super) fn nearby(
     }
 }
 
-/// Tool 0 in the base frame.
+/// The transform of tool 0 in the base frame.
 fn flange(model: &RobotModel, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
     match &model.geometry {
         Geometry::SixAxis(lengths) => six_axis::flange(&model.solver(lengths), arm),
@@ -189,8 +188,8 @@ fn flange(model: &RobotModel, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
     }
 }
 
-/// Where the model's three masses are in the base frame, mm: the upper arm's and the forearm's in the middle of them,
-/// the tool's at tool 0. On a Cartesian machine the first moves with X, the second also with Y, the third with all.
+/// The positions of the model's three masses in the base frame, mm: the middles of upper arm and forearm, and
+/// tool 0. On a Cartesian machine the first moves with X, the second also with Y, the third with all.
 pub(super) fn mass_points(model: &RobotModel, arm: [f64; ARM_AXES]) -> [Vector3<f64>; 3] {
     let tool = flange(model, arm).translation.vector;
     let [upper_arm, forearm] = match &model.geometry {
@@ -205,8 +204,8 @@ fn flange_of(tool_at: &Isometry3<f64>, tool: &Frame) -> Isometry3<f64> {
     tool_at * tool.isometry().inverse()
 }
 
-/// Every way to bend the arm so that tool 0 is there, each turning axis within half a turn of `near`, limits
-/// ignored; axes that the arm has not stay as in `near`.
+/// All configurations of the arm with tool 0 there, each turning axis within half a turn of `near`, without
+/// regard to limits. Axes that the arm lacks stay as in `near`.
 fn candidates(model: &RobotModel, flange_at: &Isometry3<f64>, near: &Axes) -> Vec<[f64; ARM_AXES]> {
     match &model.geometry {
         Geometry::SixAxis(lengths) => six_axis::candidates(&model.solver(lengths), flange_at, near.arm()),
@@ -217,8 +216,8 @@ fn candidates(model: &RobotModel, flange_at: &Isometry3<f64>, near: &Axes) -> Ve
     }
 }
 
-/// The same bend with every turning axis turned by whole turns into its soft limits, as near to `near` as they
-/// allow; an axis that has no such turn is left outside.
+/// The same configuration with every turning axis turned by whole turns into its soft limits, as near to
+/// `near` as they allow. An axis without such a turn stays outside.
 fn fit_to_limits(model: &RobotModel, arm: [f64; ARM_AXES], near: [f64; ARM_AXES]) -> [f64; ARM_AXES] {
     let mut fitted = match &model.geometry {
         Geometry::SixAxis(_) => six_axis::share_straight_wrist(model, arm),
@@ -252,7 +251,7 @@ fn nearest(
     arms.min_by(|a, b| travel_time(model, *a, near).total_cmp(&travel_time(model, *b, near)))
 }
 
-/// Seconds at full speed, summed over the axes.
+/// The time at full speed, in seconds, summed over the axes.
 fn travel_time(model: &RobotModel, a: [f64; ARM_AXES], b: [f64; ARM_AXES]) -> f64 {
     a.into_iter().zip(b).zip(&model.axes).map(|((a, b), axis)| (a - b).abs() / axis.max_speed).sum()
 }

@@ -1,11 +1,11 @@
-//! What an arm can do: its geometry, its limits, and where every axis is at any instant of a move.
+//! The motion of an arm: its geometry, its limits, and the position of every axis at any instant of a move.
 //!
-//! Everything here is a pure function of its arguments. Nothing ticks: a planned [`Movement`] is asked for
-//! the state at a time and answers it at once, whatever was asked before.
+//! Everything here is a pure function of its arguments. There are no ticks: a planned [`Movement`] computes
+//! its state at any time directly, independent of earlier calls.
 //!
-//! Three parts that know nothing of one another, and one that joins them: [`path`] is geometry without time,
-//! [`profile`] is time along one number without geometry, [`kinematics`] turns axes into poses and back;
-//! [`movement`] puts a path under a profile.
+//! Three parts are independent: [`path`] is geometry without time, [`profile`] is time along one number
+//! without geometry, [`kinematics`] converts axes to poses and back. [`movement`] combines them: a path with
+//! a profile.
 //!
 //! Units everywhere: degrees, millimetres, seconds.
 #![cfg_attr(

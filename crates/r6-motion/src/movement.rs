@@ -1,12 +1,13 @@
-//! A move from rest to rest, or two with a rounded corner between them.
+//! A move from rest to rest, or two moves with a blended corner between them.
 //!
-//! A move is a delay, a path, and a profile that says when the arm is where on it. Two moves are blended by
-//! letting the second begin before the first has come to rest, and adding up what both do to each axis. The
-//! ramp down and the ramp up then make one curve: the arm does not stop, its speed has no jump, and no axis is
-//! faster than it is told in either move.
+//! A move is a delay, a path, and a profile that gives the position on the path at any time. Blending lets
+//! the second move begin before the first has come to rest, and adds both motions of each axis. The ramp down
+//! and the ramp up then make one curve: the arm does not stop, its speed does not jump, and no axis is faster
+//! than either move requires.
 //!
-//! A movement counts its own time from 0. Stopping, going on and a change of global speed make a new movement
-//! that takes over at an instant of the old one, on the same path, without a jump in position or speed.
+//! A movement counts its own time from 0. Stopping, resuming and a change of global speed make a new
+//! movement. It takes over at an instant of the old one, on the same path, without a jump in position or
+//! speed.
 
 mod blend;
 mod limits;
@@ -33,93 +34,93 @@ pub const STOP_SECONDS: f64 = 0.078;
 /// How long `actionPause` takes, seconds (reported, unit B: about half a second).
 pub const PAUSE_SECONDS: f64 = 0.5;
 
-/// No delay is longer, seconds: beyond it a double no longer resolves a microsecond.
+/// The longest delay, in seconds: beyond it a double no longer resolves a microsecond.
 const LONGEST_DELAY: f64 = 1e9;
 
-/// A movement this close to its end is at its end, seconds: a clock that counts nanoseconds may have rounded
-/// down.
+/// A movement this close to its end counts as ended, in seconds, because a clock of whole nanoseconds may
+/// have rounded down.
 const END_ROUNDING: f64 = 1e-9;
 
-/// How fast a move is told to be, before the global speed.
+/// The speed of a move, before the global speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MoveSpeed {
     /// Percent of full speed: of the slowest axis for an axis move, of full line speed and full angular speed
     /// for a line or curve (`speed`, manual 6.1.1, tenths of a percent on the wire).
     PercentOfMax(f64),
     /// mm/s of a line or curve (action 51, reported, unit B: scaled by the global speed like any other).
-    /// Turning, and axis moves, take the fraction that this is of full line speed.
+    /// Turning and axis moves use the same fraction of their own full speed.
     MmPerSecond(f64),
 }
 
-/// Where a move goes.
+/// The target of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MoveTarget {
-    /// Axis move (action 4) to these degrees.
+    /// Axis move (action 4) to these positions, in degrees or mm.
     Axes(Axes),
     /// Linear move (action 10) to this pose of the tool in the work frame.
     Line(Pose),
-    /// Curve move (action 17), both poses of the tool in the work frame.
+    /// Curve move (action 17); both poses are those of the tool in the work frame.
     Curve {
-        /// On the way; its orientation says nothing.
+        /// The pose on the way; its orientation is not used.
         middle: Pose,
-        /// At the end.
+        /// The pose at the end.
         end: Pose,
     },
 }
 
-/// One move as it is told.
+/// One move as it was requested.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
-    /// Where to.
+    /// The target.
     pub target: MoveTarget,
     /// Which axes or pose components change.
     pub mask: MoveMask,
-    /// How fast.
+    /// The speed.
     pub speed: MoveSpeed,
-    /// Seconds to stand still first.
+    /// How long to rest first, in seconds.
     pub delay: f64,
 }
 
-/// What the controller is set to when a move is planned.
+/// The settings of the controller when a move is planned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conditions {
     /// Global speed as a fraction, 1 for 100 %.
     pub global: f64,
-    /// Ramps as last set.
+    /// Ramps that were set last.
     pub ramps: Ramps,
     /// Current tool and work frame.
     pub frames: Frames,
-    /// Which way round the tool turns in a line or curve.
+    /// In which direction the tool turns in a line or curve.
     pub turning: Turning,
 }
 
 /// The arm at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionState {
-    /// Where the axes are, degrees.
+    /// Positions of the axes, in degrees or mm.
     pub axes: Axes,
-    /// How fast they turn, degrees per second; 0 for J7 and J8.
+    /// Speeds of the axes, in degrees or mm per second; 0 for J7 and J8.
     pub axis_speeds: [f64; AXES],
-    /// Where the tool is in the work frame, both as they were when the move was planned.
+    /// The pose of the tool in the work frame, with both frames as they were when the move was planned.
     pub pose: Pose,
     /// Whether the arm has come to rest for good: at the end of the path, or where it was halted.
     pub done: bool,
 }
 
-/// A planned move, two blended ones, or what became of them. All times are seconds from its own start.
+/// A planned move, two blended moves, or what became of them. All times are seconds from its own start.
 #[derive(Clone, Debug)]
 pub struct Movement {
     model: RobotModel,
     first: Stroke,
-    /// What began before the first has ended.
+    /// A move that began before the first has ended.
     second: Option<Stroke>,
-    /// What was under way when this took over, as it comes to rest.
+    /// The motion that this one took over from, while it comes to rest.
     tail: Option<Tail>,
-    /// The time that both count by.
+    /// The time scale of both moves.
     pace: Pace,
 }
 
-/// One move in the time of its movement.
+/// One move, with times of its movement.
 #[derive(Clone, Debug)]
 struct Stroke {
     frames: Frames,
@@ -127,7 +128,7 @@ struct Stroke {
     /// Fraction of full speed before the global speed.
     told_speed: f64,
     profile: Profile,
-    /// When it sets out.
+    /// When it begins to move.
     starts: f64,
 }
 
@@ -175,7 +176,7 @@ impl Stroke {
         StrokeState { axes: there.axes, speeds: there.slope.map(|slope| slope * speed) }
     }
 
-    /// From `time` on with another global speed.
+    /// The same with another global speed from `time` on.
     fn with_global(&self, time: f64, global: f64) -> Result<Self, PlanError> {
         let top = top_speed(&self.path, self.told_speed, global)?;
         let profile = self.profile.with_top(time - self.starts, top).ok_or(PlanError::Speed)?;
@@ -187,8 +188,8 @@ impl Movement {
     /// Plans a move from rest at `start`.
     ///
     /// The speed law (reported, unit B): speed × global speed × full speed of the slowest axis, or × full
-    /// line speed. The ramps take the same time whatever the speed, so a short way is gone below the speed that
-    /// was told. A line that would take an axis beyond its own full speed is slowed down as a whole.
+    /// line speed. The ramps take the same time at any speed, so a short move stays below the requested
+    /// speed. A line that would take an axis beyond its own full speed is slowed down as a whole.
     ///
     /// Errors: see [`PlanError`]; each has its alarm.
     pub fn plan(
@@ -201,26 +202,27 @@ impl Movement {
         Ok(Self { model: model.to_owned(), first, second: None, tail: None, pace: Pace::EVEN })
     }
 
-    /// How long it takes, delay included.
+    /// The duration in seconds, delay included.
     #[must_use]
     pub fn duration(&self) -> f64 {
         self.pace.when(self.last().ends()).unwrap_or_else(|| self.pace.settles())
     }
 
-    /// Whether the arm still stands for the move's delay, `seconds` after the start. A move without a delay never does.
+    /// Whether the arm still rests for the move's delay, `seconds` after the start. Always false for a move
+    /// without a delay.
     #[must_use]
     pub fn stands_first(&self, seconds: f64) -> bool {
         self.tail.is_none() && self.pace.time(since_start(seconds)) < self.first.starts
     }
 
-    /// Whether it ends at the end of its path; a halted one does only when that came first.
+    /// Whether it ends at the end of its path. A halted movement does so only if it reaches the end first.
     #[must_use]
     pub fn reaches_end(&self) -> bool {
         self.pace.when(self.last().ends()).is_some()
     }
 
-    /// The arm `seconds` after the start; rest at exactly the end from [`Movement::duration`] on, or a
-    /// nanosecond sooner. What is no number counts as the start.
+    /// The arm `seconds` after the start. From [`Movement::duration`] on, or a nanosecond sooner, it rests at
+    /// exactly the end. NaN counts as the start.
     #[must_use]
     pub fn state_at(&self, seconds: f64) -> MotionState {
         let done = seconds >= self.duration() - END_ROUNDING;
@@ -240,8 +242,8 @@ impl Movement {
         MotionState { axes: here.axes, axis_speeds, pose, done }
     }
 
-    /// How the speeds of the axes change `seconds` after the start, degrees or mm per second squared; 0 for J7 and J8.
-    /// Found from the speeds half a millisecond before and after.
+    /// The accelerations of the axes `seconds` after the start, in degrees or mm per second squared; 0 for J7
+    /// and J8. Computed from the speeds half a millisecond before and after.
     #[must_use]
     pub fn accelerations_at(&self, seconds: f64) -> [f64; AXES] {
         /// As short as rounding allows: speeds are exact to some 1e-13.
@@ -254,7 +256,7 @@ impl Movement {
         accelerations
     }
 
-    /// The arm at one time of the plan.
+    /// The arm at a time of the plan.
     fn at(&self, time: f64) -> StrokeState {
         let told = match &self.second {
             None => self.first.at(time),
@@ -267,7 +269,7 @@ impl Movement {
         }
     }
 
-    /// The arm so many seconds after the start, as it moves: without the rounding at the end.
+    /// The arm this many seconds after the start, while it moves: without the rounding at the end.
     fn moving_at(&self, seconds: f64) -> StrokeState {
         let rate = self.pace.rate(seconds);
         let here = self.at(self.pace.time(seconds));
@@ -278,10 +280,11 @@ impl Movement {
         self.second.as_ref().unwrap_or(&self.first)
     }
 
-    /// From `at` on, comes to rest along the path within `within` seconds; at the end of the path if that is
-    /// nearer.
+    /// Comes to rest along the path within `within` seconds from `at` on; at the end of the path if that
+    /// comes first.
     ///
-    /// `within` not above zero, or not finite, stops dead. Halting during the delay keeps what is left of it.
+    /// If `within` is not above zero, or not finite, the arm stops at once. Halting during the delay keeps
+    /// the rest of the delay.
     #[must_use]
     pub fn halt(&self, at: f64, within: f64) -> Self {
         let at = since_start(at);
@@ -291,10 +294,10 @@ impl Movement {
         Self { pace: self.pace.to(at, 0.0, step), ..self.clone() }
     }
 
-    /// From `at` on, goes to the end of the path with this global speed: after a halt, at rest or still
-    /// slowing down, or in mid-move.
+    /// Goes to the end of the path with this global speed from `at` on. It works after a halt, at rest or
+    /// still slowing down, and in mid-move.
     ///
-    /// [`PlanError::Speed`] when the global speed is not above zero or not finite.
+    /// [`PlanError::Speed`] if the global speed is not above zero or not finite.
     pub fn resume(&self, at: f64, global: f64) -> Result<Self, PlanError> {
         let at = since_start(at);
         let at = if self.pace.stops() { at } else { at.min(self.duration()) };
@@ -308,10 +311,10 @@ impl Movement {
         Ok(next)
     }
 
-    /// From `at` on, the same with another global speed. A halting movement goes on halting as it was. A corner
-    /// that is being rounded is finished first.
+    /// The same movement with another global speed from `at` on. A halting movement keeps halting. A corner
+    /// that is being blended is finished first.
     ///
-    /// [`PlanError::Speed`] when the global speed is not above zero or not finite.
+    /// [`PlanError::Speed`] if the global speed is not above zero or not finite.
     pub fn with_global(&self, at: f64, global: f64) -> Result<Self, PlanError> {
         if self.pace.stops() {
             fraction(self.first.told_speed, global)?;
@@ -320,12 +323,12 @@ impl Movement {
         self.resume(at, global)
     }
 
-    /// Whether the arm has not set out yet.
+    /// Whether the arm has not begun to move yet.
     fn waits(&self, at: f64) -> bool {
         self.tail.is_none() && self.pace.time(at) <= self.first.starts
     }
 
-    /// With another global speed from `at` on, at the same pace.
+    /// With another global speed from `at` on, and an unchanged time scale.
     fn retold(&self, at: f64, global: f64) -> Result<Self, PlanError> {
         let time = self.pace.time(at);
         let mut next = self.clone();
@@ -336,20 +339,20 @@ impl Movement {
         Ok(next)
     }
 
-    /// Where the axes are at its end.
+    /// The positions of the axes at the end.
     #[must_use]
     pub fn end(&self) -> Axes {
         self.last().end()
     }
 
-    /// The path it follows; of two, the first.
+    /// The path of the movement; the first of two.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.first.path
     }
 }
 
-/// What two parts of a motion do to the axes together; the second set out from `corner`, the first goes there.
+/// The sum of two parts of a motion. The first goes to `corner`, the second begins there.
 fn sum(first: &StrokeState, second: &StrokeState, corner: &Axes) -> StrokeState {
     let (mut arm, mut speeds) = ([0.0; ARM_AXES], [0.0; ARM_AXES]);
     let places = first.axes.arm().into_iter().zip(second.axes.arm()).zip(corner.arm());
@@ -362,7 +365,7 @@ fn sum(first: &StrokeState, second: &StrokeState, corner: &Axes) -> StrokeState 
     StrokeState { axes: corner.with_arm(arm), speeds }
 }
 
-/// A time a caller gives: never before the start; what is no number counts as the start.
+/// A time from a caller, not before the start. NaN counts as the start.
 fn since_start(at: f64) -> f64 {
     at.max(0.0)
 }
@@ -386,13 +389,13 @@ fn plan_path(
     })
 }
 
-/// The fraction of full speed that is asked for; the path's own top speed, 1 at most, still bounds it.
+/// The requested fraction of full speed. The path's own top speed, at most 1, still bounds it.
 fn fraction(told_speed: f64, global: f64) -> Result<f64, PlanError> {
     let usable = told_speed.is_finite() && told_speed > 0.0 && global.is_finite() && global > 0.0;
     if usable { Ok(told_speed * global) } else { Err(PlanError::Speed) }
 }
 
-/// The fraction of full speed that it goes at on this path.
+/// The fraction of full speed on this path.
 fn top_speed(path: &Path, told_speed: f64, global: f64) -> Result<f64, PlanError> {
     Ok(fraction(told_speed, global)?.min(path.top_speed()))
 }

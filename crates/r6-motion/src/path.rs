@@ -1,10 +1,10 @@
-//! Paths: where the axes are at each point of the way, without time.
+//! Paths: the axes at each position along the way, without time.
 //!
-//! The length of a path, and every place on it, is counted in seconds at full speed: an axis path is as long
-//! as its slowest axis takes at its own full speed, a line or curve as long as the tool takes at full line
-//! speed, or at full angular speed if turning takes longer. A place on the path says nothing of when the arm
-//! is there: that is the [`profile`](super::profile)'s part. A path that rounds the corner between two others
-//! would be one more variant.
+//! The length of a path, and every position on it, is measured in seconds at full speed. An axis path takes
+//! as long as its slowest axis at its own full speed. A line or curve takes as long as the tool at full line
+//! speed, or at full angular speed if turning takes longer. When the arm is at a position is the matter of
+//! the [`profile`](super::profile). A path that rounds the corner between two others would be one more
+//! variant.
 
 mod axis_path;
 mod follower;
@@ -17,28 +17,28 @@ pub use tool_path::{CurvePath, LinearPath, Turning};
 
 use super::axes::{ARM_AXES, Axes};
 
-/// A place on a path, as the axes see it.
+/// The axes at a position on a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathAxes {
-    /// Where the axes are.
+    /// The positions of the axes.
     pub axes: Axes,
-    /// Where they are heading: degrees per second of J1 to J6 if the path is followed at full speed.
+    /// Their slopes: degrees per second of J1 to J6 if the path is followed at full speed.
     pub slope: [f64; ARM_AXES],
 }
 
-/// A planned path. Cheap to ask, cannot fail.
+/// A planned path. Queries are cheap and cannot fail.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Path {
-    /// Every axis evenly from start to target.
+    /// Every axis moves evenly from start to target.
     Axis(AxisPath),
-    /// The tool on a straight line.
+    /// The tool moves on a straight line.
     Linear(LinearPath),
-    /// The tool on an arc.
+    /// The tool moves on an arc.
     Curve(CurvePath),
 }
 
 impl Path {
-    /// How long it is, seconds at full speed.
+    /// The length in seconds at full speed.
     #[must_use]
     pub fn length(&self) -> f64 {
         match self {
@@ -48,7 +48,7 @@ impl Path {
         }
     }
 
-    /// The largest fraction of full speed at which no axis exceeds its own full speed, 1 at most.
+    /// The largest fraction of full speed at which no axis exceeds its own full speed, at most 1.
     #[must_use]
     pub fn top_speed(&self) -> f64 {
         match self {
@@ -58,7 +58,7 @@ impl Path {
         }
     }
 
-    /// The axes at a place on the path: the start before it, exactly the end from its length on.
+    /// The axes at a position on the path: the start before it, exactly the end from its length on.
     #[must_use]
     pub fn at(&self, position: f64) -> PathAxes {
         match self {

@@ -4,17 +4,19 @@ use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion};
 
 use super::error::NotFinite;
 
-/// No cell is larger; beyond it squares of lengths lose the last hundredth of a millimetre.
+/// The largest coordinate of a pose, in mm. No cell is larger; beyond it squares of lengths lose the last
+/// hundredth of a millimetre.
 const FARTHEST_MM: f64 = 1e6;
 
-/// No angle of a pose is written larger; beyond it a double no longer resolves a ten-millionth of a degree.
+/// The largest angle of a pose, in degrees; beyond it a double no longer resolves a ten-millionth of a
+/// degree.
 const FARTHEST_DEGREES: f64 = 1e6;
 
-/// Cosine of V below which U and W turn about one line and cannot be told apart: six ten-millionths of a
+/// Cosine of V below which U and W turn about one line and cannot be distinguished: six ten-millionths of a
 /// degree.
 const GIMBAL: f64 = 1e-8;
 
-/// Where a tool is and how it is turned: `world-0` … `world-5`.
+/// Position and orientation of a tool: `world-0` … `world-5`.
 ///
 /// The orientation is R = Rz(W) · Ry(V) · Rx(U): turned by U about the fixed X, then by V about the fixed Y,
 /// then by W about the fixed Z. Two independent clients assume this convention; it meets V of the one
@@ -37,19 +39,19 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// X, Y, Z, U, V, W.
+    /// The components X, Y, Z, U, V, W.
     #[must_use]
     pub const fn components(&self) -> [f64; 6] {
         [self.x, self.y, self.z, self.u, self.v, self.w]
     }
 
-    /// From X, Y, Z, U, V, W.
+    /// A pose from X, Y, Z, U, V, W.
     #[must_use]
     pub const fn from_components([x, y, z, u, v, w]: [f64; 6]) -> Self {
         Self { x, y, z, u, v, w }
     }
 
-    /// As a transform; an error when a component is not finite or beyond all reach.
+    /// The pose as a transform; an error if a component is not finite or beyond all reach.
     pub fn to_isometry(&self) -> Result<Isometry3<f64>, NotFinite> {
         let near = [self.x, self.y, self.z].iter().all(|c| c.abs() <= FARTHEST_MM);
         let turned = [self.u, self.v, self.w].iter().all(|c| c.abs() <= FARTHEST_DEGREES);
@@ -59,9 +61,9 @@ impl Pose {
         Ok(Isometry3::from_parts(Translation3::new(self.x, self.y, self.z), self.rotation()))
     }
 
-    /// From a transform, with U and W in (−180, 180] and V in [−90, 90].
+    /// A pose from a transform, with U and W in (−180, 180] and V in [−90, 90].
     ///
-    /// At V = ±90 U and W turn about the same line: U reads 0 there and W carries the whole turn.
+    /// At V = ±90, U and W turn about the same line: U reads 0 there and W has the whole turn.
     #[must_use]
     pub fn from_isometry(isometry: &Isometry3<f64>) -> Self {
         let [u, v, w] = fixed_axis_angles(&isometry.rotation.to_rotation_matrix());
@@ -76,8 +78,8 @@ impl Pose {
 
 /// U, V, W in degrees of R = Rz(W)·Ry(V)·Rx(U).
 ///
-/// U is measured after W has been taken out, so whatever noise W has close to V = ±90, the three together
-/// still give back the rotation.
+/// U is measured after W is removed. So the three together give back the rotation, however noisy W is close
+/// to V = ±90.
 fn fixed_axis_angles(rotation: &Rotation3<f64>) -> [f64; 3] {
     let r = rotation.matrix();
     let level = r[(0, 0)].hypot(r[(1, 0)]);
@@ -110,12 +112,12 @@ impl Frame {
         Self(Isometry3::identity())
     }
 
-    /// The frame at this pose; an error when a component is not finite or beyond all reach.
+    /// The frame at this pose; an error if a component is not finite or beyond all reach.
     pub fn at(pose: &Pose) -> Result<Self, NotFinite> {
         pose.to_isometry().map(Self)
     }
 
-    /// As a transform.
+    /// The frame as a transform.
     #[must_use]
     pub const fn isometry(&self) -> &Isometry3<f64> {
         &self.0
@@ -143,8 +145,8 @@ mod tests {
         pose.to_isometry().unwrap().rotation.to_rotation_matrix()
     }
 
-    /// Largest difference between two rotations' matrices: about their angle, without the noise of an arc
-    /// cosine.
+    /// The largest difference between the matrices of two rotations: about their angle, without the noise of
+    /// an arc cosine.
     fn apart(a: &Rotation3<f64>, b: &Rotation3<f64>) -> f64 {
         (a.matrix() - b.matrix()).abs().max()
     }
@@ -152,9 +154,9 @@ mod tests {
     #[test]
     fn turns_are_about_fixed_axes_in_order_u_v_w() {
         let r = rotation(&pose([0.0, 0.0, 0.0, 90.0, 0.0, 90.0]));
-        // +Y is lifted to +Z by U, and W leaves it there.
+        // U turns +Y to +Z, and W leaves it there.
         assert!((r * Vector3::y() - Vector3::z()).norm() < 1e-12);
-        // +X is left by U and carried to +Y by W.
+        // U leaves +X, and W turns it to +Y.
         assert!((r * Vector3::x() - Vector3::y()).norm() < 1e-12);
         let down = rotation(&pose([0.0, 0.0, 0.0, 180.0, 0.0, -60.0]));
         assert!((down * Vector3::z() - -Vector3::z()).norm() < 1e-12);
@@ -202,7 +204,7 @@ mod tests {
             prop_assert!((read.v - v).abs() < 1e-5);
         }
 
-        /// From a hundredth of a degree to far below what a double resolves, on both sides of both poles.
+        /// From a hundredth of a degree to far below the resolution of a double, on both sides of both poles.
         #[test]
         fn the_rotation_survives_close_to_the_gimbal(
             u in -180.0..180.0, w in -180.0..180.0, small in -16.0..-2.0_f64,

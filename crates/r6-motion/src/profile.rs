@@ -1,14 +1,13 @@
-//! Speed along one number, without jerks.
+//! Speed along one number, with bounded jerk.
 //!
-//! The number counts seconds at full speed: a path that takes two seconds at full speed is two long, the
-//! speed along it is a fraction of full speed, and full speed is 1. So one profile serves axes, lines and
-//! curves.
+//! The number is measured in seconds at full speed. A path that takes two seconds at full speed has length
+//! two, the speed along it is a fraction of full speed, and full speed is 1. So one profile serves axes,
+//! lines and curves.
 //!
-//! What is asked for is a speed that changes at instants: up at the start, down at the end, and where the
-//! global speed was changed in between. What happens is that sum of jumps with every jump made smooth
-//! ([`SmoothStep`]). So a change of speed takes the same time however large it is, a short way keeps its ramps
-//! and stays below the speed that was asked for, and the end is met because the areas under the jumps add up
-//! to the way.
+//! The requested speed changes at instants: up at the start, down at the end, and wherever the global speed
+//! was changed in between. The real speed is the sum of these jumps, each made smooth ([`SmoothStep`]). So a
+//! change of speed takes the same time whatever its size, and a short path keeps its ramps and stays below
+//! the requested speed. The end is met because the areas under the jumps add up to the length.
 
 mod peaks;
 mod smooth_step;
@@ -16,11 +15,11 @@ mod smooth_step;
 pub use peaks::Peaks;
 pub use smooth_step::{FILTER_SECONDS, S_CURVE, SmoothStep, StepState};
 
-/// No move lasts longer, seconds: beyond it a double no longer resolves a microsecond. The slowest sensible
+/// The longest move, in seconds: beyond it a double no longer resolves a microsecond. The slowest sensible
 /// move, a full turn at 0.1 % of 0.1 %, takes 23 days.
 const LONGEST: f64 = 1e9;
 
-/// Times to reach full speed from rest and to come to rest from it, seconds.
+/// The times from rest to full speed and from full speed to rest, in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ramps {
     acceleration: f64,
@@ -28,12 +27,13 @@ pub struct Ramps {
 }
 
 impl Ramps {
-    /// Shorter than any drive can do, seconds; a smaller value, or zero, would be a jump in speed.
+    /// The shortest ramp, in seconds: shorter than any drive can do. A smaller value, or zero, would be a
+    /// jump in speed.
     pub const SHORTEST: f64 = 0.001;
-    /// Longer than anyone waits, seconds.
+    /// The longest ramp, in seconds.
     pub const LONGEST: f64 = 60.0;
 
-    /// Ramps of these many seconds, each 0.001 to 60; `None` otherwise (`modifyAccDec` gives both × 1000,
+    /// Ramps of these times in seconds, each 0.001 to 60; `None` otherwise (`modifyAccDec` gives both × 1000,
     /// manual 4.2.1).
     #[must_use]
     pub fn new(acceleration: f64, deceleration: f64) -> Option<Self> {
@@ -55,32 +55,32 @@ impl Ramps {
 }
 
 impl Default for Ramps {
-    /// 0.250 s both ways (reported, unit B).
+    /// 0.250 s for both (reported, unit B).
     fn default() -> Self {
         Self { acceleration: 0.250, deceleration: 0.250 }
     }
 }
 
-/// Two changes of speed are never closer than this part of the time that one takes; a later one waits. A change is
-/// forgotten once it has been over for as long as it took: so that however often the speed is changed, and however
-/// long the ramps are, no more than 200 are remembered.
+/// The shortest time between two changes of speed, as a fraction of the duration of one; a later change
+/// waits. A change is dropped after it has been over for as long as it took. So at most 200 are stored,
+/// however often the speed is changed and however long the ramps are.
 const CLOSEST_CHANGES: f64 = 0.01;
 
-/// A place on the path, the speed there, and what it will be next.
+/// A position on the path, with speed and acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProfileState {
-    /// How far along, seconds at full speed.
+    /// The position in seconds at full speed.
     pub position: f64,
-    /// How fast, as a fraction of full speed.
+    /// The speed as a fraction of full speed.
     pub speed: f64,
-    /// Change of that fraction per second.
+    /// The change of that fraction per second.
     pub acceleration: f64,
 }
 
 /// A change of speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Change {
-    /// When it is asked for, seconds from the start.
+    /// When it is requested, in seconds from the start.
     at: f64,
     /// By how much, as a fraction of full speed.
     by: f64,
@@ -93,25 +93,25 @@ impl Change {
     }
 }
 
-/// From rest at 0 to rest at the end.
+/// A profile from rest at 0 to rest at the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     end: f64,
     ramps: Ramps,
-    /// Where the changes that are over for good would have led by the time 0, and how fast they go on.
+    /// The sum of the changes that are over: their position at time 0, and their speed.
     settled: (f64, f64),
-    /// In the order of time.
+    /// The changes in time order.
     changes: Vec<Change>,
     /// The change to rest.
     last: Change,
 }
 
 impl Profile {
-    /// From rest at 0 to rest at `end`, no faster than `top`.
+    /// Plans a profile from rest at 0 to rest at `end`, no faster than `top`.
     ///
-    /// Where the ramps up and down differ by so much that the way is over before the slower one could take
-    /// effect, it goes more slowly. `None` when a number is not finite, `end` is below zero, `top` is not above
-    /// zero, or the whole would last beyond all sense.
+    /// If the ramps up and down differ so much that the path is over before the slower one takes effect, it
+    /// goes more slowly. `None` if a number is not finite, `end` is below zero, `top` is not above zero, or
+    /// the duration exceeds 1e9 seconds.
     #[must_use]
     pub fn plan(end: f64, top: f64, ramps: Ramps) -> Option<Self> {
         if !(end.is_finite() && end >= 0.0 && top.is_finite() && top > 0.0) {
@@ -131,12 +131,11 @@ impl Profile {
         (profile.duration() <= LONGEST).then_some(profile)
     }
 
-    /// The same with another `top` from `at` on, which may lie ahead by as much as a change takes. It is no longer
-    /// asked for times before that.
+    /// The same with another `top` from `at` on, which may lie ahead by up to the duration of a change. The
+    /// result is not valid for times before `at`.
     ///
-    /// Nothing changes where the way that is left is too short for it: when the change to rest has been asked
-    /// for, or would have to be before the change to `top` could take effect. `None` as for
-    /// [`Profile::plan`].
+    /// Nothing changes if the rest of the path is too short: the change to rest has already been requested,
+    /// or would have to be before the change to `top` takes effect. `None` as for [`Profile::plan`].
     #[must_use]
     pub fn with_top(&self, at: f64, top: f64) -> Option<Self> {
         if !(top.is_finite() && top > 0.0) {
@@ -147,7 +146,7 @@ impl Profile {
         }
         let mut next = self.clone();
         next.settle(at);
-        // A change that has had no effect yet is replaced.
+        // A change without any effect so far is replaced.
         let waiting = next.changes.pop_if(|change| change.at >= at);
         let apart = |change: &Change| CLOSEST_CHANGES * change.step.width();
         let soonest = next.changes.last().map_or(at, |change| at.max(change.at + apart(change)));
@@ -166,18 +165,18 @@ impl Profile {
         (next.duration() <= LONGEST).then_some(next)
     }
 
-    /// When the change to rest has to be asked for so that all of it leads to the end.
+    /// When the change to rest has to be requested so that the profile ends at `end`.
     fn time_of_last(&self, top: f64, down: &SmoothStep) -> f64 {
         let behind: f64 = self.changes.iter().map(|change| change.by * (change.at + change.step.lag())).sum();
         (self.end - self.settled.0 + behind) / top - down.lag()
     }
 
-    /// The speed that is asked for before the change to rest.
+    /// The requested speed before the change to rest.
     fn asked_speed(&self) -> f64 {
         self.settled.1 + self.changes.iter().map(|change| change.by).sum::<f64>()
     }
 
-    /// No speed on the way is above this, as a fraction of full speed.
+    /// An upper bound of the speed, as a fraction of full speed.
     #[must_use]
     pub fn fastest(&self) -> f64 {
         let mut asked = self.settled.1;
@@ -187,7 +186,7 @@ impl Profile {
         })
     }
 
-    /// Forgets changes that were over some time before `at`.
+    /// Drops changes that were over some time before `at`.
     fn settle(&mut self, at: f64) {
         let (position, speed) = &mut self.settled;
         self.changes.retain(|change| {
@@ -200,7 +199,7 @@ impl Profile {
         });
     }
 
-    /// How long it takes, seconds.
+    /// The duration in seconds.
     #[must_use]
     pub fn duration(&self) -> f64 {
         let nowhere = self.end <= 0.0;
@@ -208,20 +207,20 @@ impl Profile {
         if nowhere { 0.0 } else { ends }
     }
 
-    /// Where it comes to rest.
+    /// The position at the end.
     #[must_use]
     pub const fn end(&self) -> f64 {
         self.end
     }
 
-    /// How long a change of speed takes at least, seconds: the shorter ramp and the filter.
+    /// The shortest duration of a change of speed, in seconds: the shorter ramp and the filter.
     #[must_use]
     pub fn shortest_change(&self) -> f64 {
         SmoothStep::of(self.ramps.acceleration.min(self.ramps.deceleration)).width()
     }
 
-    /// The state `seconds` after the start: the start before it, rest at exactly the end from
-    /// [`Profile::duration`] on. What is no number counts as the start.
+    /// The state `seconds` after the start. Before that it is the start. From [`Profile::duration`] on it is
+    /// rest at exactly the end. NaN counts as the start.
     #[must_use]
     pub fn at(&self, seconds: f64) -> ProfileState {
         if seconds >= self.duration() {
@@ -236,7 +235,7 @@ impl Profile {
             state.speed += change.by * step.height;
             state.acceleration += change.by * step.slope;
         }
-        // Rounding only; `clamp` would panic on a caller's NaN.
+        // For rounding only; `clamp` would panic on a caller's NaN.
         ProfileState {
             position: state.position.max(0.0).min(self.end),
             speed: state.speed.max(0.0),

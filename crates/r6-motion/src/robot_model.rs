@@ -1,7 +1,7 @@
-//! The figures of each arm: lengths, limits, speeds, and where each number comes from.
+//! The numbers of each arm: lengths, limits, speeds, and where each number comes from.
 //!
-//! A model is a TOML file (`docs/MODELS.md`). Those of `models/` are compiled in; a user's own goes through the
-//! same [`RobotModel::from_toml`].
+//! A model is a TOML file (`docs/MODELS.md`). The files in `models/` are compiled in; a user's own file is
+//! read by the same [`RobotModel::from_toml`].
 
 mod file;
 mod source;
@@ -16,7 +16,7 @@ pub use self::source::{Certainty, Source};
 use super::axes::{ARM_AXES, AXES, Axes, AxisNumber, FARTHEST, MoveMask};
 use super::error::LimitSide;
 
-/// A range an axis may stand in, both ends included, degrees or mm.
+/// A range of an axis, both ends included, in degrees or mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// The smallest position.
@@ -32,7 +32,7 @@ impl Limits {
         (self.min..=self.max).contains(&position)
     }
 
-    /// Which end the position lies beyond; `None` inside. What is no number lies beyond the plus end.
+    /// The end that the position lies beyond; `None` if it is inside. NaN lies beyond the plus end.
     #[must_use]
     pub fn beyond(self, position: f64) -> Option<LimitSide> {
         if self.contains(position) {
@@ -45,7 +45,7 @@ impl Limits {
     }
 }
 
-/// What an axis does, and so the unit of its position, limits and speed.
+/// The motion of an axis, which sets the unit of its position, limits and speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AxisMotion {
     /// It turns: degrees.
@@ -59,24 +59,24 @@ pub enum AxisMotion {
 pub struct AxisModel {
     /// Whether it turns or slides.
     pub motion: AxisMotion,
-    /// Where moves may take it.
+    /// The range of moves.
     pub soft: Limits,
-    /// Where the vendor's data sheet ends.
+    /// The range of the vendor's data sheet.
     pub vendor: Limits,
-    /// Full speed, degrees or mm per second.
+    /// Full speed in degrees or mm per second.
     pub max_speed: f64,
     /// Motor turns per turn of the axis, or per millimetre.
     pub gear_ratio: f64,
-    /// The torque its drive can give all the time, at the axis: Nm, or N where it slides; `None` where nobody says.
+    /// The continuous torque of its drive, at the axis: Nm, or N on a linear axis; `None` if unknown.
     pub rated_torque: Option<f64>,
-    /// 1 or −1: which way the axis counts, see [`Geometry`].
+    /// 1 or −1: the direction of the axis, see [`Geometry`].
     pub sign: i8,
-    /// Where the geometry stands when the axis reads 0, degrees or mm: geometry = sign · axis + offset.
+    /// The position of the geometry when the axis reads 0, in degrees or mm: geometry = sign · axis + offset.
     pub offset: f64,
 }
 
 impl AxisModel {
-    /// The place of an axis that the arm has not: it never moves, and nothing is outside its limits.
+    /// A placeholder for an axis that the arm lacks: it never moves, and nothing is outside its limits.
     const ABSENT: Self = Self {
         motion: AxisMotion::Turns,
         soft: Limits { min: -FARTHEST, max: FARTHEST },
@@ -88,22 +88,22 @@ impl AxisModel {
         offset: 0.0,
     };
 
-    /// Where the geometry stands with the axis here.
+    /// The position of the geometry for a position of the axis.
     pub(crate) fn geometric(&self, position: f64) -> f64 {
         f64::from(self.sign) * position + self.offset
     }
 
-    /// Where the axis stands with the geometry here.
+    /// The position of the axis for a position of the geometry.
     pub(crate) fn position(&self, geometric: f64) -> f64 {
         f64::from(self.sign) * (geometric - self.offset)
     }
 }
 
-/// The lengths of an arm with parallel base and spherical wrist, millimetres.
+/// The lengths of an arm with parallel base and spherical wrist, in millimetres.
 ///
-/// Read with every axis at 0 of the geometry: upper arm upright, forearm level along +X. Positive turns, as seen
-/// before an axis' sign: J1 to the left (about +Z), J2, J3 and J5 downwards (about +Y), J4 and J6 about the forearm
-/// (+X).
+/// They apply with every axis at 0 of the geometry: upper arm upright, forearm level along +X. Positive
+/// turns, before the sign of an axis: J1 to the left (about +Z), J2, J3 and J5 downwards (about +Y), J4 and
+/// J6 about the forearm (+X).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SixAxisGeometry {
     /// Floor to shoulder, upwards.
@@ -120,11 +120,11 @@ pub struct SixAxisGeometry {
     pub d4: f64,
     /// Wrist centre to flange, forwards.
     pub d6: f64,
-    /// Flange to the point the controller calls tool 0, along the flange axis.
+    /// Flange to the point that the controller calls tool 0, along the flange axis.
     pub tool_offset: f64,
 }
 
-/// The lengths of a SCARA, millimetres: J1 and J2 turn about +Z, J3 slides upwards, J4 turns about +Z.
+/// The lengths of a SCARA, in millimetres: J1 and J2 turn about +Z, J3 slides upwards, J4 turns about +Z.
 ///
 /// With every axis at 0 the arm is stretched along +X.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,14 +137,14 @@ pub struct ScaraGeometry {
     pub forearm: f64,
 }
 
-/// What the arm weighs, each mass in one point, kg ([`drive`](crate::drive)).
+/// The masses of the arm, each in one point, in kg ([`drive`](crate::drive)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Masses {
-    /// In the middle of the upper arm; on a Cartesian machine, what X alone carries.
+    /// In the middle of the upper arm; on a Cartesian machine, the load of X alone.
     pub upper_arm: f64,
-    /// In the middle of the forearm; on a Cartesian machine, what Y carries too.
+    /// In the middle of the forearm; on a Cartesian machine, the load of Y too.
     pub forearm: f64,
-    /// At tool 0: wrist, gripper and workpiece; on a Cartesian machine, what Z carries too.
+    /// At tool 0: wrist, gripper and workpiece; on a Cartesian machine, the load of Z too.
     pub tool: f64,
 }
 
@@ -155,7 +155,7 @@ pub enum Geometry {
     SixAxis(SixAxisGeometry),
     /// Two links, a slide and a turn: four axes.
     Scara(ScaraGeometry),
-    /// X, Y and Z slide; a fourth axis, where there is one, turns the tool about +Z.
+    /// X, Y and Z slide; a fourth axis, if present, turns the tool about +Z.
     Cartesian,
 }
 
@@ -164,24 +164,24 @@ pub enum Geometry {
 pub struct RobotModel {
     /// The vendor's name.
     pub name: Arc<str>,
-    /// J1 to J6; those from [`RobotModel::axis_count`] on are not there and never move.
+    /// J1 to J6; axes from [`RobotModel::axis_count`] on do not exist and never move.
     pub axes: [AxisModel; ARM_AXES],
     axis_count: usize,
     /// Its lengths.
     pub geometry: Geometry,
-    /// What it weighs; `None` where nobody says.
+    /// Its masses; `None` if unknown.
     pub masses: Option<Masses>,
     /// Full speed of a linear or curve move, mm/s.
     pub max_line_speed: f64,
     /// Full turning speed of the tool in such a move, degrees per second.
     pub max_angular_speed: f64,
-    /// From rest to full speed, and back, seconds.
+    /// The time from rest to full speed, and back, in seconds.
     pub acceleration_time: f64,
-    /// Where the numbers come from; empty in a file that does not say.
+    /// Where the numbers come from; empty if the file does not say.
     pub sources: Arc<[Source]>,
 }
 
-/// The files of the models that come with the product, the default first.
+/// The files of the models that come with the product; the first is the default.
 const FILES: [&str; 7] = [
     include_str!("../models/BRTIRUS0707A.toml"),
     include_str!("../models/BRTIRUS0805A.toml"),
@@ -192,7 +192,7 @@ const FILES: [&str; 7] = [
     include_str!("../models/GENERIC-CARTESIAN.toml"),
 ];
 
-/// Every model that comes with the product. A test holds that none of the files is dropped.
+/// All models that come with the product. A test makes sure that no file is dropped.
 static MODELS: LazyLock<Vec<RobotModel>> =
     LazyLock::new(|| FILES.iter().filter_map(|text| RobotModel::from_toml(text).ok()).collect());
 
@@ -206,7 +206,7 @@ impl Default for RobotModel {
 }
 
 impl RobotModel {
-    /// The model with this name, upper or lower case alike; `None` when there is none.
+    /// The model with this name, in upper or lower case; `None` if no model has it.
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         MODELS.iter().find(|model| model.name.eq_ignore_ascii_case(name))
@@ -217,10 +217,10 @@ impl RobotModel {
         MODELS.iter().map(|model| &*model.name)
     }
 
-    /// The model that a TOML file describes; the format is that of `docs/MODELS.md`.
+    /// Reads a model from a TOML file in the format of `docs/MODELS.md`.
     ///
     /// # Errors
-    /// [`Mistakes`]: all places where the text is wrong, and what each field has to be.
+    /// [`Mistakes`]: all places where the text is wrong, and the correct form of each field.
     pub fn from_toml(text: &str) -> Result<Self, Mistakes> {
         file::parse(text)
     }
@@ -236,14 +236,14 @@ impl RobotModel {
         self.axes.iter().take(self.axis_count)
     }
 
-    /// A mask without the axes that the arm has not.
+    /// The mask without the axes that the arm lacks.
     #[must_use]
     pub fn own_axes(&self, mask: MoveMask) -> MoveMask {
         let own = (0..self.axis_count).fold(0_u8, |bits, n| bits | (1 << n));
         MoveMask(mask.0 & own)
     }
 
-    /// The soft limits, J1 to J6; an axis that is not there has none that anything could exceed.
+    /// The soft limits, J1 to J6. Those of a missing axis are never exceeded.
     #[must_use]
     pub fn soft_limits(&self) -> [Limits; ARM_AXES] {
         self.axes.map(|axis| axis.soft)
@@ -255,8 +255,8 @@ impl RobotModel {
         first_outside(&self.soft_limits(), axes.arm())
     }
 
-    /// Motor speeds in revolutions per minute (`curSpeed-n`, manual 4.1.1) for axis speeds in degrees or mm per
-    /// second; 0 for axes that are not there.
+    /// Motor speeds in revolutions per minute (`curSpeed-n`, manual 4.1.1) for axis speeds in degrees or mm
+    /// per second; 0 for missing axes.
     #[must_use]
     pub fn motor_rpm(&self, axis_speeds: &[f64; AXES]) -> [f64; AXES] {
         /// Degrees per second in one revolution per minute.
@@ -275,8 +275,8 @@ impl RobotModel {
 
     /// The solver for a six-axis arm with these axes.
     ///
-    /// It counts from an arm stretched upright, turning J2, J3 and J5 about +Y and J4 and J6 about the forearm.
-    /// The geometry counts from a level forearm: hence a quarter turn on J3.
+    /// The solver's zero is an arm stretched upright. It turns J2, J3 and J5 about +Y, and J4 and J6 about
+    /// the forearm. The zero of the geometry has a level forearm, so J3 needs a quarter turn.
     pub(super) fn solver(&self, g: &SixAxisGeometry) -> OPWKinematics {
         let mut offsets = self.axes.map(|axis| -axis.offset.to_radians());
         let [_, _, j3, _, _, _] = &mut offsets;

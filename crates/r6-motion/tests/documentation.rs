@@ -1,4 +1,4 @@
-//! What docs/MODELS.md says of the models is what is in their files.
+//! Checks that docs/MODELS.md agrees with the model files.
 
 use std::fmt::Write;
 

@@ -1,7 +1,8 @@
-//! Speed, acceleration and jerk of every kind of move, with every kind of ramps, stay within the limits of its profile.
+//! Speed, acceleration and jerk of every kind of move, with every kind of ramps, stay within the limits of
+//! its profile.
 //!
-//! A difference of speeds over a short while is a mean acceleration, and a second difference a mean jerk: neither is
-//! ever above the largest one, so what is beyond a limit here is beyond it in truth.
+//! A difference of speeds over a short time is a mean acceleration, and a second difference a mean jerk.
+//! Neither exceeds the largest one, so a violation here is a real one.
 
 use proptest::prelude::*;
 use r6_motion::kinematics::forward;
@@ -11,7 +12,7 @@ use r6_motion::{
     RobotModel, Turning,
 };
 
-/// What differences of rounded speeds may be off, as a share of the limit.
+/// The error of differences of rounded speeds, as a fraction of the limit.
 const ROUNDING: f64 = 1e-3;
 
 fn model() -> &'static RobotModel {
@@ -23,7 +24,7 @@ fn tool_down() -> Axes {
     Axes::of_arm([0.0, -10.0, 10.0, 0.0, -90.0, 0.0]).unwrap()
 }
 
-/// Anywhere in the soft limits, or as near to zero as the share says.
+/// Anywhere in the soft limits, or closer to zero by a random factor.
 fn axis_target() -> impl Strategy<Value = MoveTarget> {
     (prop::array::uniform6(0.0..1.0), prop_oneof![Just(1.0), 1e-4..1.0]).prop_map(|(parts, share)| {
         let mut arm = [0.0; 6];
@@ -48,13 +49,13 @@ fn any_target() -> impl Strategy<Value = MoveTarget> {
     ]
 }
 
-/// The same number of each size from a hundredth of a second to ten; sometimes far apart.
+/// Ramps from a hundredth of a second to ten, equally likely at each size; the two can be far apart.
 fn any_ramps() -> impl Strategy<Value = Ramps> {
     prop::array::uniform2(-2.0..1.0_f64)
         .prop_map(|[up, down]| Ramps::new(10_f64.powf(up), 10_f64.powf(down)).unwrap())
 }
 
-/// Told speed in percent, global speed, ramps.
+/// Requested speed in percent, global speed, ramps.
 fn any_pace() -> impl Strategy<Value = (f64, f64, Ramps)> {
     (1.0..120.0, 0.05..1.0, any_ramps())
 }
@@ -67,19 +68,19 @@ fn conditions(global: f64, ramps: Ramps) -> Conditions {
     Conditions { global, ramps, frames: Frames::default(), turning: Turning::Shortest }
 }
 
-/// What a movement should go by, planned again from its path.
+/// The expected profile of a movement, planned again from its path.
 fn profile_of(movement: &Movement, (percent, global, ramps): (f64, f64, Ramps)) -> Profile {
     let path = movement.path();
     Profile::plan(path.length(), (percent / 100.0 * global).min(path.top_speed()), ramps).unwrap()
 }
 
-/// The most that each axis may have of speed, acceleration and jerk on an axis move.
+/// The limits of each axis for speed, acceleration and jerk on an axis move.
 fn axis_limits(movement: &Movement, peaks: &Peaks) -> [[f64; 3]; 6] {
     let slope = movement.path().at(0.0).slope;
     slope.map(|slope| [peaks.speed, peaks.acceleration, peaks.jerk].map(|peak| slope.abs() * peak))
 }
 
-/// Looks at the axes about `t` and compares with what each may have. `h` is far below the shortest change.
+/// Samples the axes near `t` and compares them with their limits. `h` is far below the shortest change.
 fn within(movement: &Movement, t: f64, h: f64, limits: &[[f64; 3]; 6]) -> Result<(), TestCaseError> {
     let [before, here, after] = [t, t + h, t + 2.0 * h].map(|t| movement.state_at(t).axis_speeds);
     for (n, most) in limits.iter().enumerate() {
@@ -97,7 +98,7 @@ fn within(movement: &Movement, t: f64, h: f64, limits: &[[f64; 3]; 6]) -> Result
     Ok(())
 }
 
-/// A short while beside which the shortest change of these ramps is long.
+/// A time that is short compared with the shortest change of these ramps.
 fn short_while(ramps: &[Ramps]) -> f64 {
     let shortest =
         ramps.iter().map(|ramps| ramps.acceleration().min(ramps.deceleration())).fold(60.0, f64::min);
@@ -105,8 +106,9 @@ fn short_while(ramps: &[Ramps]) -> f64 {
 }
 
 proptest! {
-    /// Any path is gone along exactly as its profile says, and the profile keeps the limits of its two changes: so does
-    /// whatever moves along the path, the tool on a line or curve and each axis of an axis move.
+    /// A move follows its path exactly as its profile says, and the profile keeps the limits of its two
+    /// changes. So does everything that moves along the path: the tool on a line or curve and each axis of an
+    /// axis move.
     #[test]
     fn every_move_keeps_the_speed_acceleration_and_jerk_of_its_profile(
         target in any_target(), pace in any_pace(), delay in 0.0..0.5, parts in prop::collection::vec(0.0..1.0, 20),
@@ -141,7 +143,7 @@ proptest! {
             let limits = axis_limits(&movement, &peaks);
             for n in 0..50 {
                 let part = f64::from(n) / 50.0;
-                // As often in either change of speed as over the whole.
+                // As many samples in either change of speed as over the whole.
                 for t in [part * up.width(), part * profile.duration(), profile.duration() - part * down.width()] {
                     within(&movement, delay + t.max(0.0), h, &limits)?;
                 }
@@ -149,8 +151,8 @@ proptest! {
         }
     }
 
-    /// A halt takes the plan's time down with a pace of its own, whose acceleration and jerk come on top; so does going on
-    /// from rest.
+    /// A halt slows down the time of the plan. The acceleration and jerk of that slowing come on top, and
+    /// also when resuming from rest.
     #[test]
     fn a_halt_adds_no_more_than_its_own_pace(
         target in axis_target(), pace in any_pace(), part in 0.0..1.0, seconds in 0.02..1.0, looks in prop::collection::vec(0.0..1.0, 30),
@@ -163,7 +165,7 @@ proptest! {
         let rested = seconds + 0.1;
         let going_on = halted.resume(rested, global).unwrap();
         let profile = profile_of(&movement, pace);
-        // Going on tells the profile its top again, which splits a change in two.
+        // Resuming sets the top of the profile again, which splits a change in two.
         let peaks = profile.peaks();
         let shortest = profile.shortest_change();
         for (moved, over, span) in [(&halted, seconds, seconds), (&going_on, shortest, going_on.duration())] {
@@ -176,7 +178,7 @@ proptest! {
         }
     }
 
-    /// Where two moves act on one axis both add up; each keeps the limits of its own profile.
+    /// If two moves act on one axis, both add up; each keeps the limits of its own profile.
     #[test]
     fn a_rounded_corner_has_no_more_than_both_moves(
         first in axis_target(), second in axis_target(), paces in (any_pace(), any_pace()), level in 1_u8..=9,
@@ -203,7 +205,7 @@ proptest! {
             let t = corner + look * (ends - corner);
             within(&both, t, h, &sums)?;
             for (n, speed) in both.state_at(t).axis_speeds.iter().take(6).enumerate() {
-                // Two short moves never reach the speeds they are told; together they come nearer.
+                // Two short moves never reach their requested speeds; together they come closer.
                 let faster = asked[0][n].max(asked[1][n]);
                 prop_assert!(speed.abs() <= faster * (1.0 + 1e-9), "J{}: {speed} {faster}", n + 1);
             }
@@ -211,7 +213,8 @@ proptest! {
     }
 }
 
-/// What remains of these limits when the plan's time runs down or up within so many seconds, by a smooth step.
+/// These limits while the time of the plan slows down or speeds up within this many seconds, by a smooth
+/// step.
 fn paced([speed, acceleration, jerk]: [f64; 3], seconds: f64) -> [f64; 3] {
     let step = SmoothStep::within(seconds);
     let (slope, bend) = (step.steepest(), step.sharpest());

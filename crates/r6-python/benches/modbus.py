@@ -2,8 +2,9 @@
 
     python modbus.py MODBUS_HOST:PORT ROBOT_HOST:PORT
 
-Run by `make bench ARGS=modbus` against servers that answer every request with the same values. Each line of the input names a contender;
-it then has a slice of 0.2 s, and the median of that is printed, nanoseconds.
+Run by `make bench ARGS=modbus` against servers that answer every request with the same values. Each line
+of the input names a contender. That contender then runs for a slice of 0.2 s, and its median is printed,
+nanoseconds.
 """
 
 import asyncio
@@ -24,7 +25,7 @@ Poll = Callable[[], Awaitable[None]]
 
 
 async def with_pymodbus(address: str) -> Poll:
-    """Twelve holding registers."""
+    """Polls twelve holding registers."""
     host, port = address.rsplit(":", 1)
     client = AsyncModbusTcpClient(host, port=int(port))
     assert await client.connect()
@@ -37,7 +38,7 @@ async def with_pymodbus(address: str) -> Poll:
 
 
 async def with_r6(address: str) -> Poll:
-    """Twelve addresses."""
+    """Polls twelve addresses."""
     robot = await r6.AsyncRobot.connect(address)
 
     async def poll() -> None:
@@ -59,7 +60,7 @@ async def one_slice(poll: Poll) -> float:
 
 
 async def main() -> None:
-    """Measures what it is told to."""
+    """Measures the contenders that the input names."""
     polls = {"pymodbus": await with_pymodbus(sys.argv[1]), "r6": await with_r6(sys.argv[2])}
     for poll in polls.values():
         await one_slice(poll)

@@ -1,9 +1,10 @@
-"""The round trip of a query of twelve addresses: r6 beside socket and json by hand.
+"""The round trip of a query of twelve addresses: r6 beside hand-written socket and json code.
 
     python round_trip.py HOST:PORT
 
-Run by `make bench ARGS=python` against a server that answers every query with the same values. Both take turns, a slice of 0.2 s each,
-fifteen rounds of it; it prints one JSON object: the medians of each slice, nanoseconds, and the first value that both read.
+Run by `make bench ARGS=python` against a server that answers every query with the same values. The two
+take turns, a slice of 0.2 s each, for fifteen rounds. Prints one JSON object: the median of each slice,
+nanoseconds, and the first value that both read.
 """
 
 import itertools
@@ -23,7 +24,7 @@ ADDRESSES = [f"{kind}-{number}" for kind in ("axis", "world") for number in rang
 
 
 def by_hand(address: str) -> Callable[[], float]:
-    """What people write: a request from a dict, one recv after the other until the object is whole, the values as floats."""
+    """A usual script: a request from a dict, `recv` until the object is complete, the values as floats."""
     host, port = address.rsplit(":", 1)
     connection = socket.create_connection((host, int(port)))
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -50,7 +51,7 @@ def by_hand(address: str) -> Callable[[], float]:
 
 
 def with_r6(address: str) -> Callable[[], float]:
-    """The same with the SDK."""
+    """The same with the package."""
     robot = r6.Robot.connect(address)
 
     def query() -> float:
@@ -74,7 +75,7 @@ def one_slice(query: Callable[[], float]) -> float:
 
 
 def main() -> None:
-    """Measures, and prints what came out."""
+    """Measures, and prints the result."""
     address = sys.argv[1]
     contenders = {"by_hand": by_hand(address), "r6": with_r6(address)}
     read = {name: query() for name, query in contenders.items()}

@@ -1,4 +1,4 @@
-"""Where the examples find their robots: the addresses on the command line, else virtual controllers of their own."""
+"""The addresses for the examples: those on the command line, else of virtual controllers that this starts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import r6
 
 @contextmanager
 def addresses(count: int = 1) -> Iterator[list[str]]:
-    """So many addresses."""
+    """The addresses of ``count`` controllers."""
     given = sys.argv[1:]
     if given and len(given) != count:
         sys.exit(f"usage: {sys.argv[0]} [HOST:PORT]{' HOST:PORT' * (count - 1)}")

@@ -1,8 +1,8 @@
-"""A camera on the robot's own connection: waits for a photo request, answers it, sends what the photo shows, and looks
-whether the part was picked.
+"""A camera on the robot's own connection: waits for a photo request, answers it, sends what the photo shows,
+and checks that the part was picked.
 
-At the controller a taught program asks for the photo, takes the point and goes there. Without an address this example
-brings a virtual controller with such a program.
+A taught program on the controller asks for the photo, takes the point and goes there. Without an address
+this example starts a virtual controller with such a program.
 
 python camera_pick.py [HOST:PORT]
 """
@@ -37,7 +37,8 @@ point = "X047"
 """
 
 PART = r6.Point(x=20.0, y=10.0, z=-30.0, relative=True)
-"""What the photo shows: a part so far from the tool, mm. A camera of yours tells it here."""
+"""The content of the photo: a part at this distance from the tool, mm. In a cell it comes from your
+camera."""
 
 
 def photo(events: r6.PushedEvents) -> r6.Photo:

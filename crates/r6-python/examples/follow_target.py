@@ -1,10 +1,10 @@
-"""Follows a target that moves, and is told 20 times a second where it is. Ctrl-C stops the arm.
+"""Follows a moving target, with its position 20 times a second. Ctrl-C stops the arm.
 
-The arm moves: J1 follows a target that sways by 15 degrees around where it is.
+The arm moves: J1 follows a target that swings by 15 degrees around the present position.
 
-The protocol cannot follow: replacing the list of an arm that moves raises an alarm, and small steps without a pause have
-overloaded the servos of a real arm (reported). So each step is at least 1 degree and at most 10, goes at 20 %, and is sent
-only while the arm stands; the newest target counts, and those in between are skipped.
+The protocol has no command to follow: replacing the list of a moving arm raises an alarm, and small steps
+without a pause have overloaded the servos of a real arm (reported). So each step is 1 to 10 degrees, goes
+at 20 %, and is sent only while the arm stands. The newest target counts; older ones are skipped.
 
 python follow_target.py [HOST:PORT]
 """
@@ -23,19 +23,19 @@ STANDS = 2.0
 
 
 def target(middle: float, time: float) -> r6.AxisPosition:
-    """Where the target is. In a cell a camera or a conveyor tells."""
+    """The present target. In a cell it comes from a camera or a conveyor."""
     return r6.AxisPosition.degrees([middle + 15.0 * math.sin(time)])
 
 
 async def main(address: str) -> None:
-    """Follows, then waits until the arm stands. Whatever goes wrong, the arm is stopped."""
-    async with await r6.AsyncRobot.connect(address) as robot:
+    """Follows, then waits until the arm stands. After any error the arm is stopped."""
+    async with r6.AsyncRobot.connect(address) as robot:
         middle = float((await robot.status()).axes[0])
         loop = asyncio.get_running_loop()
         begun = loop.time()
         async with robot.follow(r6.FollowOptions(speed=r6.Percent(20), smallest_step=r6.Degrees(1))) as following:
             while (time := loop.time() - begun) < SECONDS + STANDS:
-                # Also when it has not moved: a target that is not told any more is followed no more.
+                # Send the target also when it has not moved, because it counts only for half a second.
                 following.target(target(middle, min(time, SECONDS)))
                 await asyncio.sleep(EVERY)
         followed = await following.finished()

@@ -1,8 +1,8 @@
 """Moves a robot: axes, a straight line, an output, behind a guard. Ctrl-C stops the arm.
 
-The arm moves: to J5 = 30 degrees and all others at zero, at 10 %, then 50 mm down and up again, and it switches Y010 on
-and off. Read docs/SAFETY.md first. The guard checks targets as they are written: axes of axis moves, places of straight
-lines; of where the axes are on a line it knows nothing.
+The arm moves: to J5 = 30 degrees and all others at zero, at 10 %, then 50 mm down and up again. It
+switches Y010 on and off. Read docs/SAFETY.md first. The guard checks targets as they are written: axes in
+axis moves, places in straight lines. It does not know where the axes are on a line.
 
 python move.py [HOST:PORT]
 """
@@ -25,7 +25,7 @@ with addresses() as (address,), r6.Robot.connect(address) as unguarded:
     with robot.run(to_start) as moving:
         there = moving.finished()
 
-    # On the line it may go nowhere but straight down from here.
+    # On the line the tool may only go straight down from here.
     x, y, z, u, v, w = there.pose
     mm = r6.Millimetres
     robot = robot.with_guard(ENVELOPE.workspace((mm(x - 1), mm(y - 1), mm(z - 60)), (mm(x + 1), mm(y + 1), mm(z + 1))))

@@ -1,4 +1,4 @@
-"""Reads the state of a robot: at a glance, by address, and again and again.
+"""Reads the state of a robot: as a whole, by address, and repeatedly.
 
 python read_state.py [HOST:PORT]
 """

@@ -1,7 +1,7 @@
-"""Registers 800 to 900 and the outputs: what a taught program and this one tell each other.
+"""Registers 800 to 900 and the outputs: how this program and a taught one exchange values.
 
-It switches Y013 on and off again and leaves registers 810 to 812 changed: look first what hangs on them in your cell, for
-a program may start a motion by them. Read docs/SAFETY.md first.
+It switches Y013 on and off again and changes registers 810 to 812. First check what uses them in your
+cell, because a program may start a motion by them. Read docs/SAFETY.md first.
 
 python registers.py [HOST:PORT]
 """
@@ -12,7 +12,7 @@ from _address import addresses
 import r6
 
 with addresses() as (address,), r6.Robot.connect(address) as robot:
-    # Positions go into registers as thousandths, by a habit of those who share cells with them.
+    # Programs that share positions in registers usually store thousandths.
     place = np.array([500.25, -20.5, 300.0])
     robot.write_registers(810, np.rint(place * 1000).astype(np.int64))
     print("registers 810 to 812:", robot.read_registers(810, 3) / 1000, "mm")
@@ -22,7 +22,7 @@ with addresses() as (address,), r6.Robot.connect(address) as robot:
     except r6.R6Error as error:
         print("not taken:", error)
 
-    # Counted from 0 here; on the pendant a point has its number plus 8, in octal: this is Y013.
-    robot.set_output(board=0, point=3, on=True)
-    print("outputs that are on:", [f"Y{point + 8:03o}" for point in np.flatnonzero(robot.outputs())])
-    robot.set_output(board=0, point=3, on=False)
+    # Points go by their names on the pendant.
+    robot.set_output("Y013", True)
+    print("Y013 is on:", robot.is_on("Y013"))
+    robot.set_output("Y013", False)

@@ -1,8 +1,9 @@
-"""Streams a path of 500 points, which the controller takes in lists of a few instructions, without a pause between them.
-Ctrl-C stops the arm.
+"""Streams a path of 500 points, which the controller takes in lists of a few instructions, without a pause
+between them. Ctrl-C stops the arm.
 
-The arm moves: J1 sways by 20 degrees around where it is, J2 goes 20 degrees further and comes back. Read docs/SAFETY.md
-first. So many points take their time whatever their speed (docs/FIDELITY.md): where you need speed, send fewer.
+The arm moves: J1 swings by 20 degrees around the present position, J2 goes 20 degrees further and comes
+back. Read docs/SAFETY.md first. So many points take time at any speed (docs/FIDELITY.md): if you need
+speed, send fewer.
 
 python stream_path.py [HOST:PORT]
 """
@@ -15,7 +16,7 @@ import r6
 turn = np.linspace(0.0, 2.0 * np.pi, 500)
 
 with addresses() as (address,), r6.Robot.connect(address) as robot:
-    # From where the arm stands, and back to there.
+    # A path from the present position and back to it.
     path = np.tile(robot.status().axes[:6], (len(turn), 1))
     path[:, 0] += 20.0 * np.sin(turn)
     path[:, 1] += 10.0 * (1.0 - np.cos(turn))

@@ -1,4 +1,5 @@
-//! The `with` block of a motion and of a target that is followed: native, for no signal comes through between its lines.
+//! The `with` block of a running motion and of a followed target. It is native code, so that no signal
+//! handler runs between its lines.
 
 use pyo3::exceptions::PyBaseException;
 use pyo3::prelude::*;
@@ -8,16 +9,15 @@ use crate::handle::MotionCore;
 use crate::operation::{Operation, Waited};
 use crate::outcome;
 
-/// What runs.
+/// The owner of the block.
 #[derive(FromPyObject)]
 enum Owner {
     Motion(Py<MotionCore>),
     Follow(Py<FollowCore>),
 }
 
-/// How a motion that runs and a target that is followed end.
-///
-/// A signal that came between two lines of Python at the end of a block would leave an arm in motion behind.
+/// The end of a running motion and of a followed target, as a ``with`` block. It is native code, so that
+/// no signal handler runs between its lines.
 #[pyclass(frozen, subclass, generic, module = "r6._r6")]
 pub struct Block {
     owner: Owner,
@@ -45,14 +45,15 @@ impl Block {
         }
     }
 
-    /// Stops the arm, however often a signal comes meanwhile, and tells the exception what became of it.
+    /// Stops the arm through all signals, and adds the result to the exception.
     fn stop_for(&self, error: &Bound<'_, PyBaseException>) -> PyResult<()> {
         let py = error.py();
         let core = self.core(py);
         let core = Some(core.bind(py));
         let insisted = self.stop()?.insist(py)?;
         if let Some(raised) = insisted.raised {
-            // What came meanwhile goes on in place of the first, which is its context; both know what became of the arm.
+            // An exception raised during the stop replaces the first one, which becomes its context. Both
+            // carry the result of the stop.
             let report = insisted.outcome.as_ref().map(Bound::clone).map_err(|error| error.clone_ref(py));
             outcome::tell(core, error, report)?;
             outcome::tell(core, raised.value(py), insisted.outcome)?;

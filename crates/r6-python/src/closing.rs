@@ -1,4 +1,5 @@
-//! Closing a connection without losing a stop that is under way. A closed connection cannot stop the arm.
+//! Closes a connection without losing a stop that is under way, because a closed connection cannot stop the
+//! arm.
 
 use std::future::{Future, poll_fn};
 use std::sync::Arc;
@@ -12,19 +13,19 @@ use crate::convert;
 use crate::errors::raise;
 use crate::operation::{Operation, STOP_GOES_ON};
 
-/// What all handles of a connection share.
+/// State that all handles of a connection share.
 #[derive(Default)]
 pub struct Connection {
     closed: watch::Sender<bool>,
-    /// Motions whose handles came to nobody and that are being stopped.
+    /// The number of motions that are being stopped because no caller got their handle.
     unowned: watch::Sender<usize>,
 }
 
-/// A motion whose handle came to nobody, until it has been stopped: nobody closes its connection before.
+/// A motion whose handle no caller got, until it has been stopped. Closing the connection waits for it.
 pub struct Unowned(Arc<Connection>);
 
 impl Unowned {
-    /// Over this connection.
+    /// Counts one over this connection.
     pub fn over(connection: &Arc<Connection>) -> Self {
         connection.unowned.send_modify(|count| *count += 1);
         Self(Arc::clone(connection))
@@ -38,10 +39,11 @@ impl Drop for Unowned {
 }
 
 impl Connection {
-    /// Waits for the stops of motions whose handles came to nobody, and closes the connection. The client itself waits for every
-    /// other stop, and for the motion that it ends.
+    /// Waits for the stops of motions whose handle no caller got, then closes the connection. The client
+    /// itself waits for every other stop, and for the motion that it ends.
     pub async fn close(&self, robot: Robot) -> Closed {
-        // Out of time: the connection ends all the same, as the caller wants. The sender is here.
+        // After the timeout the connection is closed anyway, as the caller wants. The wait cannot fail:
+        // `self` has the sender.
         let mut unowned = self.unowned.subscribe();
         let _ = timeout(StopsUnderWay::WITHIN, unowned.wait_for(|count| *count == 0)).await;
         let closed = robot.close().await;
@@ -49,13 +51,14 @@ impl Connection {
         closed
     }
 
-    /// Tells when it is closed.
+    /// A receiver that says when the connection is closed.
     pub fn closed(&self) -> watch::Receiver<bool> {
         self.closed.subscribe()
     }
 }
 
-/// Waits for a stop as long as one takes; it goes on by itself. One that is still under way is told as not confirmed.
+/// Waits for a stop as long as a stop may take. The stop goes on without this. A stop that is still under way
+/// then counts as not confirmed.
 pub async fn stopped<F>(stopping: F) -> Option<Result<StopReport, RequestError>>
 where
     F: Future<Output = Option<Result<StopReport, RequestError>>>,
@@ -64,16 +67,16 @@ where
     timeout(within, stopping).await.unwrap_or_else(|_elapsed| Some(Err(StopsUnderWay::not_confirmed(within))))
 }
 
-/// Stops the arm: goes on to its end, whoever gives up waiting for it.
+/// An operation that stops the arm. It goes on to its end even if the caller gives up waiting.
 pub fn stopping(robot: Robot) -> Operation {
     Operation::new(stop(robot), |py, report| convert::stop_report(py, &raise(py, report)?))
         .going_on(STOP_GOES_ON)
 }
 
-/// Stops the arm. The stop is a task of its own: whoever gives up waiting for it ends nothing.
+/// Stops the arm. The stop is its own task, so it goes on if the caller gives up waiting.
 async fn stop(robot: Robot) -> Result<StopReport, RequestError> {
     let mut stopping = Box::pin(async move { robot.stop().await });
-    // Once here, so that it is under way for whoever closes the connection next.
+    // Polls once here, so that a caller that closes the connection next sees the stop under way.
     if let Poll::Ready(report) = poll_fn(|context| Poll::Ready(stopping.as_mut().poll(context))).await {
         return report;
     }

@@ -1,4 +1,4 @@
-//! What the client reads, as objects of `r6._types`. Times are seconds, positions float64 arrays.
+//! Converts what the client reads to objects of `r6._types`. Times are seconds, positions are float64 arrays.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -19,13 +19,13 @@ use r6_proto::axis::AXES;
 use crate::errors::Raise;
 use crate::record::{Record, array, class, query_result_class};
 
-/// Axes and pose components that the client reads.
+/// The number of axes and pose components that the client reads.
 const READ_AXES: usize = 6;
 
-/// The longest time that is taken, seconds: no wait of a cell is longer than a month.
+/// The longest accepted time, seconds. No wait of a cell is longer than a month.
 const LONGEST: f64 = 31.0 * 86_400.0;
 
-/// Seconds as a time.
+/// Converts seconds to a duration.
 pub fn seconds(what: &str, seconds: f64) -> PyResult<Duration> {
     if (0.0..=LONGEST).contains(&seconds) {
         Ok(Duration::from_secs_f64(seconds))
@@ -34,7 +34,7 @@ pub fn seconds(what: &str, seconds: f64) -> PyResult<Duration> {
     }
 }
 
-/// A position: six numbers, NaN where one is not known.
+/// A position: six numbers, NaN for an unknown one.
 fn position<'py>(py: Python<'py>, values: &[Option<f64>; AXES]) -> PyResult<Bound<'py, PyAny>> {
     array(py, values.iter().copied().take(READ_AXES))
 }
@@ -43,7 +43,7 @@ fn mode_number(mode: Option<OperationMode>) -> Option<i64> {
     mode.map(OperationMode::number)
 }
 
-/// A reading as what it is in Python.
+/// A reading as a Python object.
 pub fn reading<'py>(py: Python<'py>, reading: Reading) -> PyResult<Bound<'py, PyAny>> {
     match reading {
         Reading::Text(text) => text.into_bound_py_any(py),
@@ -61,7 +61,7 @@ pub fn reading<'py>(py: Python<'py>, reading: Reading) -> PyResult<Bound<'py, Py
     }
 }
 
-/// A query's values under the names that were asked for.
+/// The values of a query, under the names that the caller used.
 pub fn query_result<'py>(
     py: Python<'py>,
     names: Vec<Py<PyString>>,
@@ -80,7 +80,7 @@ pub fn query_result<'py>(
     query_result_class(py)?.call1((values, missing, result.took().as_secs_f64()))
 }
 
-/// A status of the robot with this address, with its unmet conditions.
+/// A status of the robot at this address, with its unmet conditions.
 pub fn status<'py>(py: Python<'py>, robot: &str, status: &Status) -> PyResult<Bound<'py, PyAny>> {
     let told = r6_api::Status::read(robot, None, |address| status.reading(address));
     let told = serde_json::to_string(&told).map_err(|error| PyValueError::new_err(error.to_string()))?;
@@ -104,7 +104,7 @@ pub fn status<'py>(py: Python<'py>, robot: &str, status: &Status) -> PyResult<Bo
         .build()
 }
 
-/// What no value tells, by the words that `r6 status --json` uses.
+/// The conditions that no value proves, in the words of `r6 status --json`.
 fn unproved<'py>(py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyTuple>> {
     let word = |unproved| match unproved {
         Unproved::RemoteStep => "remote_step",
@@ -113,7 +113,7 @@ fn unproved<'py>(py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyTupl
     PyTuple::new(py, status.unproved(None).into_iter().map(word))
 }
 
-/// Conditions that are not met.
+/// Unmet conditions.
 pub fn unmet<'py>(py: Python<'py>, unmet: &[Unmet]) -> PyResult<Bound<'py, PyTuple>> {
     let one = |unmet: &Unmet| {
         let (kind, value, address) = match unmet {
@@ -148,7 +148,7 @@ pub fn done<'py>(py: Python<'py>, done: &Done) -> PyResult<Bound<'py, PyAny>> {
         .build()
 }
 
-/// What proves the end of a motion, in one word.
+/// The word for the proof of the end.
 fn end_proof(proof: &EndProof) -> &'static str {
     match proof {
         EndProof::Reached => "reached",
@@ -158,7 +158,7 @@ fn end_proof(proof: &EndProof) -> &'static str {
     }
 }
 
-/// What the arm missed where an input cut its last move short.
+/// The distance that the arm missed, if an input cut its last move short.
 fn cut_short(proof: &EndProof) -> Option<String> {
     match proof {
         EndProof::CutShort(missed) => Some(missed.to_string()),
@@ -183,7 +183,7 @@ pub fn accepted(py: Python<'_>, accepted: Accepted) -> PyResult<Bound<'_, PyAny>
         .build()
 }
 
-/// What became of a stop.
+/// The result of a stop.
 pub fn stop_report<'py>(py: Python<'py>, report: &StopReport) -> PyResult<Bound<'py, PyAny>> {
     let list = match report.list {
         ListAfterStop::WasEmpty => "was_empty",
@@ -223,7 +223,7 @@ pub fn stop_report<'py>(py: Python<'py>, report: &StopReport) -> PyResult<Bound<
         .build()
 }
 
-/// How good the connection is.
+/// The quality of the connection.
 pub fn link_quality<'py>(py: Python<'py>, quality: &LinkQuality) -> PyResult<Bound<'py, PyAny>> {
     let state = match quality.state {
         LinkState::Alive => "alive",
@@ -255,7 +255,7 @@ pub fn link_quality<'py>(py: Python<'py>, quality: &LinkQuality) -> PyResult<Bou
         .build()
 }
 
-/// What is wrong with a file, in the order of the places.
+/// The mistakes of a file, in the order of their places.
 pub fn mistakes<'py>(py: Python<'py>, mistakes: &Mistakes) -> PyResult<Bound<'py, PyTuple>> {
     let one = |mistake: &Mistake| {
         let (line, column) = mistake.at.unzip();
@@ -269,7 +269,7 @@ pub fn mistakes<'py>(py: Python<'py>, mistakes: &Mistakes) -> PyResult<Bound<'py
     PyTuple::new(py, mistakes.iter().map(one).collect::<PyResult<Vec<_>>>()?)
 }
 
-/// Who a controller says it is.
+/// The identity that a controller reports.
 pub fn identity<'py>(py: Python<'py>, identity: &Identity) -> PyResult<Bound<'py, PyAny>> {
     Record::new(py, "Identity")?
         .with("firmware", identity.firmware.as_deref())?
@@ -278,7 +278,7 @@ pub fn identity<'py>(py: Python<'py>, identity: &Identity) -> PyResult<Bound<'py
         .build()
 }
 
-/// The other way: an object of `r6._types.Identity`.
+/// Converts an object of `r6._types.Identity` back.
 pub fn identity_from(object: &Bound<'_, PyAny>) -> PyResult<Identity> {
     if !object.is_instance(&class(object.py(), "Identity")?)? {
         return Err(pyo3::exceptions::PyTypeError::new_err("found has to be an r6.Identity"));
@@ -300,7 +300,7 @@ fn found<'py>(py: Python<'py>, found: &Found) -> PyResult<Bound<'py, PyAny>> {
         .build()
 }
 
-/// Something that happened on the connection.
+/// An event on the connection.
 pub fn pushed(py: Python<'_>, pushed: Pushed) -> PyResult<Bound<'_, PyAny>> {
     match pushed {
         Pushed::Photo { cam_id } => Record::new(py, "Photo")?.with("cam_id", cam_id)?.build(),
@@ -347,13 +347,13 @@ pub fn snapshot<'py>(
     class(py, "Snapshot")?.call1((PyTuple::new(py, values)?, failure))
 }
 
-/// The names of fields that hold nothing Python would have to import: for `repr`.
+/// Text for `repr`: a class and its fields.
 pub fn repr(class: &str, fields: &[(&str, String)]) -> String {
     let fields: Vec<_> = fields.iter().map(|(name, value)| format!("{name}={value}")).collect();
     format!("{class}({})", fields.join(", "))
 }
 
-/// A word of a closed set, or an error that names them all.
+/// Finds a word in a closed set. The error names all words.
 pub fn word<T: Copy>(what: &str, given: &str, words: &[(&str, T)]) -> PyResult<T> {
     let known: HashMap<_, _> = words.iter().copied().collect();
     known.get(given).copied().ok_or_else(|| {

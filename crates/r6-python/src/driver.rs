@@ -1,4 +1,4 @@
-//! What drives the connection of a robot while a call waits for it.
+//! What drives the connection of a robot while a call waits.
 
 use std::sync::Arc;
 
@@ -9,20 +9,21 @@ use crate::line::Line;
 /// What drives a connection.
 #[derive(Clone)]
 pub enum Driver {
-    /// The threads that call, for a `Robot`. Whatever waits for more than this connection waits on the engine.
+    /// The calling threads, for a `Robot`. A call that waits for more than this connection waits on the
+    /// engine.
     Threads(blocking::Driver),
-    /// The event loop whose tasks call, for an `AsyncRobot`.
+    /// The event loop of the calling tasks, for an `AsyncRobot`.
     EventLoop(Arc<Line>),
-    /// The engine of the process, for a controller that dials.
+    /// The engine of the process, for a controller that connects to this program.
     Engine,
 }
 
 impl Driver {
-    /// Something was begun that no call waits for.
+    /// Makes sure that work is driven that no call waits for.
     pub fn look_after(&self) {
         match self {
             Self::Threads(driver) => driver.look_after(),
-            // The engine is always there.
+            // The engine always runs.
             Self::EventLoop(_) | Self::Engine => {}
         }
     }

@@ -1,4 +1,5 @@
-//! Errors of the client as exceptions of `r6._errors`: the same tree, sorted by what the caller must do.
+//! Converts errors of the client to exceptions of `r6._errors`: the same tree, sorted by what the caller must
+//! do.
 
 use std::fmt::Display;
 use std::time::Duration;
@@ -20,9 +21,9 @@ use r6_sim::SimError;
 use crate::convert;
 use crate::handle::Progress;
 
-/// What becomes an exception.
+/// An error that becomes an exception.
 pub trait Raise {
-    /// The exception; if it cannot be made, why not.
+    /// The exception, or the error that prevents making it.
     fn exception(&self, py: Python<'_>) -> PyErr;
 }
 
@@ -32,31 +33,31 @@ fn errors(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     Ok(ERRORS.get_or_try_init(py, || PyModule::import(py, "r6._errors").map(Bound::unbind))?.bind(py))
 }
 
-/// One of the classes.
+/// A class of `r6._errors`.
 pub fn error_class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     errors(py)?.getattr(name)
 }
 
-/// Imports them, as `record::load` does what they need.
+/// Imports `r6._errors`, for the same reason as `record::load`.
 pub fn load(py: Python<'_>) -> PyResult<()> {
     errors(py).map(drop)
 }
 
-/// An exception with its text and its attributes.
+/// Builds an exception with its text and its attributes.
 pub struct Exception<'py>(PyResult<Bound<'py, PyAny>>);
 
 impl<'py> Exception<'py> {
-    /// One of this class of `r6._errors`.
+    /// An exception of this class of `r6._errors`.
     pub fn new(py: Python<'py>, class: &str, text: &dyn Display) -> Self {
         Self(errors(py).and_then(|errors| errors.getattr(class)?.call1((text.to_string(),))))
     }
 
-    /// With this attribute.
+    /// Sets an attribute.
     pub fn with(self, name: &str, value: impl IntoPyObject<'py>) -> Self {
         Self(self.0.and_then(|error| error.setattr(name, value).map(|()| error)))
     }
 
-    /// With an attribute that had to be made.
+    /// Sets an attribute whose value may have failed.
     pub fn with_made(self, name: &str, value: PyResult<impl IntoPyObject<'py>>) -> Self {
         match value {
             Ok(value) => self.with(name, value),
@@ -64,7 +65,7 @@ impl<'py> Exception<'py> {
         }
     }
 
-    /// With another exception as what led to it.
+    /// Sets the exception that caused this one.
     pub fn from(self, cause: PyErr) -> Self {
         Self(self.0.and_then(|error| error.setattr("__cause__", cause).map(|()| error)))
     }
@@ -75,19 +76,19 @@ impl<'py> Exception<'py> {
     }
 }
 
-/// A result with its error as an exception.
+/// Converts the error of a result to an exception.
 pub fn raise<T, E: Raise>(py: Python<'_>, result: Result<T, E>) -> PyResult<T> {
     result.map_err(|error| error.exception(py))
 }
 
-/// A file is wrong: an exception of this class with a line for each mistake, and all of them as `mistakes`.
+/// The exception for a wrong file: the text has a line for each mistake, and `mistakes` has all of them.
 pub fn wrong_file(py: Python<'_>, class: &str, file: &str, mistakes: &Mistakes) -> PyErr {
     let text = mistakes.lines(file).collect::<Vec<_>>().join("\n");
     let error = Exception::new(py, class, &text).with("more", mistakes.more());
     error.with_made("mistakes", convert::mistakes(py, mistakes)).build()
 }
 
-/// Nothing came in time.
+/// The exception for a timeout.
 pub fn timed_out(after: Duration) -> PyErr {
     PyTimeoutError::new_err(format!("nothing came within {after:?}"))
 }
@@ -152,7 +153,7 @@ impl Raise for RequestError {
     }
 }
 
-/// The values on both sides of one that the wire cannot carry.
+/// The values below and above a value that the wire cannot carry.
 fn nearest_of(error: &Invalid) -> Option<(f64, f64)> {
     match error {
         Invalid::Value(error) => error.nearest.map(both),
@@ -323,7 +324,7 @@ impl Raise for MotionError {
     }
 }
 
-/// The alarm of a controller that was started anew, if it has one.
+/// The alarm of a controller that was restarted; `None` for no alarm.
 fn alarm_of(restart: &r6_client::Restart) -> Option<i64> {
     restart.alarm.filter(|alarm| *alarm != 0)
 }

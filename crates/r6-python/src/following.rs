@@ -1,4 +1,4 @@
-//! A target that is followed.
+//! A target that the arm follows.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -20,13 +20,13 @@ type Outcome = Result<Followed, MotionError>;
 
 struct Parts {
     robot: Robot,
-    /// `None` once no other target comes.
+    /// `None` once no other target is accepted.
     target: Mutex<Option<TargetSender>>,
     outcome: watch::Receiver<Option<Outcome>>,
     streaming: Streaming,
 }
 
-/// A target that is followed. Its end can be asked for again and again, and by many.
+/// The common part of ``Following`` and ``AsyncFollowing``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct FollowCore {
     parts: OfThisProcess<Parts>,
@@ -35,7 +35,7 @@ pub struct FollowCore {
 }
 
 impl FollowCore {
-    /// Begins; nothing moves before the first target.
+    /// Begins to follow. Nothing moves before the first target.
     pub fn new(py: Python<'_>, robot: Robot, options: FollowOptions) -> PyResult<Self> {
         let (target, targets) = TargetSender::new();
         let (tell, outcome) = watch::channel(None);
@@ -54,7 +54,7 @@ impl FollowCore {
 
 #[pymethods]
 impl FollowCore {
-    /// Where the target is now. Raises why it is not followed any more.
+    /// Sets the target. Raises the reason if it is no longer followed.
     fn target(&self, py: Python<'_>, to: Given<AxisPosition>) -> PyResult<()> {
         let parts = self.parts.here()?;
         let outcome = parts.outcome.borrow().clone();
@@ -72,7 +72,7 @@ impl FollowCore {
         }
     }
 
-    /// No other target comes; waits until the arm stands.
+    /// Accepts no other target, and waits until the arm stands.
     pub fn finished(&self) -> PyResult<Operation> {
         let parts = self.parts.here()?;
         parts.target.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -80,7 +80,7 @@ impl FollowCore {
         let waiting = async move {
             match outcome.wait_for(Option::is_some).await.map(|outcome| outcome.clone()) {
                 Ok(Some(outcome)) => outcome,
-                // It was dropped while somebody waited here.
+                // The following was dropped during this wait.
                 Ok(None) | Err(_) => {
                     let progress = Progress { ended: true, ..Progress::default() };
                     Err(MotionError { cause: Cause::Dropped, progress, stop: None })
@@ -90,7 +90,7 @@ impl FollowCore {
         Ok(Operation::new(waiting, |py, followed| convert::followed(py, &raise(py, followed)?)))
     }
 
-    /// Ends it and stops the arm, whoever gives up waiting for it.
+    /// Ends it and stops the arm. The stop goes on if the caller gives up waiting.
     pub fn stop(&self) -> PyResult<Operation> {
         self.stop_asked.store(true, Ordering::Relaxed);
         Ok(stopping(self.parts.here()?.robot.clone()))
@@ -102,7 +102,7 @@ impl FollowCore {
         self.stop_asked.load(Ordering::Relaxed)
     }
 
-    /// Ends it; the arm finishes the step or two in its list.
+    /// Ends it. The arm finishes the step or two in its list.
     fn release(&self) -> PyResult<()> {
         self.parts.here()?.streaming.end();
         Ok(())

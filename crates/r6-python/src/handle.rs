@@ -1,4 +1,4 @@
-//! A motion that runs.
+//! A running motion.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -18,48 +18,56 @@ use crate::operation::Operation;
 use crate::pickling::Reduced;
 use crate::process::OfThisProcess;
 
-/// How far a motion is.
+/// The progress of a motion, from the controller's state. Its steps are done in order.
 #[pyclass(frozen, module = "r6._r6", eq)]
 #[derive(Clone, Copy, PartialEq)]
 pub struct Progress(pub r6_client::Progress);
 
 #[pymethods]
 impl Progress {
+    /// Steps of the motion.
     #[getter]
     fn total(&self) -> usize {
         self.0.total
     }
 
+    /// Steps that were sent: the accepted ones, and those of a frame whose answer has not come.
     #[getter]
     fn left(&self) -> usize {
         self.0.left
     }
 
+    /// Steps that were accepted.
     #[getter]
     fn accepted(&self) -> usize {
         self.0.accepted
     }
 
+    /// Steps that are over.
     #[getter]
     fn done(&self) -> usize {
         self.0.done
     }
 
+    /// Whether nothing more is sent and the state is no longer read.
     #[getter]
     fn ended(&self) -> bool {
         self.0.ended
     }
 
+    /// The present step, counted from 1; the last step if all are over.
     #[getter]
     fn current(&self) -> usize {
         self.0.current()
     }
 
+    /// Steps that were sent and not seen to be over.
     #[getter]
     fn under_way(&self) -> usize {
         self.0.under_way()
     }
 
+    /// The state of a step, counted from 1; ``IndexError`` if there is no such step.
     fn step(&self, step: usize) -> PyResult<&'static str> {
         self.0.step(step).map(state_word).ok_or_else(|| no_such_step(step, self.0.total))
     }
@@ -96,19 +104,20 @@ fn no_such_step(step: usize, total: usize) -> PyErr {
 
 type Outcome = Result<Done, MotionError>;
 
-/// What a handle is made of.
+/// The parts of a handle.
 pub struct Parts {
     robot: Robot,
     number: u64,
     stop_on_drop: bool,
     progress: watch::Receiver<r6_client::Progress>,
     outcome: watch::Receiver<Option<Outcome>>,
-    /// How many wait for the end.
+    /// How many callers wait for the end.
     asked: Arc<watch::Sender<usize>>,
     owner: Streaming,
 }
 
-/// The task that holds the client's handle, or that follows a target. Dropping this drops the handle, and ends the following.
+/// The task that holds the client's handle, or that follows a target. Dropping this drops the handle and ends
+/// the following.
 pub struct Streaming(pub AbortHandle);
 
 impl Streaming {
@@ -124,7 +133,7 @@ impl Drop for Streaming {
     }
 }
 
-/// A caller that waits for the end of the motion, counted until it gives up.
+/// A caller that waits for the end of the motion. It is counted until it gives up.
 struct Asking(Arc<watch::Sender<usize>>);
 
 impl Asking {
@@ -140,14 +149,14 @@ impl Drop for Asking {
     }
 }
 
-/// Holds the client's handle. It asks for the end only while a caller waits for it, because the client tells the end once: to
-/// the handle, or to `wait_until_done`, or to `close`.
+/// Holds the client's handle. It waits for the end only while a caller does, because the client reports the
+/// end once: to the handle, to `wait_until_done` or to `close`.
 async fn own(
     mut handle: MotionHandle,
     mut asked: watch::Receiver<usize>,
     tell: watch::Sender<Option<Outcome>>,
 ) {
-    // The sender goes with the handle of the caller.
+    // The wait fails once the caller's handle, which has the sender, is dropped.
     while asked.wait_for(|count| *count > 0).await.is_ok() {
         tokio::select! {
             outcome = handle.wait() => {
@@ -159,18 +168,19 @@ async fn own(
     }
 }
 
-/// A motion that runs. Its end can be asked for again and again, and by many.
+/// The common part of ``MotionHandle`` and ``AsyncMotionHandle``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct MotionCore {
     parts: OfThisProcess<Parts>,
-    /// What `next_progress` has told.
+    /// The progress that `next_progress` returned last.
     told: Mutex<Option<r6_client::Progress>>,
     /// Whether its handle asked for a stop.
     stop_asked: AtomicBool,
 }
 
 impl MotionCore {
-    /// Keeps the client's handle in a task of the engine. With `stop_on_drop` the arm is stopped when that task ends.
+    /// Keeps the client's handle in a task of the engine. With `stop_on_drop` the arm is stopped when that
+    /// task ends.
     pub fn parts(robot: Robot, handle: MotionHandle, stop_on_drop: bool) -> Parts {
         let (number, progress) = (handle.number(), handle.watch());
         let (tell, outcome) = watch::channel(None);
@@ -184,7 +194,7 @@ impl MotionCore {
         Self { parts: OfThisProcess::new(parts), told: Mutex::new(None), stop_asked: AtomicBool::new(false) }
     }
 
-    /// Waits until a step is as wanted; `false` if it never will be, as far as is known.
+    /// Waits until a step is in the wanted state. Returns `false` if it will not be, as far as is known.
     fn step_is(&self, step: usize, wanted: fn(StepState) -> bool) -> PyResult<Operation> {
         self.step_state(step)?;
         let mut progress = self.parts.here()?.progress.clone();
@@ -208,7 +218,7 @@ impl MotionCore {
         Ok(Progress(*self.parts.here()?.progress.borrow()))
     }
 
-    /// Waits for progress that was not told yet; `None` once the motion has ended and all is told.
+    /// Waits for progress that it did not return yet; `None` after the last progress of an ended motion.
     fn next_progress(slf: &Bound<'_, Self>) -> PyResult<Operation> {
         let core = slf.clone().unbind();
         let parts = slf.get().parts.here()?;
@@ -218,7 +228,7 @@ impl MotionCore {
             if told.is_some_and(|told| told.ended) {
                 return None;
             }
-            // The sender goes with the task; the last value stays.
+            // The sender is dropped with the task; the last value stays.
             let changed = progress.wait_for(|progress| Some(*progress) != told).await.map(|now| *now);
             changed.ok()
         };
@@ -252,7 +262,8 @@ impl MotionCore {
             {
                 return outcome;
             }
-            // The client's handle was dropped, so the client stops the arm: its sender goes when the stop has ended.
+            // The client's handle was dropped, so the client stops the arm. The sender is dropped when the
+            // stop has ended.
             over(&mut progress).await;
             let progress = *progress.borrow();
             Err(MotionError { cause: Cause::Dropped, progress, stop: None })
@@ -260,7 +271,7 @@ impl MotionCore {
         Ok(Operation::new(waiting, |py, done| convert::done(py, &raise(py, done)?)))
     }
 
-    /// Waits for the end for so long, seconds; whether it came.
+    /// Waits for the end at most this long, seconds. Returns whether the motion ended.
     fn ended_within(&self, time: f64) -> PyResult<Operation> {
         let mut progress = self.parts.here()?.progress.clone();
         let time = seconds("time", time)?;
@@ -274,13 +285,14 @@ impl MotionCore {
         self.stop_asked.load(Ordering::Relaxed)
     }
 
-    /// Ends the streaming and stops the arm, whoever gives up waiting for it.
+    /// Ends the streaming and stops the arm. The stop goes on if the caller gives up waiting.
     pub fn stop(&self) -> PyResult<Operation> {
         self.stop_asked.store(true, Ordering::Relaxed);
         Ok(stopping(self.parts.here()?.robot.clone()))
     }
 
-    /// As dropping the handle: with `stop_on_drop` the arm is stopped, else the motion goes on to its end.
+    /// Does what dropping the handle does: with `stop_on_drop` it stops the arm, else the motion goes on to
+    /// its end.
     fn release(&self) -> PyResult<()> {
         let parts = self.parts.here()?;
         if parts.stop_on_drop {
@@ -290,7 +302,7 @@ impl MotionCore {
     }
 }
 
-/// Waits until the motion, and the stop that may follow it, is over: the sender of its progress goes then.
+/// Waits for the end of the motion and of a stop after it: the sender of the progress is dropped then.
 async fn over(progress: &mut watch::Receiver<r6_client::Progress>) {
     while progress.changed().await.is_ok() {}
 }

@@ -1,8 +1,8 @@
-//! Letting go of the interpreter, and coming back to it, also while it ends.
+//! Releases the interpreter and takes it back, also while it shuts down.
 //!
-//! CPython ends a thread that comes back to an interpreter that is ending, with frames of Rust on its stack; the runtime
-//! of C then aborts the process. So once `atexit` has run nobody comes back but the thread that ends it: who would is held
-//! until the process is gone.
+//! If a thread takes back an interpreter that is shutting down, CPython ends the thread. If Rust frames are
+//! on its stack, the C runtime then aborts the process. So after `atexit` has run, only the thread that shuts
+//! down takes it back. Other threads are parked until the process has ended.
 
 use std::cell::Cell;
 use std::io::{self, Write as _};
@@ -19,31 +19,33 @@ use tokio::time::timeout;
 use crate::operation::SIGNALS_EVERY;
 use crate::process::{self, Process};
 
-/// How long the end waits for threads that are on their way back. They only have to make a result.
+/// How long the shutdown waits for threads that are taking back the interpreter. They only have to make a
+/// result.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
-/// Threads that are on their way back, or do with the interpreter what must not be cut short.
+/// Threads that are taking back the interpreter, or that do something with it that must not be interrupted.
 static ON_THE_WAY: AtomicUsize = AtomicUsize::new(0);
 
-/// Whether the interpreter ends. Set and read in one order with [`ON_THE_WAY`].
+/// Whether the interpreter is shutting down. Its order with [`ON_THE_WAY`] is sequentially consistent.
 static ENDING: AtomicBool = AtomicBool::new(false);
 
 thread_local! {
-    /// Whether this thread ends it: what it still drops, or does in other calls of `atexit`, may wait as ever.
+    /// Whether this thread shuts the interpreter down. Other `atexit` calls and drops on this thread may wait
+    /// as usual.
     static ENDS_IT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Held by a thread that is back, until it has done what must not be cut short.
+/// Held by a thread that has the interpreter again, while its work must not be interrupted.
 pub struct Back;
 
 impl Drop for Back {
     fn drop(&mut self) {
-        // In a child that a signal handler forked meanwhile, nobody is counted any more.
+        // In a child that a signal handler forked in the meantime, the count has started again at 0.
         let _ = ON_THE_WAY.try_update(Ordering::SeqCst, Ordering::SeqCst, |count| count.checked_sub(1));
     }
 }
 
-/// Does something that waits, without the interpreter.
+/// Runs a waiting function without the interpreter.
 pub fn released<T: Send>(py: Python<'_>, wait: impl FnOnce() -> T + Send) -> (T, Back) {
     py.detach(|| {
         let waited = wait();
@@ -58,7 +60,7 @@ pub fn released<T: Send>(py: Python<'_>, wait: impl FnOnce() -> T + Send) -> (T,
     })
 }
 
-/// The interpreter is about to end: for `atexit`.
+/// Prepares the shutdown of the interpreter; called by `atexit`.
 #[pyfunction]
 pub fn ending(py: Python<'_>) {
     let process = Process::started(py);
@@ -78,7 +80,7 @@ pub fn ending(py: Python<'_>) {
     });
 }
 
-/// Waits until no stop is under way any more, and says of each that was not confirmed that it was not. A signal ends the waiting.
+/// Waits until no stop is under way, and reports each stop that was not confirmed. A signal ends the wait.
 fn wait_for_stops(py: Python<'_>, process: &Process) {
     let stops = process.stops_under_way();
     if stops.is_empty() && !process.owes() {
@@ -89,7 +91,8 @@ fn wait_for_stops(py: Python<'_>, process: &Process) {
         for mut stops in stops {
             reports.extend(stops.over().await);
         }
-        // What was asked for and has not begun to stop yet, and the connections that are closed after it.
+        // Also waits for operations that have not begun to stop yet, and for connections that are closed
+        // after that.
         timeout(StopsUnderWay::WITHIN, process.nothing_owed()).await.ok();
         reports
     };
@@ -115,12 +118,12 @@ fn wait_for_stops(py: Python<'_>, process: &Process) {
     }
 }
 
-/// A last line. Where nothing can be written any more, nobody reads it.
+/// Prints a last line. Ignores a failure, because there is no other place to report it.
 fn say(text: &str) {
     writeln!(io::stderr(), "r6: the program ends: {text}").ok();
 }
 
-/// This is the child of a fork, with one thread: for `os.register_at_fork`.
+/// Notes that this is the child of a fork, with one thread; called by `os.register_at_fork`.
 #[pyfunction]
 pub fn forked() {
     process::forked();
@@ -128,12 +131,12 @@ pub fn forked() {
     ENDING.store(false, Ordering::SeqCst);
 }
 
-/// Has `ending` and `forked` called in time.
+/// Registers `ending` and `forked` with Python.
 pub fn watch(py: Python<'_>) -> PyResult<()> {
     let ending = wrap_pyfunction!(ending, py)?;
     py.import("atexit")?.call_method1("register", (ending,))?;
     let os = py.import("os")?;
-    // Where processes do not fork there is none.
+    // Systems without fork do not have this function.
     if os.hasattr("register_at_fork")? {
         let hook = PyDict::new(py);
         hook.set_item("after_in_child", wrap_pyfunction!(forked, py)?)?;

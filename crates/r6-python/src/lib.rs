@@ -1,8 +1,9 @@
-//! The native half of the Python package `r6`: an adapter between Python and the crates of this workspace, without logic
-//! of its own.
+//! The native half of the Python package `r6`: an adapter between Python and the crates of this workspace,
+//! without logic of its own.
 //!
-//! Whatever takes time is an `Operation` (`operation.rs`), made by `robot.rs`, `handle.rs` and `subscription.rs`. The Python
-//! half (`python/r6`) waits for it: `Robot` in the calling thread, `AsyncRobot` through asyncio.
+//! Work that takes time is an `Operation` (`operation.rs`), which `robot.rs`, `handle.rs` and
+//! `subscription.rs` make. The Python half (`python/r6`) waits for it: `Robot` in the calling thread,
+//! `AsyncRobot` through asyncio.
 
 mod block;
 mod closing;
@@ -73,6 +74,8 @@ mod _r6 {
     use crate::photos::PhotosCore;
     #[pymodule_export]
     use crate::pickling::remade;
+    #[pymodule_export]
+    use crate::points::word_of;
     #[pymodule_export]
     use crate::process::tasks;
     #[pymodule_export]

@@ -1,4 +1,5 @@
-//! How the event loop of asyncio and a connection come together: calls begin in the loop's thread, and end there when it reads.
+//! Connects an asyncio event loop to a connection. Calls begin in the loop's thread, and end there when it
+//! reads.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -19,13 +20,13 @@ pub struct Line {
     hand: Arc<CallbackHand>,
     ended: Arc<Ended>,
     reader: Mutex<Option<Reader>>,
-    /// Whether the event loop watches no sockets.
+    /// Whether the event loop cannot watch sockets.
     unwatched: AtomicBool,
-    /// The last field: it is dropped after the hand.
+    /// The last field, because it must be dropped after the hand.
     _look: Look,
 }
 
-/// Has the keeper look when it is dropped: the keeper ends once it alone has the hand.
+/// Wakes the keeper when it is dropped. The keeper ends once it has the only reference to the hand.
 struct Look(Arc<Wire>);
 
 impl Drop for Look {
@@ -34,20 +35,20 @@ impl Drop for Look {
     }
 }
 
-/// A socket in the selector of an event loop. What the selector calls has the socket too, so the socket is closed only after it was
-/// taken out of the selector.
+/// A socket in the selector of an event loop. The callback in the selector holds the socket too, so the
+/// socket is closed only after it was removed from the selector.
 struct Reader {
     event_loop: Py<PyAny>,
     socket: Arc<Socket>,
 }
 
-/// The calls that have ended, and that nobody was told of.
+/// Calls that have ended and were not reported yet.
 #[derive(Default)]
 struct Ended(Mutex<Vec<Arc<Record>>>);
 
-/// A call of a task.
+/// A call of an asyncio task.
 pub struct Record {
-    /// `None` once it was told, or given up.
+    /// `None` once it was reported or cancelled.
     asked: Mutex<Option<Asked>>,
     made: Mutex<Option<Made>>,
     ended: AtomicBool,
@@ -60,14 +61,14 @@ struct Asked {
     unheard: Option<Unheard>,
 }
 
-/// A call that was begun.
+/// A call that has begun.
 pub struct Calling {
     record: Arc<Record>,
     call: Call,
     line: Arc<Line>,
 }
 
-/// Whatever becomes of a call, what it holds of Python is dropped with the interpreter at hand.
+/// Ends a call in every case. Its Python objects are dropped only with the interpreter held.
 struct Ending {
     record: Arc<Record>,
     ended: Arc<Ended>,
@@ -91,7 +92,7 @@ impl Ended {
         std::mem::take(&mut *locked(&self.0))
     }
 
-    /// On a thread of the engine: another one has the interpreter.
+    /// Passes ended calls to the thread that may take the interpreter. This runs on a thread of the engine.
     fn hand_on(&self, process: &Process) {
         for record in self.take() {
             let made = locked(&record.made).take();
@@ -103,7 +104,7 @@ impl Ended {
         }
     }
 
-    /// In the thread of the event loop.
+    /// Reports ended calls. This runs in the thread of the event loop.
     fn settle(&self, py: Python<'_>) {
         for record in self.take() {
             let made = locked(&record.made).take();
@@ -148,7 +149,8 @@ impl Line {
         Ok((Arc::new(Self { wire, hand, ended, reader, unwatched, _look: look }), robot))
     }
 
-    /// Has this event loop read from the present socket; `false` if it cannot, or another one does.
+    /// Lets this event loop read from the present socket. Returns `false` if it cannot, or if another event
+    /// loop does.
     pub fn attach(self: &Arc<Self>, py: Python<'_>, event_loop: &Bound<'_, PyAny>) -> PyResult<bool> {
         if self.unwatched.load(Ordering::Relaxed) {
             return Ok(false);
@@ -180,7 +182,7 @@ impl Line {
             let (line, socket) = kept.here()?;
             match line.upgrade() {
                 Some(line) => line.read(args.py()),
-                // Nobody has the robot any more.
+                // The robot was dropped.
                 None => {
                     let event_loop = running_loop(args.py())?;
                     event_loop.call_method1(intern!(args.py(), "remove_reader"), (socket.descriptor(),))?;
@@ -196,7 +198,7 @@ impl Line {
         Ok(true)
     }
 
-    /// The selector says that there is something to read.
+    /// Reads, because the selector says that there are bytes.
     fn read(&self, py: Python<'_>) {
         self.wire.read_here(&self.hand);
         self.ended.settle(py);
@@ -213,7 +215,7 @@ impl Line {
         }
     }
 
-    /// Begins a call in the thread of the event loop that reads.
+    /// Begins a call, in the thread of the event loop that reads.
     pub fn begin(
         self: &Arc<Self>,
         py: Python<'_>,
@@ -245,23 +247,24 @@ impl Drop for Line {
     fn drop(&mut self) {
         let reader = locked(&self.reader).take();
         if let Some(reader) = reader {
-            // An interpreter that ends has no use for its selector.
+            // While the interpreter shuts down, its selector no longer matters.
             Python::try_attach(|py| reader.leave_from_anywhere(py));
         }
     }
 }
 
 impl Reader {
-    /// Takes the socket out of the selector, in the thread of the event loop.
+    /// Removes the socket from the selector, in the thread of the event loop.
     fn leave(&self, py: Python<'_>) {
         let event_loop = self.event_loop.bind(py);
-        // One that is closed has let go of it.
+        // A closed event loop has removed it already.
         event_loop.call_method1(intern!(py, "remove_reader"), (self.socket.descriptor(),)).ok();
     }
 
-    /// The same in any thread: in another one than that of the event loop, the event loop does it when it has its turn.
+    /// Removes the socket from the selector, in any thread. From another thread, the event loop does it in
+    /// its next turn.
     fn leave_from_anywhere(self, py: Python<'_>) {
-        // An object may be dropped while an exception is on its way.
+        // An object may be dropped while an exception is set.
         let on_its_way = PyErr::take(py);
         if running_loop(py).is_ok_and(|running| running.is(&self.event_loop)) {
             self.leave(py);
@@ -273,7 +276,8 @@ impl Reader {
         }
     }
 
-    /// Has the event loop take the socket out of its selector. An error says that the event loop is closed, and so is its selector.
+    /// Schedules the removal on the event loop. An error says that the event loop is closed, and so is its
+    /// selector.
     fn leave_soon(self, py: Python<'_>) -> PyResult<()> {
         let event_loop = self.event_loop.clone_ref(py);
         let kept = OfThisProcess::new(self);
@@ -285,13 +289,13 @@ impl Reader {
     }
 }
 
-/// The event loop that runs in this thread, or `None` as an object.
+/// The event loop that runs in this thread, or Python's `None`.
 fn running_loop(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
     py.import(intern!(py, "asyncio"))?.call_method0(intern!(py, "_get_running_loop"))
 }
 
 impl Calling {
-    /// Drops the operation; nothing if it has ended.
+    /// Drops the operation. Does nothing if it has ended.
     pub fn cancel(&self, py: Python<'_>) {
         if self.record.ended.load(Ordering::Acquire) {
             return;

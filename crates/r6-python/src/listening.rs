@@ -1,4 +1,4 @@
-//! A controller that dials, and the controllers at some addresses.
+//! Controllers that connect to this program, and the search for controllers at some addresses.
 
 use std::net::IpAddr;
 use std::sync::{Mutex, PoisonError};
@@ -18,11 +18,25 @@ use crate::process::{OfThisProcess, Process};
 use crate::record::Record;
 use crate::settings;
 
-/// Waits for a controller that dials: for `Robot.connect`.
+/// Waits for a controller that connects to this program: for ``Robot.connect``.
+///
+/// The pendant sets each port of a controller to server mode or client mode. In client mode the controller
+/// connects to the address that is set there. It tries again until a program listens there.
+///
+/// - ``address``: where to listen, such as ``"0.0.0.0:9760"``. Port 0 takes a free port.
+/// - ``only_from``: the IP address of the controller. Connections from other machines are closed at once.
+///   Set it, because there is no login: any machine that reaches the port is taken for the controller.
+///
+/// It serves one ``connect``, which waits for ``RobotSettings.connect_timeout`` seconds, as the robot does
+/// after a lost connection. Set a longer time than the controller takes to connect again. If several
+/// connections wait, the newest is used. The port is closed with the robot, or when connecting fails.
+///
+/// Errors: ``OSError`` if the port is in use or this machine does not have the address; ``ValueError``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Listen {
-    /// `None` once a robot has it.
+    /// `None` once a robot has used it.
     listen: OfThisProcess<Mutex<Option<r6_client::Listen>>>,
+    /// Where it listens, ``host:port``, with the port that port 0 took.
     #[pyo3(get)]
     address: String,
 }
@@ -36,7 +50,7 @@ impl Listen {
             .map(|from| from.parse().map_err(|_| PyValueError::new_err(format!("{from} is no IP address"))))
             .transpose()?;
         let engine = Process::current(py)?.engine();
-        // A name may have to be looked up.
+        // Resolving a name may take time.
         let binding = || engine.block_on(r6_client::Listen::on(address));
         let mut listen = interpreter::released(py, binding).0?;
         if let Some(controller) = only_from {
@@ -51,16 +65,16 @@ impl Listen {
     }
 }
 
-/// Where a robot is reached.
+/// How a robot is reached.
 pub enum Target {
-    /// Under this address.
+    /// At this address.
     Address(String),
-    /// It dials.
+    /// The controller connects to this program.
     Dials(r6_client::Listen),
 }
 
 impl Target {
-    /// An address, or a `Listen` that no robot has had yet.
+    /// An address, or an unused `Listen`.
     pub fn of(given: &Bound<'_, PyAny>) -> PyResult<Self> {
         if let Ok(listen) = given.cast::<Listen>() {
             let listen = listen.get().listen.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -75,7 +89,8 @@ impl Target {
     pub async fn connect(self, settings: RobotSettings) -> Result<(Driver, Robot), RequestError> {
         match self {
             Self::Address(address) => {
-                // Whoever gives up waiting does not wait for this thread. A connection that it still makes is closed.
+                // A caller that gives up does not wait for this thread. If the thread still connects, the
+                // connection is closed.
                 let connecting = spawn_blocking(move || blocking::Driver::connect(&address, settings));
                 let made =
                     connecting.await.map_err(|error| NotSent::NoEngine { detail: error.to_string() })?;
@@ -86,7 +101,7 @@ impl Target {
     }
 }
 
-/// Asks at these addresses who is there; gives a list of `Discovered`.
+/// For ``discover`` and ``async_discover``.
 #[pyfunction]
 #[pyo3(signature = (addresses, settings=None))]
 pub fn discovering(addresses: Vec<String>, settings: Option<&settings::RobotSettings>) -> Operation {

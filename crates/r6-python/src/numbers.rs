@@ -1,6 +1,8 @@
-//! Bare numbers, as degrees and millimetres are given: numbers and arrays of numbers, and nothing that only looks like one.
+//! Reads bare numbers, as degrees and millimetres are given: numbers and arrays of numbers, and nothing that
+//! only looks like a number.
 //!
-//! numpy makes numbers of texts, dates and flags, and forgets which elements of an array are masked. An arm must not go there.
+//! numpy converts texts, dates and flags to numbers, and ignores which elements of an array are masked. An
+//! arm must not go to such a target.
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -10,22 +12,22 @@ use pyo3::types::{
 
 use crate::record::numpy;
 
-/// How deep lists of lists are looked through: a path is a list of rows, and numpy says what is wrong with more.
+/// How deep nested lists are checked. A path is a list of rows; numpy reports the error in deeper lists.
 const DEPTH: usize = 3;
 
-/// One number: an `int`, a `float`, or what numpy has of both.
+/// One number: an `int`, a `float`, or numpy's versions of these.
 pub fn number(value: &Bound<'_, PyAny>) -> PyResult<f64> {
     all_numbers(value, 0)?;
     value.extract().map_err(|_| wanted("a number", value))
 }
 
-/// A whole number: an `int`, or what numpy has of it.
+/// A whole number: an `int`, or numpy's versions of it.
 pub fn whole(value: &Bound<'_, PyAny>) -> PyResult<u32> {
     all_numbers(value, 0)?;
     value.extract()
 }
 
-/// A row of numbers, whatever numpy makes an array of shape (n,) from.
+/// A row of numbers: everything that numpy can make an array of shape (n,) from.
 pub fn row(values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     let (numbers, shape) = array(values)?;
     match shape.as_slice() {
@@ -34,7 +36,7 @@ pub fn row(values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     }
 }
 
-/// Rows of numbers: whatever numpy makes an array of shape (n, k) from.
+/// Rows of numbers: everything that numpy can make an array of shape (n, k) from.
 pub fn rows(values: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<f64>>> {
     let (numbers, shape) = array(values)?;
     match shape.as_slice() {
@@ -43,11 +45,12 @@ pub fn rows(values: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<f64>>> {
     }
 }
 
-/// The numbers of an array in their order, and its shape. Values with units are no bare numbers.
+/// The numbers of an array in order, and its shape. Values with units are not accepted.
 fn array(values: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, Vec<usize>)> {
     all_numbers(values, DEPTH)?;
     let numpy = numpy(values.py())?;
-    // Once as numpy sees it, which tells texts, dates and flags from numbers; then as degrees or millimetres.
+    // The first conversion keeps the type, which separates numbers from texts, dates and flags. The second
+    // makes floats.
     let seen = numpy.call_method1("asarray", (values,))?;
     is_of_numbers(&seen)?;
     let array = numpy.call_method1("ascontiguousarray", (&seen, "float64"))?;
@@ -57,7 +60,7 @@ fn array(values: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, Vec<usize>)> {
     Ok((numbers.iter().map(|bytes| f64::from_ne_bytes(*bytes)).collect(), shape))
 }
 
-/// Refuses what numpy would make a number of, and what is none.
+/// Refuses values that are no numbers but that numpy would convert to numbers.
 fn all_numbers(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<()> {
     if value.is_instance_of::<PyBool>()
         || value.is_instance_of::<PyString>()
@@ -91,7 +94,7 @@ fn all_numbers(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<()> {
     }
 }
 
-/// Refuses an array, or one of numpy's own values, that does not hold numbers. An array without an element holds nothing wrong.
+/// Refuses an array or a numpy value that does not hold numbers. An empty array passes.
 fn is_of_numbers(array: &Bound<'_, PyAny>) -> PyResult<()> {
     let dtype = array.getattr("dtype")?;
     let kind: String = dtype.getattr("kind")?.extract()?;
@@ -100,7 +103,7 @@ fn is_of_numbers(array: &Bound<'_, PyAny>) -> PyResult<()> {
         return Ok(());
     }
     if kind == "O" {
-        // Numbers of other kinds, such as fractions: each is looked at, and numpy asks each for its float.
+        // Other kinds of numbers, such as fractions. Each must have a float.
         return array.call_method0("ravel")?.try_iter()?.try_for_each(|value| {
             let value = value?;
             all_numbers(&value, 0)?;

@@ -1,4 +1,4 @@
-//! Something that takes time: written once, waited for by a thread or by asyncio.
+//! An operation that takes time: written once, and waited for by a thread or by asyncio.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -17,59 +17,61 @@ use crate::line::Calling;
 use crate::outcome;
 use crate::process::{Errand, Held, OfThisProcess, Owed, Process, Unheard, made_before_the_fork};
 
-/// How often a thread that waits asks whether a signal has come. Ctrl-C is felt within this time, and a reply, which
-/// takes a real controller 20 ms, is not disturbed by it.
+/// How often a waiting thread checks for signals. Ctrl-C takes effect within this time. A reply of a real
+/// controller, which takes 20 ms, is not delayed by the check.
 pub const SIGNALS_EVERY: Duration = Duration::from_millis(50);
 
-/// The same where the thread reads from a socket: the system may be late by a tick or two, of 4 ms on most.
+/// The same for a thread that reads from a socket. The system may be late by a tick or two, usually 4 ms
+/// each.
 const SIGNALS_EVERY_READ: Duration = Duration::from_millis(40);
 
-/// Makes the Python object of a result, with the interpreter at hand.
+/// Makes the Python object of a result, with the interpreter held.
 pub type Made = Box<dyn for<'py> FnOnce(Python<'py>) -> PyResult<Bound<'py, PyAny>> + Send>;
 
-/// What it does, without Python objects.
+/// The work itself, without Python objects.
 pub type Running = Pin<Box<dyn Future<Output = Made> + Send>>;
 
-/// Something that takes time and has not begun: `wait` or `start` it, once.
+/// An operation that takes time and has not begun: ``wait`` or ``start`` it, once.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Operation {
     work: OfThisProcess<Mutex<Option<Work>>>,
-    /// What to tell whoever gives up waiting, where it goes on all the same.
+    /// The note for a caller that gives up waiting, if the operation continues then.
     goes_on: Option<&'static str>,
-    /// What drives it where that is not the engine.
+    /// The driver of the operation, if it is not the engine.
     driver: Option<OfThisProcess<Driver>>,
 }
 
-/// A stop whose waiting was given up.
+/// The note for a caller that gave up waiting for a stop.
 pub const STOP_GOES_ON: &str = "the stop goes on and was not confirmed before this: closing the robot, and the end of the program, wait for it";
 
-/// What is to be done, and the Python objects that its result needs.
+/// The work, and the Python objects that its result needs.
 pub struct Work {
     pub running: Running,
     pub held: Held,
-    /// Held until it has ended, where the end of the program waits for it.
+    /// Held until the work has ended, if the end of the program waits for it.
     pub owed: Option<Owed>,
     pub unheard: Option<Unheard>,
 }
 
-/// How waiting for an operation ended.
+/// How a wait for an operation ended.
 pub enum Waited<'py> {
-    /// With what it gives, or its error.
+    /// The operation ended with this result or error.
     Made(PyResult<Bound<'py, PyAny>>),
-    /// With what the handler of a signal raised.
+    /// A signal handler raised this.
     Raised(PyErr),
 }
 
-/// What an operation gave that was waited for through all signals.
+/// The result of an operation that was waited for through all signals.
 pub struct Insisted<'py> {
-    /// What it gives, or its error.
+    /// The result of the operation, or its error.
     pub outcome: PyResult<Bound<'py, PyAny>>,
-    /// What the handler of the last signal raised meanwhile.
+    /// What the handler of the last signal raised during the wait.
     pub raised: Option<PyErr>,
 }
 
 impl Operation {
-    /// What `future` gives, made into a Python object by `convert`. Only `convert` may have Python objects.
+    /// An operation that awaits `future` and makes a Python object of the result with `convert`. Only
+    /// `convert` may have Python objects.
     pub fn new<T, F, C>(future: F, convert: C) -> Self
     where
         T: Send + 'static,
@@ -90,20 +92,21 @@ impl Operation {
         Self { work: OfThisProcess::new(Mutex::new(Some(work))), goes_on: None, driver: None }
     }
 
-    /// The same, driven by this. It waits for that connection alone, and needs no runtime around it.
+    /// Sets the driver. The operation waits for that connection alone, and needs no runtime around it.
     #[must_use]
     pub fn over(self, driver: &Driver) -> Self {
         Self { driver: Some(OfThisProcess::new(driver.clone())), ..self }
     }
 
-    /// The same, but once begun it goes on to its end, whoever gives up waiting, and the end of the program waits for it: for what must
-    /// not be taken back, as a stop. Whoever gives up waiting is told this.
+    /// Lets the operation go on to its end even if the caller gives up waiting. The end of the program waits
+    /// for it. This is for operations that must not be undone, such as a stop. `told` is the note for a
+    /// caller that gives up waiting.
     #[must_use]
     pub fn going_on(self, told: &'static str) -> Self {
         Self { goes_on: Some(told), ..self }
     }
 
-    /// The same; if nobody can be told of its end, because an event loop was closed, this is done.
+    /// Sets what to do if the end cannot be reported because an event loop was closed.
     #[must_use]
     pub fn or_unheard(self, unheard: Unheard) -> Self {
         if let Ok(work) = self.work.here()
@@ -120,14 +123,15 @@ impl Operation {
         Ok(Work { owed: self.goes_on.map(|_| Owed::by(process)), ..work })
     }
 
-    /// If it has not begun, it never will.
+    /// Makes sure that an operation that has not begun never begins.
     pub fn never(&self) {
         if let Ok(work) = self.work.here() {
             drop(work.lock().unwrap_or_else(PoisonError::into_inner).take());
         }
     }
 
-    /// Waits with the interpreter released, until it has ended or a signal handler raises, as that of Ctrl-C does.
+    /// Waits with the interpreter released, until the operation has ended or a signal handler raises (Ctrl-C
+    /// does).
     pub fn waited<'py>(&self, py: Python<'py>) -> PyResult<Waited<'py>> {
         self.work.here()?;
         let process = Process::current(py)?;
@@ -153,7 +157,8 @@ impl Operation {
         }
     }
 
-    /// Waits to its end, whatever signals come: for a stop, which takes [`r6_client::StopsUnderWay::WITHIN`] at most.
+    /// Waits to the end, through all signals: for a stop, which takes [`r6_client::StopsUnderWay::WITHIN`] at
+    /// most.
     pub fn insist<'py>(&self, py: Python<'py>) -> PyResult<Insisted<'py>> {
         self.work.here()?;
         let process = Process::current(py)?;
@@ -162,7 +167,8 @@ impl Operation {
         let mut raised: Option<PyErr> = None;
         loop {
             let made = work.some_time(py, process, driver);
-            // Also where it has ended: a signal that waits would come through in the Python code that makes the result.
+            // Also after the end: else a pending signal would interrupt the Python code that makes the
+            // result.
             let signalled = py.check_signals();
             if !process.is_here(py) {
                 std::mem::forget(work);
@@ -182,8 +188,8 @@ impl Operation {
 }
 
 impl Work {
-    /// Waits until it has ended, no longer than signals may wait. The way back is to be held open until the result is made: that runs
-    /// Python code.
+    /// Waits until the operation has ended, but no longer than signals may wait. The caller holds the
+    /// [`Back`] until the result is made, because that runs Python code.
     fn some_time(
         &mut self,
         py: Python<'_>,
@@ -208,7 +214,8 @@ fn begun() -> PyErr {
 
 #[pymethods]
 impl Operation {
-    /// Waits with the interpreter released. A signal handler that raises, as Ctrl-C does, ends the waiting.
+    /// Waits with the interpreter released. A signal handler that raises, as Ctrl-C does, ends the wait
+    /// within 50 ms.
     pub fn wait<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match self.waited(py)? {
             Waited::Made(made) => made,
@@ -216,8 +223,9 @@ impl Operation {
         }
     }
 
-    /// Begins, and sets the result of the future of this event loop, in whose thread this is called. What the event loop does not do
-    /// itself is done in the background, and `tell(error, value)` is called from another thread once it has ended.
+    /// Begins the operation, and sets the result of ``future``, which belongs to ``event_loop``. Call it
+    /// in the thread of the event loop. Work that the event loop does not do itself runs in the
+    /// background, and another thread calls ``tell(error, value)`` at its end.
     #[pyo3(signature = (tell, event_loop=None, future=None))]
     fn start(
         &self,
@@ -244,20 +252,20 @@ impl Operation {
     }
 }
 
-/// An operation that goes on without a thread that waits for it.
+/// An operation that goes on without a waiting thread.
 struct Begun {
     process: &'static Process,
-    /// Who wants to know its end.
+    /// The function to call at its end.
     tell: Option<Py<PyAny>>,
     /// `None` once it has ended.
     work: Option<Work>,
 }
 
 impl Begun {
-    /// Hands on what needs the interpreter.
+    /// Passes on the work that needs the interpreter.
     fn end(&mut self, made: Option<Made>) {
         if let Some(Work { running, held, owed, unheard }) = self.work.take() {
-            // A request that has not left is taken back by this, and must not wait for the interpreter.
+            // Dropping this withdraws a request that has not left. That must not wait for the interpreter.
             drop(running);
             drop(owed);
             self.process.run(Errand { tell: self.tell.take(), made, held, unheard });
@@ -283,28 +291,28 @@ impl Drop for Begun {
     }
 }
 
-/// What goes on.
+/// A started operation.
 enum Task {
     OfTheEngine(AbortHandle),
     Here(Calling),
-    /// To its end, whoever gives it up.
+    /// It goes on to its end and cannot be cancelled.
     GoesOn,
 }
 
-/// An operation that was started.
+/// A started operation.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Started {
     task: OfThisProcess<Task>,
-    /// What to tell whoever gives up waiting for it, where it goes on all the same.
+    /// The note for a caller that gives up waiting, if the operation continues then.
     #[pyo3(get)]
     goes_on: Option<&'static str>,
 }
 
 #[pymethods]
 impl Started {
-    /// Drops what is left of it; nothing if it has ended, or goes on whatever happens.
+    /// Drops the rest of the operation. Does nothing if it has ended or cannot be cancelled, as a stop.
     fn cancel(&self, py: Python<'_>) {
-        // Who cleans up in the child of a fork has nothing to drop there.
+        // Cleanup code in the child of a fork has nothing to drop.
         match self.task.here() {
             Ok(Task::OfTheEngine(task)) => task.abort(),
             Ok(Task::Here(calling)) => calling.cancel(py),

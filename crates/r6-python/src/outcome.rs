@@ -1,4 +1,4 @@
-//! What became of the arm, told to the exception that took its owner away.
+//! Adds what became of the arm to an exception that ended the block of a motion.
 
 use pyo3::exceptions::PyBaseException;
 use pyo3::prelude::*;
@@ -6,13 +6,12 @@ use pyo3::prelude::*;
 use crate::errors::error_class;
 use crate::record::class;
 
-/// What became of a stop: a `StopReport`, or the exception of a stop that failed.
+/// The result of a stop: a `StopReport`, or the exception of a stop that failed.
 pub type Report<'py> = PyResult<Bound<'py, PyAny>>;
 
-/// Tells the exception that ended the block of this motion what became of its arm.
-///
-/// A `MotionError` of this motion carries it. In the place of any other exception, that of another arm included, a stop that failed is
-/// raised: nobody else would tell.
+/// Adds what became of the arm to the exception that ended the block of its motion. A ``MotionError`` of
+/// this motion carries the report. Any other exception gets a note. In its place this raises the error of
+/// a stop that failed, because nothing else would report it.
 #[pyfunction]
 #[pyo3(signature = (core, error, report))]
 pub fn told(
@@ -33,7 +32,7 @@ pub fn told(
         if before.is_none() {
             error.setattr("stop", report)?;
         } else if stands(&before)? && stands(report)? {
-            // It stood already, and knows.
+            // The exception already says that the arm stands.
             return Ok(());
         }
     } else if failed {
@@ -41,13 +40,13 @@ pub fn told(
         in_the_course_of(py, &failed, error)?;
         return Err(failed);
     }
-    // Without a line of Python, where a signal could come through.
+    // This runs no line of Python, where a signal handler could run.
     let text = if failed { report.str()? } else { report.getattr("text")?.str()? };
     note(error, &text.to_cow()?);
     Ok(())
 }
 
-/// The same, with a stop that has just come to its end.
+/// The same, for a stop that has just ended.
 pub fn tell(
     core: Option<&Bound<'_, PyAny>>,
     error: &Bound<'_, PyBaseException>,
@@ -59,19 +58,20 @@ pub fn tell(
         Err(failed) if failed.get_type(py).is_subclass(&error_class(py, "RequestError")?)? => {
             told(core, error, failed.value(py))
         }
-        // It was no stop that failed: the process has forked.
+        // The stop did not fail: the process has forked.
         Err(other) => Err(other),
     }
 }
 
-/// Whether this is the error of a motion that ended because a stop was sent from here, and whose arm was seen to stand.
+/// Whether the error says that the motion ended because this program sent a stop, and that the arm was seen
+/// to stand.
 pub fn is_end_by_stop(py: Python<'_>, error: &Bound<'_, PyBaseException>) -> PyResult<bool> {
     Ok(error.is_instance(&error_class(py, "MotionError")?)?
         && error.getattr("cause")?.eq("stopped_here")?
         && stands(&error.getattr("stop")?)?)
 }
 
-/// Whether the owner of this motion asked for the stop that ended it so: nobody has to be told then.
+/// Whether the owner of this motion asked for the stop that ended it, and the arm was seen to stand.
 #[pyfunction]
 #[pyo3(signature = (core, error))]
 pub fn ended_as_asked(core: &Bound<'_, PyAny>, error: &Bound<'_, PyBaseException>) -> PyResult<bool> {
@@ -83,13 +83,14 @@ fn stands(report: &Bound<'_, PyAny>) -> PyResult<bool> {
     Ok(report.is_instance(&class(report.py(), "StopReport")?)? && report.getattr("confirmed")?.is_truthy()?)
 }
 
-/// A line below the error where Python shows it, which it does from 3.11 on.
+/// Adds a line below the error. Python shows it from 3.11 on.
 pub fn note(error: &Bound<'_, PyBaseException>, text: &str) {
-    // An older Python has no such lines.
+    // Older Python versions have no `add_note`.
     drop(error.call_method1("add_note", (text,)));
 }
 
-/// What was raised while another exception was dealt with names that one, as Python does by itself where it raises.
+/// Sets the context of an exception that was raised while another one was handled. Python does the same for
+/// `raise`.
 pub fn in_the_course_of(py: Python<'_>, raised: &PyErr, of: &Bound<'_, PyBaseException>) -> PyResult<()> {
     let raised = raised.value(py);
     if !raised.is(of) && raised.getattr("__context__")?.is_none() {

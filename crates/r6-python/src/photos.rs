@@ -1,4 +1,4 @@
-//! Serving as a camera: each photo request is handed to Python, and what it found is sent.
+//! Serves as a camera: passes each photo request to Python, and sends the result.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -16,43 +16,43 @@ use crate::operation::Operation;
 use crate::process::{OfThisProcess, Process};
 use crate::record::{Record, class};
 
-/// What comes from the task that serves.
+/// A message from the serving task.
 enum Came {
-    /// A photo is asked for.
+    /// The controller asks for a photo.
     Asked { cam_id: i64, tell: oneshot::Sender<Shot> },
-    /// No other will be.
+    /// No other request will come.
     Ended(PhotosEnded),
 }
 
 struct Parts {
-    /// Locked while somebody waits.
+    /// Locked while a caller waits.
     coming: Arc<tokio::sync::Mutex<mpsc::Receiver<Came>>>,
-    /// Who waits for the picture that was asked for last.
+    /// Where to send the result of the last request.
     waits: Arc<Mutex<Option<oneshot::Sender<Shot>>>>,
     serving: Streaming,
-    /// Its sender is gone once the task has ended.
+    /// Its sender is dropped when the task has ended.
     ended: watch::Receiver<()>,
 }
 
-/// A camera that is served, until it is closed or dropped.
+/// The common part of ``serve_photos`` in ``Robot`` and ``AsyncRobot``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct PhotosCore {
     parts: OfThisProcess<Parts>,
 }
 
 impl PhotosCore {
-    /// Begins. The task waits for pictures, and no thread does: whoever looks, and however long, holds up nothing else.
+    /// Begins to serve. A task waits for the pictures, not a thread, so a slow picture delays nothing else.
     pub fn new(py: Python<'_>, robot: Robot) -> PyResult<Self> {
         let (ask, coming) = mpsc::channel(1);
         let (alive, ended) = watch::channel(());
         let task = Process::current(py)?.engine().handle().spawn(async move {
-            // Dropped last, after the service has given its turn back.
+            // Dropped last, after the service has ended.
             let _alive = alive;
             let look = |cam_id| {
                 let ask = ask.clone();
                 async move {
                     let (tell, told) = oneshot::channel();
-                    // Who looks is gone only if this is about to end, too.
+                    // The receiver is gone only if this task is about to end too.
                     ask.send(Came::Asked { cam_id, tell }).await.ok();
                     told.await.unwrap_or(Shot::NotMine)
                 }
@@ -68,7 +68,7 @@ impl PhotosCore {
 
 #[pymethods]
 impl PhotosCore {
-    /// The camera of the next request, or why there is none any more.
+    /// The camera of the next request, or why no other request comes.
     fn next(&self) -> PyResult<Operation> {
         let parts = self.parts.here()?;
         let (coming, waits) = (Arc::clone(&parts.coming), Arc::clone(&parts.waits));
@@ -76,7 +76,7 @@ impl PhotosCore {
             let mut coming = coming.lock().await;
             loop {
                 match coming.recv().await {
-                    // Given up before anybody looked.
+                    // The request was withdrawn before the caller saw it.
                     Some(Came::Asked { tell, .. }) if tell.is_closed() => {}
                     Some(Came::Asked { cam_id, tell }) => {
                         *waits.lock().unwrap_or_else(PoisonError::into_inner) = Some(tell);
@@ -93,18 +93,20 @@ impl PhotosCore {
         }))
     }
 
-    /// What came of it. Nothing is sent if a stop came meanwhile, or the connection was lost.
+    /// Answers the last request. Nothing is sent if the program was stopped or the connection was lost in the
+    /// meantime.
     fn answer(&self, shot: &Bound<'_, PyAny>) -> PyResult<()> {
         let parts = self.parts.here()?;
         let shot = self::shot(shot)?;
         if let Some(tell) = parts.waits.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            // It was given up.
+            // An error says that the request was withdrawn.
             drop(tell.send(shot));
         }
         Ok(())
     }
 
-    /// Ends it at once, and waits until it has ended, so that another may begin; a request that waits gets no answer.
+    /// Ends it at once, and waits until it has ended, so that another camera may begin. A waiting request
+    /// gets no answer.
     fn close(&self) -> PyResult<Operation> {
         let parts = self.parts.here()?;
         parts.serving.end();
@@ -132,7 +134,7 @@ fn ended<'py>(py: Python<'py>, ended: &PhotosEnded) -> PyResult<Bound<'py, PyAny
         .build()
 }
 
-/// Points, or a word.
+/// Converts a list of points, or a word.
 fn shot(object: &Bound<'_, PyAny>) -> PyResult<Shot> {
     if let Ok(word) = object.cast::<PyString>() {
         return match word.to_cow()?.as_ref() {
@@ -149,7 +151,7 @@ fn shot(object: &Bound<'_, PyAny>) -> PyResult<Shot> {
     Ok(Shot::Points(self::points(points)?))
 }
 
-/// Objects of `r6._types.Point`.
+/// Converts objects of `r6._types.Point`.
 pub fn points(objects: Vec<Bound<'_, PyAny>>) -> PyResult<Vec<Point>> {
     objects.iter().map(point).collect()
 }

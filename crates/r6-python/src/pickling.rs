@@ -1,6 +1,7 @@
-//! Values that go to another process, and copies of them: what pickle keeps of a native object, and how it is made anew.
+//! Pickles values, for another process and for copies: what pickle stores of a native object, and how it is
+//! made again.
 //!
-//! A value comes back equal to what it was, to the last bit. What belongs to a connection does not go anywhere.
+//! A value comes back equal, to the last bit. Objects that belong to a connection cannot be pickled.
 
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -13,22 +14,22 @@ use crate::command::Command;
 use crate::handle::Progress;
 use crate::units::{AxisPosition, Degrees, Millimetres, axis, coordinate, of_mm_deg};
 
-/// A class and what it is called with, or `remade` and its arguments.
+/// A callable and its arguments: a class, or `remade`.
 pub type Reduced<'py> = PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)>;
 
-/// What is made step by step has no form of its own that another process could read.
+/// The error for a class that is built step by step and has no form that another process could read.
 pub fn not_pickled(class: &str) -> PyErr {
     PyTypeError::new_err(format!("a {class} cannot be pickled: put it together in the process that uses it"))
 }
 
-/// What `remade` needs to make one of this kind.
+/// The arguments with which `remade` makes an object of this kind.
 fn reduced<'py>(py: Python<'py>, kind: &str, state: impl IntoPyObject<'py>) -> Reduced<'py> {
     let state = state.into_bound_py_any(py)?;
     let arguments = (kind, state).into_pyobject(py)?;
     Ok((py.import("r6._r6")?.getattr("remade")?, arguments))
 }
 
-/// An object as it was when it was pickled.
+/// Makes an object of this package again from its pickled state.
 #[pyfunction]
 pub fn remade<'py>(py: Python<'py>, kind: &str, state: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     match kind {
@@ -89,7 +90,7 @@ impl crate::units::Pose {
 }
 
 impl Command {
-    /// For pickle: the method that makes it, and its arguments.
+    /// For pickle: the constructor and its arguments.
     pub fn reduced<'py>(&self, py: Python<'py>) -> Reduced<'py> {
         let named = PyDict::new(py);
         let made =
@@ -108,7 +109,7 @@ impl Command {
                 made("modify_counter", (*id,).into_pyobject(py))
             }
             Sent::ModifyOutput { board, point, on } => {
-                made("modify_output", (*board, *point, *on).into_pyobject(py))
+                made("typed", ("modifyOutput", *board, *point, *on).into_pyobject(py))
             }
             Sent::ClearAlarmRunNext => made("clear_alarm_run_next", none()),
             Sent::ClearAlarmContinue => made("clear_alarm_continue", none()),

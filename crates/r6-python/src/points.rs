@@ -1,73 +1,74 @@
-//! Input and output points by their names on the pendant, as steps of a motion have them.
+//! Input and output points by their names on the pendant, as the steps of a motion use them.
 
 use std::collections::HashMap;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use r6_client::{BoardOutput, OutputBoard, OutputKind, WaitSource};
-use r6_proto::io_point::{IoPoint, PairMask, PointKind};
+use r6_client::{BoardOutput, IoPoint, OutputKind, PointKind, WaitSource, WrongPoint};
 
-/// Points in each of the two masks of action 204.
-const HALF: u8 = 16;
-
-/// A point by its name on the pendant.
+/// Reads the name of a point on the pendant.
 pub fn named(name: &str) -> PyResult<IoPoint> {
     name.parse::<IoPoint>().map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
-/// An output of action 200: it has the first board alone.
-pub fn output(name: &str) -> PyResult<(OutputKind, u8)> {
-    let IoPoint { kind, board, point } = named(name)?;
-    let kind = match kind {
-        PointKind::Y => OutputKind::Y,
-        PointKind::M => OutputKind::M,
-        PointKind::Euy => OutputKind::Euy,
-        PointKind::X | PointKind::Eux => {
-            return Err(PyValueError::new_err(format!("{name} is an input: outputs are Y, M and EUY")));
-        }
-    };
-    if board != 0 {
-        return Err(PyValueError::new_err(format!("a motion sets points of the first board, not {name}")));
-    }
-    Ok((kind, point))
+/// A point that was checked by the instruction it is for.
+fn checked<T>(name: &str, check: impl FnOnce(IoPoint) -> Result<T, WrongPoint>) -> PyResult<IoPoint> {
+    let point = named(name)?;
+    check(point).map(|_| point).map_err(wrong)
+}
+
+fn wrong(why: WrongPoint) -> PyErr {
+    PyValueError::new_err(why.to_string())
+}
+
+/// An output of action 200, which reaches the first board.
+pub fn output(name: &str) -> PyResult<IoPoint> {
+    checked(name, OutputKind::of)
+}
+
+/// An output that has pulses.
+pub fn pulsed(name: &str) -> PyResult<IoPoint> {
+    let point = output(name)?;
+    if point.kind == PointKind::Y { Ok(point) } else { Err(wrong(WrongPoint::HasNoPulse(point))) }
 }
 
 /// Outputs of action 204: many of one board, which is Y0, Y1, M0 or M1.
-pub fn outputs(points: HashMap<String, bool>) -> PyResult<BoardOutput> {
-    let mut found: Option<BoardOutput> = None;
-    for (name, on) in points {
-        let IoPoint { kind, board, point } = named(&name)?;
-        let board = match (kind, board) {
-            (PointKind::Y, 0 | 1) => OutputBoard::Y(board),
-            (PointKind::M, 0 | 1) => OutputBoard::M(board),
-            (PointKind::X | PointKind::Y | PointKind::M | PointKind::Eux | PointKind::Euy, _) => {
-                return Err(PyValueError::new_err(format!(
-                    "a motion sets boards of Y and M, the first two of each, not {name}"
-                )));
-            }
-        };
-        let none = PairMask::default();
-        let output = found.get_or_insert(BoardOutput { board, low: none, high: none });
-        if output.board != board {
-            return Err(PyValueError::new_err(format!("all points have to be of one board: {name} is not")));
-        }
-        match point.checked_sub(HALF) {
-            None => output.low = output.low.with(point, on),
-            Some(point) => output.high = output.high.with(point, on),
-        }
-    }
-    found.ok_or_else(|| PyValueError::new_err("no point was named"))
+pub fn outputs(points: HashMap<String, bool>) -> PyResult<Vec<(IoPoint, bool)>> {
+    let points =
+        points.into_iter().map(|(name, on)| Ok((named(&name)?, on))).collect::<PyResult<Vec<_>>>()?;
+    BoardOutput::of(points.iter().copied()).map(|_| points).map_err(wrong)
 }
 
 /// What a wait can wait for.
-pub fn source(name: &str) -> PyResult<WaitSource> {
-    let IoPoint { kind, board, point } = named(name)?;
-    match kind {
-        PointKind::X => Ok(WaitSource::Input { board, point }),
-        PointKind::M => Ok(WaitSource::M { board, point }),
-        PointKind::Eux => Ok(WaitSource::Eu { point }),
-        PointKind::Y | PointKind::Euy => {
-            Err(PyValueError::new_err(format!("{name} is an output: a wait is for X, M or EUX")))
-        }
+pub fn awaited(name: &str) -> PyResult<IoPoint> {
+    checked(name, WaitSource::of)
+}
+
+/// An input that can stop a move.
+pub fn stopping(name: &str) -> PyResult<IoPoint> {
+    let point = named(name)?;
+    if point.kind == PointKind::X && point.board == 0 {
+        Ok(point)
+    } else {
+        Err(wrong(WrongPoint::StopsNoMove(point)))
     }
+}
+
+/// Board and point of `modifyOutput`.
+pub fn for_command(name: &str) -> PyResult<(u8, u8)> {
+    let point = named(name)?;
+    point.for_command().ok_or_else(|| match point.kind {
+        PointKind::X | PointKind::Eux => wrong(WrongPoint::IsInput(point)),
+        PointKind::Y => wrong(WrongPoint::BeyondBoard { point, last: 3 }),
+        PointKind::M => wrong(WrongPoint::BeyondBoard { point, last: 2 }),
+        PointKind::Euy => wrong(WrongPoint::NotTogether(point)),
+    })
+}
+
+/// The query address of the word that a point is a bit of, and which bit: ``("input-0", 2)`` for X012.
+#[pyfunction]
+pub fn word_of(name: &str) -> PyResult<(String, u8)> {
+    let point = named(name)?;
+    let none = || PyValueError::new_err(format!("no query address tells EU points such as {point}"));
+    Ok((point.address().ok_or_else(none)?.to_string(), point.point))
 }

@@ -1,4 +1,4 @@
-//! What this process runs on: one engine for all robots, and one thread that tells asyncio.
+//! What this process runs on: one engine for all robots, and one thread that reports to asyncio.
 
 use std::any::Any;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,48 +13,49 @@ use r6_client::StopsUnderWay;
 use r6_client::blocking::Engine;
 use tokio::sync::watch;
 
-/// What serves the robots of one process. It lives as long as the process.
+/// The services for all robots of one process. They live as long as the process.
 pub struct Process {
     engine: Engine,
     errands: mpsc::Sender<Option<Errand>>,
-    /// The thread that tells asyncio, until the interpreter ends.
+    /// The thread that reports to asyncio, until the interpreter shuts down.
     telling: Mutex<Option<JoinHandle<()>>>,
-    /// Operations that go on whoever gives up waiting, and that the end of the program waits for.
+    /// The number of operations that go on without a caller. The end of the program waits for them.
     owed: watch::Sender<usize>,
-    /// The stops of each connection that was made.
+    /// The stops of each connection.
     stops: Mutex<Vec<StopsUnderWay>>,
-    /// A fork leaves the threads behind: whatever belongs to them is of no use in the child.
+    /// A fork does not copy threads, so whatever belongs to them is useless in the child.
     id: u32,
     here: Here,
 }
 
-/// Python objects that an operation needs for its result. They are only dropped with the interpreter at hand: what else drops
-/// them waits its turn under a lock of `pyo3`, and a child that is forked meanwhile would wait for that lock for ever.
+/// Python objects that the result of an operation needs. They must be dropped with the interpreter held.
+/// Otherwise they wait under a lock of `pyo3`, and a child that is forked then would wait for that lock for
+/// ever.
 pub type Held = Arc<dyn Any + Send + Sync>;
 
-/// What the thread that tells asyncio does with the interpreter at hand.
+/// Work for the thread that reports to asyncio, with the interpreter held.
 pub struct Errand {
-    /// Called with an error or `None`, then the value; `None` if nobody wants to know.
+    /// Called with an error or `None`, then the value; `None` if there is no caller to inform.
     pub tell: Option<Py<PyAny>>,
-    /// What to tell; `None` if it was given up.
+    /// The result to report; `None` if the caller gave up.
     pub made: Option<Made>,
-    /// What is dropped then.
+    /// Dropped at the end.
     pub held: Held,
-    /// What is done if it cannot be told: the event loop is closed.
+    /// What to do if the result cannot be reported, because the event loop is closed.
     pub unheard: Option<Unheard>,
 }
 
-/// What is done where nobody hears of a result.
+/// What to do if no caller gets the result.
 pub type Unheard = Box<dyn FnOnce() + Send>;
 
-/// Whoever has this has the interpreter too, and does not let it go meanwhile. A fork from Python needs the interpreter, so that no
-/// child finds it locked.
+/// The holder of this lock has the interpreter too, and does not release it while it holds the lock. A fork
+/// from Python needs the interpreter, so no child finds this locked.
 static CURRENT: Mutex<Option<&'static Process>> = Mutex::new(None);
 
-/// The forks that led from the first process to this one.
+/// The number of forks from the first process to this one.
 static FORKS: AtomicU64 = AtomicU64::new(0);
 
-/// Which process of those that forks made of the first one. To look costs nothing and takes no lock.
+/// Identifies this process among those that forks have made. Comparing it is cheap and takes no lock.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Here(u64);
 
@@ -64,13 +65,14 @@ impl Here {
     }
 }
 
-/// This process is the child of a fork: what was made before is of no use in it.
+/// Notes that this process is the child of a fork: what was made before is useless in it.
 pub fn forked() {
     FORKS.fetch_add(1, Ordering::Relaxed);
 }
 
 impl Process {
-    /// The one of this process; the first call starts it, and so does the first call in a child of a fork.
+    /// The services of this process. The first call starts them, and so does the first call in a child of a
+    /// fork.
     pub fn current(py: Python<'_>) -> PyResult<&'static Self> {
         let mut current = CURRENT.lock().unwrap_or_else(PoisonError::into_inner);
         match *current {
@@ -83,7 +85,7 @@ impl Process {
         }
     }
 
-    /// The one of this process, if it was started.
+    /// The services of this process, if they were started.
     pub fn started(py: Python<'_>) -> Option<&'static Self> {
         let current = CURRENT.lock().unwrap_or_else(PoisonError::into_inner);
         current.filter(|process| process.is_here(py))
@@ -104,46 +106,47 @@ impl Process {
         &self.engine
     }
 
-    /// Has something done with the interpreter at hand: an event loop told, objects dropped.
+    /// Runs work with the interpreter held: it informs an event loop or drops objects.
     pub fn run(&self, errand: Errand) {
-        // The thread ends with the interpreter; then nobody waits any more.
+        // The thread ends with the interpreter; after that no caller waits.
         let _ = self.errands.send(Some(errand));
     }
 
-    /// Keeps the stops of a connection in mind, until it is gone.
+    /// Keeps track of the stops of a connection, until it is gone.
     pub fn connected(&self, stops: StopsUnderWay) {
         let mut known = self.stops.lock().unwrap_or_else(PoisonError::into_inner);
         known.retain(|stops| !stops.are_gone());
         known.push(stops);
     }
 
-    /// The stops that are under way now, whoever asked for them.
+    /// The stops that are under way now.
     pub fn stops_under_way(&self) -> Vec<StopsUnderWay> {
         let known = self.stops.lock().unwrap_or_else(PoisonError::into_inner);
         known.iter().filter(|stops| stops.any()).cloned().collect()
     }
 
-    /// Ends once nothing is owed any more.
+    /// Waits until no operation is owed.
     pub async fn nothing_owed(&self) {
-        // The sender is here.
+        // The wait cannot fail: `self` has the sender.
         self.owed.subscribe().wait_for(|owed| *owed == 0).await.ok();
     }
 
-    /// Whether something goes on that the end of the program waits for.
+    /// Whether an operation is still running that the end of the program waits for.
     pub fn owes(&self) -> bool {
         *self.owed.borrow() > 0
     }
 
-    /// Ends the thread that tells asyncio: what it was given is told before.
+    /// Ends the thread that reports to asyncio, after it has done its work.
     pub fn end_telling(&self) {
         let _ = self.errands.send(None);
         if let Some(thread) = self.telling.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            // A panic of that thread was already reported by it.
+            // A panic of that thread was already reported.
             let _ = thread.join();
         }
     }
 
-    /// Whether it is the one of this process. A fork that Python was not told of (`os.register_at_fork`) is noticed here.
+    /// Whether these are the services of this process. Also notices a fork that did not call
+    /// `os.register_at_fork` hooks.
     pub fn is_here(&self, _py: Python<'_>) -> bool {
         if self.here == Here::now() && self.id != std::process::id() {
             forked();
@@ -152,11 +155,11 @@ impl Process {
     }
 }
 
-/// Something that the end of the program waits for; over when this is dropped.
+/// An operation that the end of the program waits for, until this is dropped.
 pub struct Owed(&'static Process);
 
 impl Owed {
-    /// By this process.
+    /// Counts an operation.
     pub fn by(process: &'static Process) -> Self {
         process.owed.send_modify(|owed| *owed += 1);
         Self(process)
@@ -169,14 +172,14 @@ impl Drop for Owed {
     }
 }
 
-/// How many tasks the engine has: for tests that look for leaks.
+/// The number of tasks of the engine: for tests that look for leaks.
 #[pyfunction]
 pub fn tasks(py: Python<'_>) -> PyResult<usize> {
     Ok(Process::current(py)?.engine().handle().metrics().num_alive_tasks())
 }
 
-/// Python is entered here and nowhere on the engine's threads: whoever holds the interpreter for long, a busy thread or
-/// a slow extension, must not hold up heartbeats, polls and paths.
+/// Only this thread enters Python, and none of the engine's threads does. A thread that holds the interpreter
+/// for long must not delay heartbeats, polls and paths.
 fn tell_asyncio(errands: &mpsc::Receiver<Option<Errand>>) {
     while let Ok(Some(errand)) = errands.recv() {
         if Python::try_attach(|py| run(py, errand)).is_none() {
@@ -191,7 +194,7 @@ fn run(py: Python<'_>, Errand { tell, made, held, unheard }: Errand) {
             Ok(value) => tell.call1(py, (py.None(), value)),
             Err(error) => tell.call1(py, (error, py.None())),
         };
-        // A loop that was closed wants to know nothing.
+        // A closed event loop cannot take the result.
         if told.is_err()
             && let Some(unheard) = unheard
         {
@@ -201,20 +204,20 @@ fn run(py: Python<'_>, Errand { tell, made, held, unheard }: Errand) {
     drop(held);
 }
 
-/// Something that belongs to the process that made it: of no use in a child of a fork, and neither locked nor dropped there. Both
-/// would wait for threads that the child does not have.
+/// A value that belongs to the process that made it. In a child of a fork it is useless, and it is neither
+/// locked nor dropped there, because both would wait for threads that the child does not have.
 pub struct OfThisProcess<T> {
     here: Here,
     value: Option<T>,
 }
 
 impl<T> OfThisProcess<T> {
-    /// Of the present process.
+    /// A value of the present process.
     pub fn new(value: T) -> Self {
         Self { here: Here::now(), value: Some(value) }
     }
 
-    /// The thing, in the process that made it.
+    /// The value, in the process that made it.
     pub fn here(&self) -> PyResult<&T> {
         match &self.value {
             Some(value) if self.here == Here::now() => Ok(value),
@@ -223,7 +226,7 @@ impl<T> OfThisProcess<T> {
     }
 }
 
-/// What an object of the parent raises in the child.
+/// The error of an object of the parent in the child.
 pub fn made_before_the_fork() -> PyErr {
     PyRuntimeError::new_err(
         "this object was made before the process forked: connect again in the child, or start it with `spawn`",

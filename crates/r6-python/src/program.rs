@@ -1,4 +1,4 @@
-//! `Program`: what a file of `r6 run` says.
+//! `Program`: a motion from a file of `r6 run`.
 
 use std::io::Read;
 use std::path::PathBuf;
@@ -11,10 +11,15 @@ use crate::errors::wrong_file;
 use crate::motion::Motion;
 use crate::pickling::not_pickled;
 
-/// What a text without a file is called in complaints.
+/// The name of a text without a file, in errors.
 const NO_FILE: &str = "<text>";
 
-/// A motion out of a file of `r6 run`: TOML, or AddRCC frames in JSON.
+/// A motion from a file of ``r6 run``: TOML (``[[instruction]]`` tables), or AddRCC frames in JSON.
+///
+/// ::
+///
+///     program = r6.Program.load("square.toml")
+///     robot.run(program.motion, r6.RunOptions(append=program.append)).finished()
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Program {
     motion: r6_client::Motion,
@@ -31,7 +36,7 @@ impl Program {
     }
 }
 
-/// The steps, those of each list in frames of their own.
+/// The steps; each list begins a new frame.
 fn in_frames(lists: Vec<MotionList>) -> r6_client::Motion {
     lists.into_iter().fold(r6_client::Motion::new(), |motion, list| {
         motion.begin_frame().extend(&r6_client::Motion::of_list(list.instructions))
@@ -40,10 +45,15 @@ fn in_frames(lists: Vec<MotionList>) -> r6_client::Motion {
 
 #[pymethods]
 impl Program {
+    /// Reads a file of at most 16 MiB.
+    ///
+    /// Errors: ``FileError`` with every mistake, its line and its column; ``OSError`` and ``ValueError``
+    /// if it cannot be read.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let mut text = String::new();
-        // One byte more than is possible tells that it is too long. A path may lead to a device that has no end.
+        // Reading one byte more than allowed shows that the file is too long. A path may lead to a device
+        // without an end.
         let most = u64::try_from(MAX_FILE_BYTES).unwrap_or(u64::MAX).saturating_add(1);
         std::fs::File::open(&path)?.take(most).read_to_string(&mut text)?;
         let name = path.display().to_string();
@@ -54,22 +64,25 @@ impl Program {
         Self::of(py, &name, &text)
     }
 
+    /// Reads a text. Errors: ``FileError``.
     #[staticmethod]
     fn read(py: Python<'_>, text: &str) -> PyResult<Self> {
         Self::of(py, NO_FILE, text)
     }
 
-    /// A copy: what is added to it is not added to the program.
+    /// Its steps, as a copy: changing it does not change the program. It repeats if the file says so.
     #[getter]
     fn motion(&self) -> Motion {
         Motion(self.motion.clone())
     }
 
+    /// Whether the file says to append to the list: for ``RunOptions.append``.
     #[getter]
     fn append(&self) -> bool {
         self.append
     }
 
+    /// Remarks for the author of the file: older spellings, keys without a meaning.
     #[getter]
     fn remarks(&self) -> Vec<String> {
         self.remarks.clone()

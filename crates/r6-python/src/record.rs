@@ -1,4 +1,4 @@
-//! Python objects of the classes that `python/r6` defines.
+//! Makes Python objects of the classes that `python/r6` defines.
 
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -17,14 +17,14 @@ fn module<'py>(
     Ok(cell.get_or_try_init(py, || PyModule::import(py, name).map(Bound::unbind))?.bind(py))
 }
 
-/// Imports them: once there, they are found without a lock that a child of a fork might find held.
+/// Imports the modules. Later lookups need no lock, which a child of a fork might find held.
 pub fn load(py: Python<'_>) -> PyResult<()> {
     module(py, &TYPES, "r6._types")?;
     query_result_class(py)?;
     numpy(py).map(drop)
 }
 
-/// `r6._types.QueryResult`: the class that is wanted most often is looked up once.
+/// `r6._types.QueryResult`. It is used most often, so it is looked up once.
 pub fn query_result_class(py: Python<'_>) -> PyResult<&Bound<'_, PyAny>> {
     Ok(QUERY_RESULT.get_or_try_init(py, || class(py, "QueryResult").map(Bound::unbind))?.bind(py))
 }
@@ -39,7 +39,7 @@ pub fn numpy<'py>(py: Python<'py>) -> PyResult<&'py Bound<'py, PyModule>> {
     module(py, &NUMPY, "numpy")
 }
 
-/// A float64 array of numbers, NaN where there is none.
+/// A float64 array of numbers, NaN for a missing one.
 pub fn array<'py>(
     py: Python<'py>,
     numbers: impl IntoIterator<Item = Option<f64>>,
@@ -48,19 +48,19 @@ pub fn array<'py>(
     numpy(py)?.getattr(intern!(py, "array"))?.call1((numbers, intern!(py, "float64")))
 }
 
-/// An object of a data class, field by field.
+/// Builds an object of a data class, field by field.
 pub struct Record<'py> {
     class: Bound<'py, PyAny>,
     fields: Bound<'py, PyDict>,
 }
 
 impl<'py> Record<'py> {
-    /// One of this class of `r6._types`.
+    /// Begins an object of this class of `r6._types`.
     pub fn new(py: Python<'py>, name: &str) -> PyResult<Self> {
         Ok(Self { class: class(py, name)?, fields: PyDict::new(py) })
     }
 
-    /// With this field.
+    /// Sets a field.
     pub fn with(self, name: &str, value: impl IntoPyObject<'py>) -> PyResult<Self> {
         let value = value.into_bound_py_any(self.fields.py())?;
         self.fields.set_item(name, value)?;

@@ -1,4 +1,4 @@
-//! Registers 800 to 900: read in one go, written and read back by the client.
+//! Registers 800 to 900: read in one request, written and read back by the client.
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -37,22 +37,24 @@ fn not_taken(
         .build()
 }
 
-/// Degrees or millimetres as a register has them.
+/// Converts degrees or millimetres to the value of a register, for programs that take positions from
+/// registers: times 1000, rounded to the nearest whole number. ``OutOfRange`` for a value that does not
+/// fit into the 32 bits of a register.
 #[pyfunction]
 pub fn to_thousandths(py: Python<'_>, value: f64) -> PyResult<i32> {
     raise(py, r6_client::to_thousandths(value))
 }
 
-/// A register's value in degrees or millimetres.
+/// Converts the value of a register to degrees or millimetres.
 #[pyfunction]
 pub fn from_thousandths(value: i64) -> f64 {
     r6_client::from_thousandths(value)
 }
 
-/// The first of so many registers, if all of them exist.
+/// The first of `count` registers, if all of them exist.
 pub fn first(first: u16, count: usize) -> PyResult<RegisterIndex> {
     let beyond = count.checked_sub(1).ok_or_else(|| PyValueError::new_err("count has to be 1 or more"))?;
-    // What was given is what is named, before the last of them.
+    // The first register is checked before the last, so that the error names the number that the caller gave.
     let found = register(first)?;
     register(first.saturating_add(u16::try_from(beyond).unwrap_or(u16::MAX)))?;
     Ok(found)
@@ -63,7 +65,7 @@ pub fn to_array<'py>(py: Python<'py>, values: Vec<i64>) -> PyResult<Bound<'py, P
     numpy(py)?.getattr("array")?.call1((values, "int64"))
 }
 
-/// Values for registers in a row.
+/// Values for consecutive registers.
 pub struct Write {
     first: RegisterIndex,
     values: Vec<i64>,
@@ -77,7 +79,7 @@ impl Write {
         Ok(Self { first: self::first(first, values.len())?, values, savable, verify })
     }
 
-    /// Writes them, and reads them back if that is wanted.
+    /// Writes the values, and reads them back if `verify` is set.
     pub async fn send(&self, robot: &Robot) -> Result<(), RegisterError> {
         let narrow: Result<Vec<i32>, _> = self.values.iter().copied().map(i32::try_from).collect();
         match narrow {
@@ -85,7 +87,7 @@ impl Write {
                 let keep = if self.savable { Keep::Always } else { Keep::UntilPowerCut };
                 robot.write_registers(self.first, &values, keep).await
             }
-            // What does not fit is not sent, and the frame says so.
+            // A value that does not fit is not sent: encoding the frame fails.
             Ok(_) | Err(_) => {
                 robot.command(self.command()).await?;
                 Ok(())
@@ -101,7 +103,7 @@ impl Write {
         }
     }
 
-    /// The exception of an error of `send`: who cannot read back what was written does not know that it was taken.
+    /// The exception for an error of `send`. A value that cannot be read back counts as not taken.
     pub fn exception(&self, py: Python<'_>, error: &RegisterError) -> PyErr {
         match error {
             RegisterError::NotReadable { register } => {

@@ -1,4 +1,5 @@
-//! A robot: what `Robot` and `AsyncRobot` have in common. Each method makes an operation; who waits for it, and how, is theirs.
+//! The common part of `Robot` and `AsyncRobot`. Each method makes an operation; the caller decides how to
+//! wait for it.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -27,7 +28,7 @@ use crate::settings::{FollowOptions, RobotSettings, RunOptions};
 use crate::starting::Starting;
 use crate::subscription::{PushedCore, SubscriptionCore};
 
-/// A handle on one controller.
+/// The common part of ``Robot`` and ``AsyncRobot``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct RobotCore {
     handle: OfThisProcess<Handle>,
@@ -38,9 +39,9 @@ pub struct RobotCore {
 struct Handle {
     /// `None` once it was closed.
     robot: Mutex<Option<Robot>>,
-    /// `with_guard` shares it.
+    /// Shared with the handles that `with_guard` makes.
     connection: Arc<Connection>,
-    /// What drives it; `with_guard` shares it, too.
+    /// The driver, also shared with the handles that `with_guard` makes.
     driver: Driver,
 }
 
@@ -68,7 +69,7 @@ impl RobotCore {
         Ok(Operation::new(future, convert).over(&self.handle.here()?.driver))
     }
 
-    /// A request that the controller accepts or not.
+    /// A request that the controller accepts or refuses.
     fn accepted(
         &self,
         future: impl Future<Output = Result<r6_client::Accepted, RequestError>> + Send + 'static,
@@ -79,7 +80,7 @@ impl RobotCore {
 
 #[pymethods]
 impl RobotCore {
-    /// Connects; gives a `RobotCore`.
+    /// Connects. The result is a `RobotCore`.
     #[staticmethod]
     #[pyo3(signature = (address, settings=None))]
     fn connect(address: &Bound<'_, PyAny>, settings: Option<&RobotSettings>) -> PyResult<Operation> {
@@ -110,8 +111,9 @@ impl RobotCore {
         }))
     }
 
-    /// Ends the connection for all handles of it, and the motion that is streamed over it; waits for a stop that is under way. Gives
-    /// the text of the motion that was cut short, or `None`. Closing again does nothing.
+    /// Closes the connection for all its handles, ends the motion that is streamed over it, and waits for a
+    /// stop that is under way. The result is a text about the motion that was cut short, or `None`. Closing
+    /// again does nothing.
     fn close(&self) -> PyResult<Operation> {
         let handle = self.handle.here()?;
         let robot = handle.robot.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -193,7 +195,7 @@ impl RobotCore {
         Ok(stopping(self.robot(py)?))
     }
 
-    /// A motion on its way: nothing is begun by this.
+    /// Prepares a motion. Nothing begins before its operation does.
     #[pyo3(signature = (motion, options=None))]
     fn run(
         &self,
@@ -207,7 +209,7 @@ impl RobotCore {
         Starting::new(py, self.robot(py)?, motion.0.clone(), options, connection, &handle.driver)
     }
 
-    /// Follows a target; begins at once and gives nothing to wait for.
+    /// Follows a target. It begins at once, and there is nothing to wait for.
     #[pyo3(signature = (options=None))]
     fn follow(&self, py: Python<'_>, options: Option<&FollowOptions>) -> PyResult<FollowCore> {
         FollowCore::new(py, self.robot(py)?, options.map(|options| options.0).unwrap_or_default())
@@ -254,7 +256,7 @@ impl RobotCore {
         })
     }
 
-    /// Watches; gives nothing to wait for.
+    /// Subscribes to values. There is nothing to wait for.
     fn subscribe(
         &self,
         py: Python<'_>,
@@ -288,7 +290,7 @@ impl RobotCore {
         self.accepted(async move { robot.add_points(vec![CameraSet { cam_id, points }]).await })
     }
 
-    /// Is the camera of this controller from now on.
+    /// Serves as the camera of this controller from now on.
     fn serve_photos(&self, py: Python<'_>) -> PyResult<PhotosCore> {
         PhotosCore::new(py, self.robot(py)?)
     }
@@ -317,7 +319,7 @@ impl RobotCore {
     }
 }
 
-/// Addresses, with the names that they were given by.
+/// The addresses, with the names that the caller used.
 fn named(py: Python<'_>, names: Vec<Bound<'_, PyString>>) -> PyResult<(Vec<Py<PyString>>, Vec<Address>)> {
     let mut addresses = Vec::with_capacity(names.len());
     for name in &names {

@@ -1,4 +1,4 @@
-//! How a robot is talked to, and how a motion is run.
+//! Settings of a connection and of a motion.
 
 use std::time::Duration;
 
@@ -12,22 +12,28 @@ use r6_proto::message::TypeKey;
 use crate::convert::{repr, seconds, word};
 use crate::units::{Degrees, Given, Percent};
 
-/// A frame without the key gets no reply: that is none to choose.
+/// `TypeKey::Absent` is missing here, because a frame without the key gets no reply.
 const TYPE_KEYS: [(&str, TypeKey); 2] = [("reqType", TypeKey::ReqType), ("cmdType", TypeKey::CmdType)];
 
 const DS_IDS: [(&str, DsIdForm); 2] = [("long", DsIdForm::Long), ("short", DsIdForm::Short)];
 
-/// How a robot is talked to. The defaults suit every firmware that is known. Times are seconds.
+/// Settings of a connection to a robot. The defaults suit every known firmware. Times are seconds.
 ///
-/// ``reply_timeout`` (2): how long a reply may take. ``connect_timeout`` (3): how long an attempt to connect may take.
-/// ``max_frame_bytes`` (2048): controllers neither answer nor execute longer lists. ``heartbeat`` (None: off): the time
-/// from one heartbeat to the next, 0.1 to 5 and no other; the first one arms a watchdog that raises an alarm when none comes for 10 s,
-/// also after this program has died. ``suspect_after`` (1), ``dead_after`` (5): after how much silence values and
-/// connection are no longer trusted. ``reconnect_first_wait`` (0.1), ``reconnect_cap`` (5), ``reconnect_seed``: the waits
-/// between attempts to connect anew. ``type_key`` ("reqType"): the key of a request's type, ``"cmdType"`` for the oldest
-/// firmware. ``ds_id`` ("long"): the form of ``dsID``, ``"short"`` for older firmware (``HCRemoteMonitor``).
-/// ``stays_in_mode_7`` (False): whether this controller stays in mode 7 after a stop that it carried out. None is known that does. Where
-/// it is true, a rest of 2 s with an empty list proves the standstill, too; a taught program that waits longer may move the arm later.
+/// - ``reply_timeout`` (2): how long a reply may take.
+/// - ``connect_timeout`` (3): how long an attempt to connect may take.
+/// - ``max_frame_bytes`` (2048): controllers neither answer nor execute longer lists.
+/// - ``heartbeat`` (None: off): the time from one heartbeat to the next, 0.1 to 5. Other values are refused.
+///   The first heartbeat arms a watchdog, which raises an alarm if no heartbeat comes for 10 s, also after
+///   this program has died.
+/// - ``suspect_after`` (1), ``dead_after`` (5): after how much silence values and connection are no longer
+///   trusted.
+/// - ``reconnect_first_wait`` (0.1), ``reconnect_cap`` (5), ``reconnect_seed``: the waits between attempts to
+///   reconnect.
+/// - ``type_key`` ("reqType"): the key of a request's type, ``"cmdType"`` for the oldest firmware.
+/// - ``ds_id`` ("long"): the form of ``dsID``, ``"short"`` for older firmware (``HCRemoteMonitor``).
+/// - ``stays_in_mode_7`` (False): whether this controller stays in mode 7 after a stop that it carried out.
+///   No known controller does. If it is true, a rest of 2 s with an empty list also proves the standstill. A
+///   taught program that waits longer may then still move the arm.
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Default)]
 pub struct RobotSettings(pub r6_client::RobotSettings);
@@ -65,7 +71,7 @@ impl RobotSettings {
         settings.reconnect.jitter_seed = reconnect_seed;
         settings.max_frame_bytes = max_frame_bytes.unwrap_or(settings.max_frame_bytes);
         if let Some(every) = heartbeat {
-            // What Rust moves to its ends.
+            // Rust clamps such a value to the range.
             let (shortest, longest) = (Heartbeat::SHORTEST.as_secs_f64(), Heartbeat::LONGEST.as_secs_f64());
             if !(shortest..=longest).contains(&every) {
                 return Err(PyValueError::new_err(format!(
@@ -136,18 +142,24 @@ impl RobotSettings {
     }
 }
 
-/// How a motion is run. Times are seconds.
+/// Options of a motion. Times are seconds.
 ///
-/// ``interval`` (0.05): the pause between two reads of the state; 0 reads as fast as answers come.
-/// ``frame_instructions`` (8): in one frame at most. ``room`` (24):
-/// instructions in the controller's list at most; what is in the list runs on when the connection breaks. ``settle``
-/// (0.5): how long the arm has to stand where the controller cannot tell the length of its list. ``start_within`` (1).
-/// ``stall_within`` (5): how long the arm may stand without progress. ``idle_mode`` (7): the mode in which this controller
-/// waits for instructions. ``clear_leftover`` (False): clear a list that is left from before. ``append`` (False): go behind what
-/// is in the list, which may be running; sent at once and as a whole, and its steps are not counted. ``stop_on_failure`` (True):
-/// stop the arm when the motion fails after something has left. ``stop_on_drop`` (False): stop the arm when the handle is
-/// dropped or released, or the robot is closed. Without it, a motion whose handle is dropped goes on to its end, and a motion
-/// whose robot is closed ends with the instructions in the controller's list.
+/// - ``interval`` (0.05): the pause between two reads of the state; 0 reads as fast as answers come.
+/// - ``frame_instructions`` (8): how many instructions one frame has at most.
+/// - ``room`` (24): how many instructions the controller's list has at most. They still run if the connection
+///   breaks.
+/// - ``settle`` (0.5): how long the arm has to stand if the controller cannot report the length of its list.
+/// - ``start_within`` (1): how long the arm may stand away from the end of an accepted list while its list is
+///   empty.
+/// - ``stall_within`` (5): how long the arm may stand without progress.
+/// - ``idle_mode`` (7): the mode in which this controller waits for instructions.
+/// - ``clear_leftover`` (False): clear a list that is left from before.
+/// - ``append`` (False): append to the list, which may be running. The motion is sent at once and as a whole,
+///   and its steps are not counted.
+/// - ``stop_on_failure`` (True): stop the arm if the motion fails after something was sent.
+/// - ``stop_on_drop`` (False): stop the arm when the handle is dropped or released, or the robot is closed.
+///   Without it, a motion whose handle is dropped goes on to its end. A motion whose robot is closed ends
+///   with the instructions in the controller's list.
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Copy, Default)]
 pub struct RunOptions(pub r6_client::RunOptions);
@@ -234,20 +246,25 @@ impl RunOptions {
     }
 }
 
-/// How a moving target is followed. Times are seconds.
+/// Options for following a moving target. Times are seconds.
 ///
-/// The protocol has no command for it: each step is an instruction of its own. Small steps without a pause have overloaded
-/// the servos of a real arm (reported); its operator cut the speed to 20 %, made the steps larger, and sent each only while
-/// the arm stood. The defaults do just that.
+/// The protocol has no command for it: each step is its own instruction. Small steps without a pause have
+/// overloaded the servos of a real arm (reported). Its operator cut the speed to 20 %, made the steps larger,
+/// and sent each step only while the arm stood. The defaults do the same.
 ///
-/// ``interval`` (0.05): between two looks at target and arm, 0.02 at least. ``speed`` (20 %): of each step. ``smallest_step`` (1°): nearer
-/// than this the arm stays where it is. ``largest_step`` (10°): no step takes an axis further; it bounds, too, how far the
-/// arm still goes when targets, program or link are gone: two such steps. Both are mm where an axis slides.
-/// ``while_moving`` (False): append a step while the arm makes the one before; on a real arm try it at low speed, and look
-/// at the load of the servos (``curTorque-n``). ``fresh_within`` (0.5): how long a target counts when no other comes, not
-/// even the same again. ``start_within`` (1): how long after a step was accepted the arm may stand elsewhere than at its
-/// end. ``stall_within`` (5): how long a step may go on without progress. ``idle_mode`` (7): as in ``RunOptions``.
-/// ``stop_on_failure`` (True): stop the arm when following fails after a step has left.
+/// - ``interval`` (0.05): the time between two checks of target and arm, 0.02 at least.
+/// - ``speed`` (20 %): the speed of each step.
+/// - ``smallest_step`` (1°): if the target is nearer than this, the arm does not move.
+/// - ``largest_step`` (10°): the most that a step moves an axis. It also bounds how far the arm still goes
+///   after targets, program or link are gone: two such steps. Both are mm for a linear axis.
+/// - ``while_moving`` (False): append a step while the arm makes the step before. On a real arm try it at low
+///   speed, and watch the load of the servos (``curTorque-n``).
+/// - ``fresh_within`` (0.5): how long a target counts if no other target comes, not even the same again.
+/// - ``start_within`` (1): how long the arm may stand away from the end of a step after the controller
+///   accepted it.
+/// - ``stall_within`` (5): how long a step may go on without progress.
+/// - ``idle_mode`` (7): as in ``RunOptions``.
+/// - ``stop_on_failure`` (True): stop the arm if following fails after a step was sent.
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Copy, Default)]
 pub struct FollowOptions(pub r6_client::FollowOptions);
@@ -333,7 +350,7 @@ impl FollowOptions {
     }
 }
 
-/// What a value is made anew with: for pickle.
+/// The keyword arguments that make a value again: for pickle.
 type Keywords<'py> = PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)>;
 
 fn ds_id_word(form: DsIdForm) -> &'static str {

@@ -1,9 +1,10 @@
-//! A motion on its way from the engine to who asked for it: from its first byte on it has an owner, the handle or a stop.
+//! A motion on its way from the engine to its caller. From its first byte on it has an owner: the handle or a
+//! stop.
 //!
 //! ```text
 //!  run ──▶ Begun ──▶ Made ──take──▶ Taken        the handle owns it
-//!            │         └──given up, or nobody is left──▶ stopped, its list cleared
-//!            └──refused, or given up──▶ Nothing
+//!            │         └──given up or dropped──▶ stopped, its list cleared
+//!            └──refused or given up──▶ Nothing
 //! ```
 
 use std::sync::{Arc, Mutex, PoisonError};
@@ -24,20 +25,20 @@ use crate::operation::{Operation, STOP_GOES_ON};
 use crate::outcome;
 use crate::process::{OfThisProcess, Owed, Process};
 
-/// How far it is on its way.
+/// The phase of a motion on its way.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Phase {
-    /// It may come to be a motion any moment.
+    /// It may become a motion at any moment.
     Begun,
-    /// It never will be one.
+    /// It never becomes a motion.
     Nothing,
-    /// It is a motion, and nobody has its handle yet.
+    /// It is a motion, and no caller has its handle yet.
     Made,
-    /// Somebody has had its handle.
+    /// A caller has taken its handle.
     Taken,
 }
 
-/// What the engine and the caller share.
+/// State that the engine and the caller share.
 struct Way {
     phase: watch::Sender<Phase>,
     made: Mutex<Option<MotionHandle>>,
@@ -56,10 +57,10 @@ impl Way {
         handle
     }
 
-    /// Waits until it is known whether there is a motion, and stops it; `None` if there is none.
+    /// Waits until it is known whether there is a motion, and stops it; `None` if there is no motion.
     async fn stop(&self) -> Option<Result<StopReport, RequestError>> {
         let mut phase = self.phase.subscribe();
-        // The sender is here.
+        // The wait cannot fail: `self` has the sender.
         let phase =
             phase.wait_for(|phase| *phase != Phase::Begun).await.map_or(Phase::Nothing, |phase| *phase);
         match phase {
@@ -73,7 +74,7 @@ impl Way {
 }
 
 impl Way {
-    /// Nobody is left to have it, or to be told. The engine stops it, and the end of the program waits for that.
+    /// Stops a motion without a caller. The engine stops it, and the end of the program waits for that.
     fn stop_unowned(&self) {
         if let Some(handle) = self.take() {
             let meanwhile = (Owed::by(self.process), Unowned::over(&self.connection));
@@ -91,7 +92,8 @@ impl Drop for Way {
     }
 }
 
-/// The engine's part. While it exists, a motion may still begin; dropping it before that says that none will.
+/// The engine's part. While it exists, a motion may still begin. Dropping it before that says that no motion
+/// begins.
 struct Making(Arc<Way>);
 
 impl Drop for Making {
@@ -106,7 +108,8 @@ impl Drop for Making {
     }
 }
 
-/// A motion on its way to its handle.
+/// A motion on its way to its handle. From its first byte on it has an owner: the handle or a stop. If
+/// this is dropped before ``take``, the arm is stopped.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Starting {
     operation: Py<Operation>,
@@ -114,7 +117,7 @@ pub struct Starting {
 }
 
 impl Starting {
-    /// Nothing is begun before the operation is.
+    /// Prepares a motion. Nothing begins before the operation does.
     pub fn new(
         py: Python<'_>,
         robot: Robot,
@@ -129,7 +132,7 @@ impl Starting {
         let way = Arc::new(Way { phase, made, robot: robots, stop_on_drop, connection, process });
         let making = Making(Arc::clone(&way));
         let starting = async move {
-            // Gone at the end of this, whatever the end is.
+            // Dropped at the end of this future, in every case.
             let making = making;
             let handle = robot.run(&motion, options).await?;
             *making.0.made.lock().unwrap_or_else(PoisonError::into_inner) = Some(handle);
@@ -151,7 +154,7 @@ impl Starting {
 
     fn stopping(&self, py: Python<'_>) -> PyResult<Option<Operation>> {
         let way = Arc::clone(self.way.here()?);
-        // Where it has not begun, it never will.
+        // An operation that has not begun must never begin.
         self.operation.get().never();
         if *way.phase.borrow() == Phase::Nothing {
             return Ok(None);
@@ -159,9 +162,9 @@ impl Starting {
         let process = Process::current(py)?;
         let meanwhile = (Owed::by(process), Unowned::over(&way.connection));
         let (tell, report) = oneshot::channel();
-        // At once, whoever waits for it, and however long.
+        // Stops at once, even if no caller waits.
         process.engine().handle().spawn(async move {
-            // Nobody may wait any more.
+            // The caller may no longer wait.
             drop(tell.send(way.stop().await));
             drop(meanwhile);
         });
@@ -178,38 +181,40 @@ impl Starting {
 
 #[pymethods]
 impl Starting {
-    /// The line above what became of the arm.
+    /// The note above the result of the stop.
     #[classattr]
     const UNOWNED: &str = UNOWNED;
 
-    /// What makes the motion: to be waited for, or begun.
+    /// The operation that makes the motion. Nothing begins before it does.
     #[getter]
     fn operation(&self, py: Python<'_>) -> Py<Operation> {
         self.operation.clone_ref(py)
     }
 
-    /// The motion, once it is made. From here on who has this has it; giving it up stops the arm still.
+    /// Takes the motion, once it is made.
     fn take(&self) -> PyResult<MotionCore> {
         let way = self.way.here()?;
-        let handle =
-            way.take().ok_or_else(|| PyRuntimeError::new_err("this motion was taken, or is none"))?;
+        let handle = way
+            .take()
+            .ok_or_else(|| PyRuntimeError::new_err("this motion was taken already, or was never begun"))?;
         let parts = || MotionCore::parts(way.robot.clone(), handle, way.stop_on_drop);
         Ok(MotionCore::new(way.process.engine().enter(parts)))
     }
 
-    /// Waits until the motion is made, and gives its handle, which is of this class.
+    /// Waits until the motion is made, and returns its handle, an object of this class.
     fn hand_over<'py>(&self, py: Python<'py>, handle: &Bound<'py, PyType>) -> PyResult<Bound<'py, PyAny>> {
         self.operation.get().wait(py)?;
         handle.call1((self.take()?,))
     }
 
-    /// Stops the arm if a motion has begun whose handle the caller did not get. The call itself begins the
-    /// stop. `None` if no motion has begun.
+    /// Stops the arm if there is a motion, taken or not. The call itself begins the stop. ``None`` if
+    /// there is certainly no motion.
     fn give_up(&self, py: Python<'_>) -> PyResult<Option<Operation>> {
         self.stopping(py)
     }
 
-    /// The same, waited for, and told to the exception that is in the way of the handle.
+    /// Gives up and waits for the stop through all signals, and adds the result to the exception that kept
+    /// the caller from the handle.
     fn given_up(&self, py: Python<'_>, error: &Bound<'_, PyBaseException>) -> PyResult<()> {
         let Some(stopping) = self.stopping(py)? else { return Ok(()) };
         let insisted = stopping.insist(py)?;

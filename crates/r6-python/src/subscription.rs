@@ -1,4 +1,5 @@
-//! What comes by itself: values that are read again and again, and what happens on the connection.
+//! What arrives without a request of the caller: values that are read repeatedly, and events on the
+//! connection.
 
 use std::future;
 use std::sync::Arc;
@@ -19,7 +20,7 @@ use crate::operation::Operation;
 use crate::process::OfThisProcess;
 use crate::record::Record;
 
-/// Values that are read again and again.
+/// The common part of ``Subscription`` and ``AsyncSubscription``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct SubscriptionCore {
     names: Arc<[Py<PyString>]>,
@@ -27,13 +28,13 @@ pub struct SubscriptionCore {
 }
 
 struct Shared {
-    /// Locked while somebody waits for the next values. `None` once it was ended.
+    /// Locked while a caller waits for the next values. `None` once it was ended.
     subscription: Mutex<Option<Subscription>>,
     closed: watch::Sender<bool>,
 }
 
 impl Shared {
-    /// The next values; `None` once it was ended, or the robot closed.
+    /// The next values; `None` once it was ended, or the robot was closed.
     async fn next(&self) -> Option<Snapshot> {
         let next = async { self.subscription.lock().await.as_mut()?.next().await };
         tokio::select! {
@@ -41,13 +42,13 @@ impl Shared {
             () = is_true(self.closed.subscribe()) => {}
             snapshot = next => return snapshot,
         }
-        // The last of those who waited has let go of it.
+        // This lock succeeds once the last waiting caller has released it.
         self.subscription.lock().await.take();
         None
     }
 }
 
-/// Ends once it is true; never, where nobody is left to say so.
+/// Waits until the value is true. Never returns if the sender is gone.
 async fn is_true(mut told: watch::Receiver<bool>) {
     if told.wait_for(|told| *told).await.is_err() {
         future::pending().await
@@ -55,7 +56,7 @@ async fn is_true(mut told: watch::Receiver<bool>) {
 }
 
 impl SubscriptionCore {
-    /// The values under these names.
+    /// A subscription with the names that the caller used.
     pub fn new(names: Vec<Py<PyString>>, subscription: Subscription) -> Self {
         let subscription = Mutex::new(Some(subscription));
         let shared = Shared { subscription, closed: watch::Sender::new(false) };
@@ -63,7 +64,7 @@ impl SubscriptionCore {
     }
 }
 
-/// Waits no longer than that, if there is a limit.
+/// Waits at most for the limit, if there is one.
 async fn within<F: Future>(limit: Option<Duration>, future: F) -> Result<F::Output, Duration> {
     match limit {
         Some(limit) => timeout(limit, future).await.map_err(|_elapsed| limit),
@@ -77,7 +78,7 @@ fn limit(timeout: Option<f64>) -> PyResult<Option<Duration>> {
 
 #[pymethods]
 impl SubscriptionCore {
-    /// The values as they are known now.
+    /// The last known values.
     fn latest(&self) -> PyResult<Operation> {
         let (names, shared) = (Arc::clone(&self.names), Arc::clone(self.shared.here()?));
         let looking = async move { shared.subscription.lock().await.as_ref().map(Subscription::latest) };
@@ -87,7 +88,7 @@ impl SubscriptionCore {
         }))
     }
 
-    /// The values once any was read again; `None` once it was ended, or the robot closed.
+    /// The values after at least one was read again; `None` once it was ended, or the robot was closed.
     fn next(&self, timeout: Option<f64>) -> PyResult<Operation> {
         let (names, shared) = (Arc::clone(&self.names), Arc::clone(self.shared.here()?));
         let waiting = within(limit(timeout)?, async move { shared.next().await });
@@ -97,11 +98,12 @@ impl SubscriptionCore {
         }))
     }
 
-    /// Ends it, and the waiting for its next values.
+    /// Ends the subscription, and every wait for its next values.
     fn close(&self) -> PyResult<()> {
         let shared = self.shared.here()?;
         shared.closed.send_replace(true);
-        // Whoever waits for the next values holds it, and drops it as soon as it has heard of this.
+        // A caller that waits for the next values holds the lock. It takes the subscription when it sees that
+        // this is closed.
         if let Ok(mut subscription) = shared.subscription.try_lock() {
             subscription.take();
         }
@@ -109,16 +111,16 @@ impl SubscriptionCore {
     }
 }
 
-/// What happens on the connection.
+/// The common part of ``PushedEvents`` and ``AsyncPushedEvents``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct PushedCore {
     receiver: OfThisProcess<Arc<Mutex<Receiver<Pushed>>>>,
-    /// Whether the robot was closed. The sender of the events outlives that: a subscription keeps it.
+    /// Whether the robot was closed. The sender of the events lives longer, because a subscription keeps it.
     closed: OfThisProcess<watch::Receiver<bool>>,
 }
 
 impl PushedCore {
-    /// From now on, until it is closed.
+    /// Events from now on, until it is closed.
     pub fn new(receiver: Receiver<Pushed>, closed: watch::Receiver<bool>) -> Self {
         Self {
             receiver: OfThisProcess::new(Arc::new(Mutex::new(receiver))),

@@ -1,12 +1,13 @@
-//! The connection of an `AsyncRobot`: one socket that two threads serve, whoever comes first.
+//! The connection of an `AsyncRobot`: one socket that two threads serve, whichever comes first.
 //!
 //! ```text
-//!  the thread of the event loop:  begins a call and writes its request at once; reads when its selector says so
-//!  the engine's keeper:           time-outs, heartbeats, stops, streams, a new connection; and it reads what the event loop
-//!                                 has left for 2 ms
+//!  thread of the event loop:  begins a call and writes its request at once; reads when its selector says so
+//!  the engine's keeper:       timeouts, heartbeats, stops, streams, a new connection; it also reads bytes
+//!                             that the event loop has left for 2 ms
 //! ```
 //!
-//! So a query needs one thread, and a program that holds the interpreter, or has closed its event loop, holds up nothing.
+//! So a query needs one thread. A program that holds the interpreter, or has closed its event loop, delays
+//! nothing.
 
 use std::future::{Future, pending};
 use std::io::{self, ErrorKind, Read as _, Write as _};
@@ -25,49 +26,50 @@ use tokio::sync::Notify;
 use tokio::task::yield_now;
 use tokio::time::{sleep_until, timeout};
 
-/// How long bytes may wait for an event loop that reads, before the keeper reads them. A real controller takes ten times as long to
-/// answer.
+/// How long bytes may wait for an event loop, before the keeper reads them. A real controller takes ten times
+/// as long to answer.
 const GRACE: Duration = Duration::from_millis(2);
 
-/// Replies are below 4 KiB; a longer one is read in pieces.
+/// The size of a read. Replies are below 4 KiB; a longer reply is read in pieces.
 const READ_BUFFER: usize = 4096;
 
-/// The reads of one call. A peer that floods the connection takes no more than this of each turn of the event loop, which holds the
-/// interpreter meanwhile.
+/// The most reads in one call. So a peer that floods the connection takes a limited part of each turn of the
+/// event loop, which holds the interpreter in that time.
 const MOST_READS: usize = 4;
 
-/// One socket. The keeper has another descriptor of it, with which the engine waits.
+/// One socket. The keeper has another descriptor of it, on which the engine waits.
 pub struct Socket {
     stream: TcpStream,
 }
 
-/// What the hand, the event loop and the keeper share.
+/// State that the hand, the event loop and the keeper share.
 pub struct Wire {
     begun: Instant,
     target: (String, u16),
-    /// Tells the keeper to look.
+    /// Wakes the keeper.
     nudge: Notify,
     state: Mutex<State>,
-    /// Held while bytes are read and handed on, so that they stay in order, and while the next connection is told, so that none of this
-    /// one are taken for its.
+    /// Held while bytes are read and passed on, so that they stay in order. Also held while the next
+    /// connection is announced, so that no bytes of this connection count as bytes of the next one.
     reading: Mutex<()>,
     /// Whether an event loop reads in time.
     engaged: AtomicBool,
-    /// Calls of event loops that wait.
+    /// The number of waiting calls of event loops.
     calls: AtomicUsize,
     /// How often an event loop has read.
     reads: AtomicU64,
-    /// Whether the last call of [`Wire::read`] left bytes behind. The keeper's descriptor does not tell these again.
+    /// Whether the last call of [`Wire::read`] left bytes behind. The keeper's descriptor does not report
+    /// them again.
     more: AtomicBool,
     runtime: Handle,
-    /// What is done after the keeper carried: results are handed on.
+    /// Called after the keeper has driven the hand. It passes on results.
     carried: Box<dyn Fn() + Send + Sync>,
 }
 
 #[derive(Default)]
 struct State {
     socket: Option<Arc<Socket>>,
-    /// Counts the sockets and attempts, so that the keeper sees that it has an old one.
+    /// Counts the sockets and attempts, so that the keeper can tell that its socket is old.
     number: u64,
     connecting: bool,
     call_at: Option<Duration>,
@@ -87,7 +89,8 @@ impl Socket {
         Ok(Arc::new(Self { stream }))
     }
 
-    /// What an event loop watches it by; `None` where event loops watch none.
+    /// The descriptor that an event loop watches; `None` on systems where event loops do not watch sockets
+    /// this way.
     pub fn descriptor(&self) -> Option<i32> {
         #[cfg(unix)]
         return Some(std::os::fd::AsRawFd::as_raw_fd(&self.stream));
@@ -98,12 +101,12 @@ impl Socket {
 
 async fn connect((host, port): (String, u16)) -> io::Result<tokio::net::TcpStream> {
     let stream = tokio::net::TcpStream::connect((host.as_str(), port)).await?;
-    // A frame that waits for the acknowledgement of the one before costs up to 200 ms.
+    // Without this, a frame that waits for the acknowledgement of the frame before costs up to 200 ms.
     stream.set_nodelay(true)?;
     Ok(stream)
 }
 
-/// Connects, and has the keeper begin on this runtime. `carried`: called after the keeper carried.
+/// Connects, and starts the keeper on this runtime. `carried` is called after the keeper has driven the hand.
 pub async fn open(
     address: &str,
     settings: RobotSettings,
@@ -167,33 +170,34 @@ impl Wire {
         self.state().socket.clone()
     }
 
-    /// Has the keeper look.
+    /// Wakes the keeper.
     pub fn look(&self) {
         self.nudge.notify_one();
     }
 
-    /// A call of an event loop waits: the keeper leaves to it what comes in.
+    /// Notes that a call of an event loop waits. The keeper then leaves incoming bytes to the event loop.
     pub fn engage(&self) {
         self.calls.fetch_add(1, Ordering::Relaxed);
         self.engaged.store(true, Ordering::Relaxed);
     }
 
-    /// It has ended.
+    /// Notes that the call has ended.
     pub fn disengage(&self) {
         self.calls.fetch_sub(1, Ordering::Relaxed);
     }
 
-    /// An event loop reads, because there is something to read.
+    /// Reads in an event loop, because there are bytes.
     pub fn read_here(&self, hand: &CallbackHand) {
         self.reads.fetch_add(1, Ordering::Relaxed);
         self.read(hand);
         if self.more.load(Ordering::Relaxed) {
-            // The selector tells the event loop again. The keeper reads the rest if the event loop does not.
+            // The selector tells the event loop again. If the event loop does not read, the keeper reads the
+            // rest.
             self.nudge.notify_one();
         }
     }
 
-    /// Reads what is there, [`MOST_READS`] times at most.
+    /// Reads available bytes, [`MOST_READS`] times at most.
     fn read(&self, hand: &CallbackHand) {
         let _in_order = self.reading();
         self.more.store(false, Ordering::Relaxed);
@@ -204,7 +208,8 @@ impl Wire {
                 Ok(0) => LostReason::ClosedByPeer,
                 Ok(count) => {
                     hand.received(buffer.get(..count).unwrap_or_default());
-                    // Not only until a short read: the keeper is not told again of a connection that ended with these bytes.
+                    // Does not end at a short read: if the connection ended with these bytes, the keeper gets
+                    // no further notice.
                     if !self.is_present(&socket) {
                         return;
                     }
@@ -227,7 +232,8 @@ impl Wire {
         self.state().socket.as_ref().is_some_and(|present| Arc::ptr_eq(present, socket))
     }
 
-    /// The connection ends now, whoever still has a descriptor of it: an event loop may have to take it out of its selector.
+    /// Ends the connection now, even if other descriptors exist: an event loop may still have to remove its
+    /// descriptor from its selector.
     fn drop_socket(&self) {
         let socket = {
             let mut state = self.state();
@@ -235,7 +241,7 @@ impl Wire {
             state.socket.take()
         };
         if let Some(socket) = socket {
-            // It may have ended before.
+            // The connection may have ended before.
             socket.stream.shutdown(Shutdown::Both).ok();
             self.nudge.notify_one();
         }
@@ -263,7 +269,7 @@ impl EventLoop for Wire {
             }
         };
         if written < bytes.len() && !replace(&mut self.state().full, true) {
-            // Once only: the keeper writes again when it is nudged, and would nudge itself without end.
+            // Only once: the keeper writes again when it is woken, and would wake itself without end.
             self.nudge.notify_one();
         }
         written
@@ -278,7 +284,7 @@ impl EventLoop for Wire {
 
     fn end(&self) {
         if let Some(socket) = self.socket() {
-            // Then the other side has ended it before.
+            // A failure means that the other side has ended the connection before.
             socket.stream.shutdown(Shutdown::Write).ok();
         }
     }
@@ -296,14 +302,15 @@ impl EventLoop for Wire {
 
     fn another(&self, another: Another) {
         let (target, begun) = (self.target.clone(), self.begun);
-        // The keeper of this one carries, or the thread of an event loop: neither waits.
+        // The caller is the keeper of this connection or the thread of an event loop. Neither of them may
+        // wait.
         self.runtime.spawn(async move {
             let made = connect(target.clone()).await;
             match made.and_then(|stream| Ok((Socket::of(&stream)?, stream))) {
                 Ok((socket, stream)) => {
                     let wire = Self::over(target, begun, socket, || ());
                     if let Some(hand) = another.connected(Arc::clone(&wire) as Arc<dyn EventLoop>) {
-                        // The keeper ends once it alone has the hand.
+                        // The keeper ends once it has the only reference to the hand.
                         let keeper = Keeper::over(wire, Arc::new(hand), stream);
                         keeper.keep().await;
                     }
@@ -314,21 +321,21 @@ impl EventLoop for Wire {
     }
 }
 
-/// What serves the connection whenever no event loop does.
+/// Serves the connection whenever no event loop does.
 struct Keeper {
     wire: Arc<Wire>,
     hand: Arc<CallbackHand>,
-    /// The present socket for the engine, with its number.
+    /// The present socket for the engine; `number` belongs to it.
     stream: Option<tokio::net::TcpStream>,
     connecting: Option<Connecting>,
     number: u64,
-    /// Until when what came in is left to the event loop, and how often that had read before.
+    /// Until when incoming bytes are left to the event loop, and how often it had read before.
     grace: Option<(tokio::time::Instant, u64)>,
-    /// How often it had read when the last such time was over.
+    /// How often the event loop had read when the last such time ended.
     seen: u64,
 }
 
-/// What happened.
+/// What woke the keeper.
 enum Woken {
     Nudged,
     Due,
@@ -354,7 +361,7 @@ impl Keeper {
                 Woken::Readable => self.readable(),
                 Woken::GraceOver => self.grace_over(),
                 Woken::Writable => {
-                    // Writes go past tokio: without this it would never notice that the socket is full.
+                    // Writes bypass tokio. Without this, tokio would never notice that the socket is full.
                     self.forget(Interest::WRITABLE);
                     self.wire.state().full = false;
                     self.hand.writable();
@@ -384,7 +391,7 @@ impl Keeper {
         let stream = self.stream.as_ref();
         let ready = |interest: Interest, wanted: bool| async move {
             match stream.filter(|_| wanted) {
-                // It is said again when it is tried.
+                // An error appears again at the next read or write.
                 Some(stream) => drop(stream.ready(interest).await),
                 None => pending().await,
             }
@@ -407,7 +414,7 @@ impl Keeper {
         }
     }
 
-    /// Has tokio forget that the socket is ready for this, so that it tells the next change.
+    /// Makes tokio forget that the socket is ready for this, so that it reports the next change.
     fn forget(&self, interest: Interest) {
         if let Some(stream) = &self.stream {
             let not_ready = || Err::<(), _>(io::Error::from(ErrorKind::WouldBlock));
@@ -415,9 +422,9 @@ impl Keeper {
         }
     }
 
-    /// Something came: the event loop reads it, where it does.
+    /// Handles incoming bytes: leaves them to an active event loop, else reads them.
     fn readable(&mut self) {
-        // Bytes that are there now are read after this.
+        // The bytes that are there now are read after this.
         self.forget(Interest::READABLE);
         let reads = self.wire.reads.load(Ordering::Relaxed);
         let active = self.wire.calls.load(Ordering::Relaxed) > 0 || reads != self.seen;
@@ -464,7 +471,7 @@ impl Keeper {
         }
     }
 
-    /// Does what the hand wanted meanwhile.
+    /// Does what the hand has asked for in the meantime.
     fn follow(&mut self) {
         let state = self.wire.state();
         if state.number == self.number {
@@ -487,7 +494,7 @@ async fn at(time: Option<tokio::time::Instant>) {
     }
 }
 
-/// Ends at once after the other tasks of this thread had a turn; never if it is not wanted.
+/// Yields once to the other tasks of this thread, then returns. Never returns if `wanted` is false.
 async fn again(wanted: bool) {
     if wanted {
         yield_now().await;

@@ -1,4 +1,4 @@
-"""What the tests share besides the fixtures of the package."""
+"""Fixtures that the tests share, besides those of the package."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ from relay import Relay
 
 @pytest.fixture
 def relay() -> Iterator[Relay]:
-    """A cable that can be pulled."""
+    """A cable that can be disconnected."""
     relay = Relay()
     yield relay
     relay.close()
@@ -34,7 +34,7 @@ def hostile(hostile_program: Path) -> Iterator[Callable[[dict[str, object]], Hos
 
 @pytest.fixture
 def alarm() -> Iterator[None]:
-    """A signal handler that raises wherever the program is, as that of Ctrl-C does."""
+    """A signal handler that raises at any place in the program, as that of Ctrl-C does."""
 
     def give_up(number: int, frame: object) -> None:
         raise GivenUp

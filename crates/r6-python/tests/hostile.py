@@ -1,4 +1,4 @@
-"""A controller that misbehaves on purpose: the program ``r6-hostile`` of r6-testkit, in a process of its own."""
+"""A controller that misbehaves on purpose: the program ``r6-hostile`` of r6-testkit, in its own process."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from typing_extensions import Self
 
 WORKSPACE = Path(__file__).parents[3]
 BUILT_WITHIN = 280
-"""Seconds: below the limit of one test, which builds it where nothing has built it before."""
+"""Seconds: below the limit of one test, because a test may have to build the program."""
 
 
 def built() -> Path:
-    """Builds the program and returns where it is."""
+    """Builds the program and returns its path."""
     command = ["cargo", "build", "--quiet", "--package", "r6-testkit", "--bin", "r6-hostile"]
     subprocess.run(command, cwd=WORKSPACE, check=True, timeout=BUILT_WITHIN)
     target = Path(os.environ.get("CARGO_TARGET_DIR", "target"))
@@ -25,7 +25,7 @@ def built() -> Path:
 
 
 class Hostile:
-    """One such controller. The character is that of ``r6_testkit::hostile::Character``."""
+    """A controller that misbehaves. Its character is ``r6_testkit::hostile::Character``."""
 
     def __init__(self, program: Path, character: dict[str, object]) -> None:
         pipe = subprocess.PIPE
@@ -34,7 +34,7 @@ class Hostile:
         self.address = f"127.0.0.1:{self._told()['port']}"
 
     def ask(self, line: str) -> Any:
-        """Gives it a line; what it answers."""
+        """Sends it a line, and returns its answer."""
         assert self._popen.stdin is not None
         self._popen.stdin.write(f"{line}\n")
         self._popen.stdin.flush()
@@ -53,5 +53,5 @@ class Hostile:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        # The end of its input ends it.
+        # It ends when its input ends.
         self._popen.communicate(timeout=60)

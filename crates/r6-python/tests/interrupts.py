@@ -1,5 +1,5 @@
-"""Interruptions at chosen moments: a signal at each place of the Python code where one can come through, a cancellation at each turn
-of the event loop."""
+"""Interruptions at chosen moments: a signal at each place of the Python code where a handler can run, a
+cancellation at each turn of the event loop."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PACKAGE = str(Path(r6.__file__).parent)
 
 
 class GivenUp(BaseException):
-    """What the handler of a signal raises, as that of Ctrl-C does."""
+    """Raised by a signal handler, as Ctrl-C does."""
 
 
 def endless() -> r6.Motion:
@@ -36,7 +36,7 @@ def stands(controller: r6.Simulator) -> bool:
 
 
 def until(what: str, holds: Callable[[], bool]) -> None:
-    """Waits, no longer than a minute, until something holds."""
+    """Waits until something holds, at most a minute."""
     end = time.monotonic() + 60
     while not holds():
         assert time.monotonic() < end, what
@@ -44,14 +44,15 @@ def until(what: str, holds: Callable[[], bool]) -> None:
 
 
 def told(error: BaseException) -> str:
-    """The lines below an exception, and what it says; notes are there from Python 3.11 on."""
+    """The text of an exception and its notes; notes exist from Python 3.11 on."""
     return "\n".join([str(error), *getattr(error, "__notes__", [])])
 
 
 @contextmanager
 def interrupted_at(moment: int) -> Iterator[Callable[[], bool]]:
-    """Raises ``GivenUp`` in this thread at the n-th moment at which the interpreter would let a signal through in Python code of
-    the package: where a function begins, and where a native call has returned. Gives a function that tells whether it came to that."""
+    """Raises ``GivenUp`` in this thread at the n-th moment at which a signal handler could run in Python code
+    of the package: at the start of a function, and after a native call. Yields a function that says
+    whether this happened."""
     seen, raised = 0, False
 
     def watch(frame: FrameType, event: str, _: Any) -> None:
@@ -72,8 +73,9 @@ def interrupted_at(moment: int) -> Iterator[Callable[[], bool]]:
 
 
 class Loop(asyncio.SelectorEventLoop):
-    """An event loop that does something when a thread tells it of an operation that has ended: before it takes that in (``early``),
-    after that and before anything else (``late``), or in its place (``lost``), which fails as it does on a closed loop."""
+    """An event loop that does something when a thread reports an operation that has ended: before it takes
+    the report (``early``), after that and before anything else (``late``), or instead (``lost``), which
+    fails as on a closed loop."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -92,7 +94,7 @@ class Loop(asyncio.SelectorEventLoop):
         def taken_in() -> None:
             callback(*args)
             if when == "late":
-                # In the same turn: the task that waits has its own after it.
+                # Still in the same turn: the waiting task has its turn after it.
                 disturb()
 
         return super().call_soon_threadsafe(taken_in, context=context)

@@ -1,4 +1,4 @@
-"""What the log of a virtual controller tells, as data."""
+"""The log of a virtual controller, as data."""
 
 from collections.abc import Iterable
 
@@ -6,10 +6,10 @@ import r6
 
 
 def commands(lines: Iterable[r6.LogLine]) -> list[str]:
-    """The commands that it was given and answered with ok."""
+    """The commands that the controller answered with ok."""
     return [line.event["command"] for line in lines if line.event["event"] == "command_accepted"]
 
 
 def lists(lines: Iterable[r6.LogLine]) -> list[int]:
-    """The lists that it took: how many instructions each had."""
+    """The number of instructions in each list that the controller took."""
     return [line.event["instructions"] for line in lines if line.event["event"] == "list_taken"]

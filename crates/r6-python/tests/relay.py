@@ -1,4 +1,4 @@
-"""A cable that can be pulled: a TCP relay."""
+"""A cable that can be disconnected: a TCP relay."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from collections.abc import Callable
 
 
 class Relay:
-    """Carries bytes between whoever connects to it and the port that ``target`` names at that moment."""
+    """Carries bytes between its clients and the port that ``target`` names at that moment."""
 
     def __init__(self) -> None:
         self.target = 0
         self.sent = bytearray()
-        """What came from those who connect to it, of all connections."""
+        """The bytes from all clients, of all connections."""
         self.answers = threading.Event()
-        """Replies are held back, on all connections, while it is cleared."""
+        """While it is cleared, replies are held back on all connections."""
         self.answers.set()
         self.connections = 0
-        """All that were ever made to it."""
+        """All connections that were ever made to it."""
         self.before_reply: Callable[[], None] | None = None
-        """Called before each reply is handed on, in a thread of the relay."""
+        """Called before each reply is passed on, in a thread of the relay."""
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._sockets: list[socket.socket] = []
         self._lock = threading.Lock()
@@ -32,14 +32,14 @@ class Relay:
         return f"127.0.0.1:{self._listener.getsockname()[1]}"
 
     def cut(self) -> None:
-        """Ends all connections; new ones are carried again."""
+        """Ends all connections; new ones work again."""
         with self._lock:
             sockets, self._sockets = self._sockets, []
         for end in sockets:
             shut(end)
 
     def close(self) -> None:
-        """Ends it."""
+        """Ends the relay."""
         self.answers.set()
         shut(self._listener)
         self._listener.close()
@@ -68,7 +68,8 @@ class Relay:
 
 
 def carry(source: socket.socket, sink: socket.socket, seen: Callable[[bytes], None]) -> None:
-    """One direction, until either end is gone; shows what it carries before it hands it on."""
+    """Carries one direction until either end is gone. Calls ``seen`` with the bytes before it passes them
+    on."""
     with source:
         try:
             while data := source.recv(4096):

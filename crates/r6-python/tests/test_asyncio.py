@@ -24,7 +24,7 @@ Test = Callable[[r6.AsyncRobot], Awaitable[None]]
 
 def with_robot(controller: r6.Simulator, test: Test, settings: r6.RobotSettings | None = None) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(controller.address, settings) as robot:
+        async with r6.AsyncRobot.connect(controller.address, settings) as robot:
             await test(robot)
 
     asyncio.run(main())
@@ -58,7 +58,7 @@ def test_reading_and_writing(virtual_controller: r6.Simulator) -> None:
         assert (await robot.read_registers(800, 2)).tolist() == [5, 6]
         await robot.set_counter(2, current=9)
         assert (await robot.counter(2)).current == 9
-        await robot.set_output(0, 1, True)
+        await robot.set_output("Y011", True)
         assert (await robot.outputs())[1] and not (await robot.inputs()).any()
         await robot.set_global_speed(r6.Percent(60))
         assert (await robot.clear_list()).after > 0
@@ -166,7 +166,7 @@ async def given(controller: r6.Simulator, command: str) -> None:
 
 @pytest.mark.parametrize("turns", range(3))
 def test_a_stop_that_is_cancelled_early_is_sent(turns: int, virtual_controller: r6.Simulator) -> None:
-    """Before the task has its first turn, and soon after."""
+    """Cancelled before the first turn of the task, and soon after."""
 
     async def test(robot: r6.AsyncRobot) -> None:
         handle = await robot.run(endless())
@@ -210,7 +210,7 @@ SILENT = '[[fault]]\nfault = "silence"\n'
 
 @pytest.mark.virtual_controller(scenario=SILENT)
 def test_a_cancelled_request_is_dropped(virtual_controller: r6.Simulator) -> None:
-    """Nobody answers, so a request that was not dropped would be waited for."""
+    """There is no answer, so a request that was not dropped would still be waited for."""
 
     async def test(robot: r6.AsyncRobot) -> None:
         first = asyncio.create_task(robot.query("curMode"))
@@ -265,7 +265,7 @@ def test_tasks_cancelled_at_random_leave_the_others_their_own_values(
 
 
 class CountingLoop(asyncio.SelectorEventLoop):
-    """Counts what comes from other threads."""
+    """Counts the calls from other threads."""
 
     from_others = 0
 
@@ -275,12 +275,13 @@ class CountingLoop(asyncio.SelectorEventLoop):
 
 
 def test_a_query_needs_no_other_thread(virtual_controller: r6.Simulator) -> None:
-    """Another thread helps out where this process does not get its turn within 2 ms, so a busy machine may disturb some queries. A
-    hundred in a row that need none are found all the same, and not where one in ten goes to another thread."""
+    """Another thread helps if this process does not get its turn within 2 ms, so a busy machine may disturb
+    some queries. The test looks for a hundred in a row without help. It would not find them if one query
+    in ten went to another thread."""
     loop = CountingLoop()
 
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             await robot.query("curMode")
             alone, longest = 0, 0
             for _ in range(2000):
@@ -299,7 +300,7 @@ def test_a_query_needs_no_other_thread(virtual_controller: r6.Simulator) -> None
 
 
 def test_an_event_loop_that_is_held_up_holds_up_no_heartbeat(tmp_path: Path) -> None:
-    """Also while a query waits whose reply the event loop would read."""
+    """The same while a query waits whose reply the event loop would read."""
     profile = tmp_path / "short.toml"
     profile.write_text('base = "hc1"\nheartbeat_timeout_ms = 1000\n')
 
@@ -409,3 +410,20 @@ def test_two_loops_one_after_the_other(virtual_controller: r6.Simulator) -> None
         return value
 
     assert asyncio.run(use(asyncio.run(connect()))) == 7
+
+
+def test_a_connection_is_awaited_or_entered(virtual_controller: r6.Simulator) -> None:
+    async def main() -> None:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
+            assert await robot.is_on("Y010") is False
+            await robot.set_output("Y010", True)
+            assert (await robot.pose()).turn is not None
+        task = asyncio.create_task(r6.AsyncRobot.connect(virtual_controller.address))
+        second = await task
+        assert await second.is_on("Y010")
+        await second.close()
+        host, _, port = virtual_controller.address.partition(":")
+        third = await r6.AsyncRobot.connect(host, int(port))
+        await third.close()
+
+    asyncio.run(main())

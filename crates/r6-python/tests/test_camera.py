@@ -1,7 +1,10 @@
-"""The camera's side of the connection."""
+"""A client as a camera."""
 
 import asyncio
+import inspect
+import itertools
 import signal
+import textwrap
 import threading
 import time
 from collections.abc import Iterator
@@ -47,7 +50,7 @@ PART = r6.Point(x=20.0, y=10.0, z=-30.0, relative=True)
 
 @contextmanager
 def asked_again_and_again(controller: r6.Simulator) -> Iterator[None]:
-    """Whoever serves may not listen yet: photos are asked for until this ends."""
+    """Asks for photos until this ends, because the client may not listen yet."""
     ended = threading.Event()
 
     def ask() -> None:
@@ -89,7 +92,7 @@ def test_photos_are_served_and_the_arm_goes_there(
 def test_a_stop_does_not_wait_for_a_picture(
     virtual_robot: r6.Robot, virtual_controller: r6.Simulator
 ) -> None:
-    """Nor does anything else; the points of that picture are held back."""
+    """Nothing else is sent either; the points of that picture are not sent."""
     looking, taken = threading.Event(), threading.Event()
 
     def look(cam_id: int) -> r6.Shot:
@@ -133,12 +136,12 @@ def test_angles_that_are_left_out_stay_as_they_are(
         until = time.monotonic() + 60
         before = None
         while time.monotonic() < until:
-            # The program moves on only after a point, so the same pose a fifth of a second later, away from home, is its end.
+            # The program moves on only after a point. An unchanged pose away from home 0.2 s later is the end.
             pose = [float(value) for value in virtual_robot.status().pose.round(3)]
             if pose == before and abs(pose[5]) > 1:
                 return pose
             before = pose
-            # Ten times that for the controller.
+            # The controller's clock runs ten times as fast.
             time.sleep(0.02)
         raise AssertionError("it does not stand")
 
@@ -190,7 +193,7 @@ def test_photos_are_served_by_one_at_a_time(
 
 
 class Blurred(Exception):
-    """A camera of its own has errors of its own."""
+    """An error of a user's camera."""
 
 
 def test_what_look_raises_comes_out_and_the_robot_goes_on(
@@ -257,7 +260,7 @@ def test_a_lost_connection_ends_the_serving(virtual_controller: r6.Simulator, re
 
 
 def test_photos_are_served_through_asyncio(virtual_controller: r6.Simulator) -> None:
-    """A picture that is under way when a stop comes is given up."""
+    """A picture that is under way during a stop is cancelled."""
     cancelled: list[int] = []
     looking = asyncio.Event()
 
@@ -274,10 +277,10 @@ def test_photos_are_served_through_asyncio(virtual_controller: r6.Simulator) -> 
         raise Blurred(cam_id)
 
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             assert (await robot.status()).is_ready
             serving = asyncio.create_task(robot.serve_photos(look))
-            # A request that comes before the serving has begun is not seen.
+            # A request before the serving has begun is not seen.
             await asyncio.sleep(0.05)
             while not looking.is_set():
                 virtual_controller.request_photo(2)
@@ -296,3 +299,30 @@ def test_photos_are_served_through_asyncio(virtual_controller: r6.Simulator) -> 
             assert (await robot.query("curMode")).integer("curMode")
 
     asyncio.run(asyncio.wait_for(main(), 60))
+
+
+def example_of(function: object) -> str:
+    """The code block in the docstring."""
+    text = inspect.getdoc(function) or ""
+    _, _, rest = text.partition("::\n\n")
+    lines = itertools.takewhile(lambda line: not line or line.startswith("    "), rest.splitlines())
+    return textwrap.dedent("\n".join(lines))
+
+
+def test_the_example_of_serve_photos_picks_on_the_shipped_program() -> None:
+    with r6.Simulator(program="pick-and-place", clock=20) as controller:
+        controller.set_input("X010", True)
+        with r6.Robot.connect(controller.address) as robot, ThreadPoolExecutor() as pool:
+            serving = pool.submit(exec, example_of(r6.Robot.serve_photos), {"r6": r6, "robot": robot})
+            while robot.counter(0).current < 2:
+                assert controller.snapshot().alarm == 0
+                assert not serving.done(), serving.exception()
+            robot.close()
+            serving.result(timeout=60)
+
+
+def test_a_program_may_be_named() -> None:
+    with r6.Simulator(program="palletise") as controller:
+        assert controller.snapshot().program == "palletise"
+    with pytest.raises(r6.SimulatorError):
+        r6.Simulator(program="paletise")

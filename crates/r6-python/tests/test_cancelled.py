@@ -1,5 +1,5 @@
-"""K1 in Python: calls that are given up wherever they are, by cancelling their task or by a signal. Nothing hangs, nothing is sent or
-carried out twice, and the next caller finds all in order."""
+"""K1 in Python: calls that are given up at any place, by cancelling their task or by a signal. Nothing hangs,
+nothing is sent or carried out twice, and the next call works."""
 
 import asyncio
 import contextlib
@@ -19,7 +19,7 @@ from relay import Relay
 import r6
 
 SLOW = '[[fault]]\nfault = "latency"\nto_controller = 0.1\nto_client = 0.1\n'
-"""The link takes its time, 5 ms each way at 20 times the speed, so that there is something to wait for."""
+"""The link is slow, 5 ms each way at 20 times the speed, so that calls have to wait."""
 
 OPTIONS = r6.RunOptions(frame_instructions=1, room=2, interval=0.02, start_within=0.1, clear_leftover=True)
 STEPS = 4
@@ -27,13 +27,13 @@ REGISTER = 800
 
 
 def motion(number: int) -> r6.Motion:
-    """Its targets are of no other number: each is sent once at most."""
+    """A motion whose targets no other number has, so that each must be sent at most once."""
     targets = 0.01 * (STEPS * number + np.arange(STEPS).reshape(-1, 1)) + 0.01
     return r6.Motion().axis_path(targets, r6.Percent(20))
 
 
 class Witness:
-    """What was sent, and what the controller took."""
+    """Records what was sent, and what the controller took."""
 
     def __init__(self, relay: Relay, controller: r6.Simulator) -> None:
         self.relay, self.controller = relay, controller
@@ -60,9 +60,9 @@ class Witness:
 
 
 async def settled(robot: r6.AsyncRobot, number: int) -> None:
-    """The next caller: looks, starts what was stopped, writes and moves."""
+    """Does what a next caller does: reads the state, starts what was stopped, writes and moves."""
     await robot.write_registers(REGISTER, [number])
-    # A stop whose waiting was given up goes on: it may take effect only after a look that found the machine running.
+    # A stop goes on after its caller gave up: it may take effect after the status showed the machine running.
     handle: r6.AsyncMotionHandle | None = None
     while handle is None:
         if (await robot.status()).mode != r6.OperationMode.RUNNING:
@@ -109,7 +109,7 @@ async def serve(robot: r6.AsyncRobot, number: int) -> None:
 
 
 async def connect(robot: r6.AsyncRobot, number: int) -> None:
-    async with await r6.AsyncRobot.connect(robot.address) as other:
+    async with r6.AsyncRobot.connect(robot.address) as other:
         await other.status()
 
 
@@ -134,9 +134,9 @@ CALLS: dict[str, Call] = {
 }
 
 TURNS = (0, 1, 3)
-"""Turns of the event loop before it is cancelled: none is before the call has begun."""
+"""Turns of the event loop before the cancellation: 0 is before the call has begun."""
 TIMES = (0.002, 0.008, 0.015, 0.03, 0.08, 0.2)
-"""Seconds before it is given up: before the request has left, before the reply, in a motion."""
+"""Seconds before the call is given up: before the request has left, before the reply, in a motion."""
 
 
 async def cancel(call: Call, robot: r6.AsyncRobot, number: int, turns: int, after: float) -> None:
@@ -151,7 +151,7 @@ async def cancel(call: Call, robot: r6.AsyncRobot, number: int, turns: int, afte
     task.cancel()
     await asyncio.wait([task], timeout=60)
     assert task.done(), "it hangs"
-    # One that came to its end before has its result; none fails.
+    # A call that ended before has its result; no call fails.
     assert task.cancelled() or task.exception() is None, task.exception()
 
 
@@ -164,7 +164,7 @@ def test_k1_a_cancelled_task_leaves_all_in_order(
     witness = Witness(relay, virtual_controller)
 
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(relay.address) as robot:
+        async with r6.AsyncRobot.connect(relay.address) as robot:
             await robot.status()
             number = 0
             for turns, after in [(turns, 0.0) for turns in TURNS] + [(0, after) for after in TIMES]:
@@ -185,7 +185,7 @@ def test_k1_what_is_cancelled_before_it_begins_never_leaves(
     witness = Witness(relay, virtual_controller)
 
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(relay.address) as robot:
+        async with r6.AsyncRobot.connect(relay.address) as robot:
             await robot.status()
             await cancel(CALLS[name], robot, 5, 0, 0.0)
             await asyncio.wait_for(settled(robot, 0), 60)
@@ -197,12 +197,12 @@ def test_k1_what_is_cancelled_before_it_begins_never_leaves(
 
 
 class GivenUp(Exception):
-    """What the handler of the signal raises, as Ctrl-C does."""
+    """Raised by the signal handler, as Ctrl-C does."""
 
 
 @pytest.fixture
 def alarm() -> Iterator[None]:
-    """A signal handler that raises wherever the program is."""
+    """A signal handler that raises at any place in the program."""
 
     def give_up(number: int, frame: FrameType | None) -> None:
         raise GivenUp
@@ -232,7 +232,7 @@ def watch(robot: r6.Robot, number: int) -> None:
 
 
 def time_out(robot: r6.Robot, number: int) -> None:
-    """Nothing comes in time."""
+    """A call that times out."""
     with robot.subscribe("axis-0", every=3600) as state, pytest.raises(TimeoutError):
         for _ in range(3):
             state.next(timeout=0.02)
@@ -259,7 +259,7 @@ BLOCKING: dict[str, Callable[[r6.Robot, int], object]] = {
 }
 
 
-# The signal of the usual time limit is what this is about.
+# The usual time limit uses the same signal as these tests.
 @pytest.mark.timeout(method="thread")
 @pytest.mark.usefixtures("alarm")
 @pytest.mark.virtual_controller(clock=20, scenario=SLOW)

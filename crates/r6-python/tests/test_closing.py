@@ -1,5 +1,5 @@
-"""Closing cuts off no stop: a second Ctrl-C, ``close``, the end of a block, of a loop and of the program all wait for the one that is
-under way, or say that it was not confirmed."""
+"""Closing does not interrupt a stop. A second Ctrl-C, ``close``, the end of a block, of a loop and of the
+program all wait for the stop that is under way, or say that it was not confirmed."""
 
 import asyncio
 import gc
@@ -19,7 +19,7 @@ import r6
 Controller = r6.Simulator
 NOTES = sys.version_info >= (3, 11)
 PATIENT = "r6.RobotSettings(reply_timeout=60)"
-"""The replies are held back; a request that times out meanwhile is another matter."""
+"""The replies are held back, and no request must time out in this time."""
 
 
 @pytest.fixture
@@ -35,14 +35,14 @@ def stop_left(cable: Relay) -> bool:
 
 
 def assert_stopped(controller: Controller) -> None:
-    """Stopped, and cleared: what a stop that was cut off has not come to."""
+    """Checks that the arm stands and its list is cleared, which an interrupted stop would not do."""
     lines = controller.log()
     assert stands(controller), lines
     assert "actionStop" in commands(lines)
 
 
 class Closing(threading.Thread):
-    """Closes a robot in a thread of its own."""
+    """Closes a robot in its own thread."""
 
     def __init__(self, robot: r6.Robot) -> None:
         super().__init__(daemon=True)
@@ -76,7 +76,7 @@ def test_closing_through_asyncio_waits_for_a_stop_whose_task_was_cancelled(
     cable: Relay, virtual_controller: Controller
 ) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(cable.address, r6.RobotSettings(reply_timeout=60)) as robot:
+        async with r6.AsyncRobot.connect(cable.address, r6.RobotSettings(reply_timeout=60)) as robot:
             handle = await robot.run(endless())
             assert await handle.step(1).started()
             cable.answers.clear()
@@ -154,7 +154,7 @@ finally:
 import asyncio, sys, r6
 {PATH}
 async def main():
-    async with await r6.AsyncRobot.connect(sys.argv[1], {PATIENT}) as robot:
+    async with r6.AsyncRobot.connect(sys.argv[1], {PATIENT}) as robot:
         async with await robot.run(r6.Motion().axis_path(path, r6.Percent(5)), r6.RunOptions(room=16)) as moving:
             await moving.step(1).started()
             print("moving", flush=True)
@@ -184,7 +184,7 @@ def test_a_second_ctrl_c_does_not_cut_off_the_stop_of_the_first(
         said = process.end()
     assert "KeyboardInterrupt" in said
     assert_stopped(virtual_controller)
-    # asyncio raises a KeyboardInterrupt of its own for the second, which knows of nothing.
+    # For the second Ctrl-C asyncio raises its own KeyboardInterrupt, without a note.
     assert not NOTES or kind == "asyncio" or "the arm stands" in said or "not confirmed" in said, said
 
 
@@ -217,7 +217,7 @@ print("ends", flush=True)
 
 
 def test_the_end_of_a_program_that_does_not_see_its_stop_confirmed_says_so(cable: Relay) -> None:
-    """Nobody answers any more; a Ctrl-C ends the waiting."""
+    """There is no answer any more; a Ctrl-C ends the wait."""
     text = f"""
 import threading, sys, r6
 robot = r6.Robot.connect(sys.argv[1], {PATIENT})

@@ -1,4 +1,4 @@
-"""Who is there, and controllers that dial."""
+"""Searching for controllers, and controllers that connect to the program."""
 
 import asyncio
 import json
@@ -11,7 +11,7 @@ import r6
 
 
 def unused() -> str:
-    """An address at which nobody answers."""
+    """An address without a listener."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         return f"127.0.0.1:{listener.getsockname()[1]}"
 
@@ -50,7 +50,7 @@ def test_it_dials_through_asyncio_too() -> None:
     async def main() -> None:
         listen = r6.Listen("127.0.0.1:0")
         with r6.Simulator(cameras=[listen.address]):
-            async with await r6.AsyncRobot.connect(listen) as robot:
+            async with r6.AsyncRobot.connect(listen) as robot:
                 assert (await robot.status()).is_ready
 
     asyncio.run(main())

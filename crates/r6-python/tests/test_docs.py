@@ -1,4 +1,4 @@
-"""The Python that the pages show: each block compiles, has the right types, and does what the page says."""
+"""The Python code in the pages: each block compiles, has the right types, and does what the page says."""
 
 import ast
 import inspect
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[3]
 FENCE = re.compile(r"^([ \t]*)```python[^\n]*\n(.*?)^\1```[ \t]*$", re.MULTILINE | re.DOTALL)
 
 SCRIPT = "docs/FROM_SOCKETS.md 1"
-"""The script that a page is about. It is no program of this package, and has no types."""
+"""The script that a page is about. It does not use this package, and has no types."""
 
 
 @dataclass
@@ -58,7 +58,8 @@ def ten_lines(said: str, controller: r6.Simulator) -> None:
 
 
 def script(said: str, controller: r6.Simulator) -> None:
-    """What the page says of it: the mode is printed as the name of the program, and a register is not written."""
+    """Checks what the page says: the script prints the mode as the name of the program, and does not write a
+    register."""
     assert said == f"{{'version': '{controller.snapshot().firmware}', 'curMold': '7'}}\n"
     log = [line.event for line in controller.log()]
     assert any(event["event"] == "command_without_effect" for event in log), log[-20:]
@@ -93,7 +94,7 @@ DID: dict[str, Callable[[str, r6.Simulator], None]] = {
     "crates/r6-python/README.md 2": watch,
     "crates/r6-python/README.md 3": passed,
 }
-"""What each has said, and done to its controller."""
+"""Checks the output of each block, and the state of its controller."""
 
 
 def test_every_block_is_here() -> None:
@@ -121,7 +122,8 @@ def test_the_blocks_are_strictly_typed(tmp_path: Path) -> None:
 
 
 def program(block: Block, controller: r6.Simulator) -> str:
-    """The block as a program: the functions that take an address are called with that of the controller."""
+    """The block as a program, which calls the functions that take an address with the address of the
+    controller."""
     if block.name == SCRIPT:
         assert '"127.0.0.1", 9760' in block.code
         return block.code.replace("9760", str(controller.port))
@@ -147,8 +149,39 @@ def test_it_does_what_the_page_says(name: str, virtual_controller: r6.Simulator,
     DID[name](ended.stdout, virtual_controller)
 
 
-def test_help_tells_the_settings_as_the_stub_does() -> None:
+def stub_docs() -> Iterator[tuple[str, str, str | None]]:
+    """Class or "", method or function, and what the stub says of it, for all that ``r6`` exports."""
     stub = ast.parse((Path(r6.__file__).parent / "_r6.pyi").read_text())
-    told = {node.name: ast.get_docstring(node) for node in stub.body if isinstance(node, ast.ClassDef)}
-    for kind in (r6.RobotSettings, r6.RunOptions, r6.FollowOptions):
-        assert inspect.getdoc(kind) == told[kind.__name__]
+    for node in stub.body:
+        if isinstance(node, ast.FunctionDef) and node.name in r6.__all__:
+            yield "", node.name, ast.get_docstring(node)
+        if isinstance(node, ast.ClassDef) and node.name in r6.__all__:
+            yield "", node.name, ast.get_docstring(node)
+            methods = [item for item in node.body if isinstance(item, ast.FunctionDef)]
+            for method in methods:
+                if not method.name.startswith("_"):
+                    yield node.name, method.name, ast.get_docstring(method)
+
+
+def test_help_tells_what_the_stub_tells() -> None:
+    told = list(stub_docs())
+    assert len(told) > 150
+    for kind, name, text in told:
+        owner = getattr(r6, kind) if kind else r6
+        assert text and inspect.getdoc(getattr(owner, name)) == text, f"{kind}.{name}"
+
+
+def test_every_method_has_help() -> None:
+    for name in r6.__all__:
+        thing = getattr(r6, name)
+        if not inspect.isclass(thing):
+            continue
+        own = {
+            method: value
+            for kind in thing.__mro__
+            if kind.__module__.startswith("r6")
+            for method, value in vars(kind).items()
+            if not method.startswith("_") and (callable(value) or isinstance(value, (property, classmethod)))
+        }
+        without = [method for method in own if not inspect.getdoc(getattr(thing, method))]
+        assert inspect.getdoc(thing) and not without, f"{name}: {without}"

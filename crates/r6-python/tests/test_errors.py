@@ -82,12 +82,12 @@ def test_what_follows_a_lost_connection(relay: Relay, virtual_controller: r6.Sim
         relay.cut()
         assert isinstance(events.next(timeout=10), r6.ConnectionLost)
         with pytest.raises(r6.NotSent) as error:
-            robot.set_output(0, 0, True)
+            robot.set_output("Y010", True)
         assert error.value.reason in ("disconnected", "state_not_read")
         assert robot.status().is_ready
         found = events.next(timeout=10)
         assert isinstance(found, r6.Reconnected) and not found.another and found.mode == 7
-        robot.set_output(0, 0, True)
+        robot.set_output("Y010", True)
         assert virtual_controller.is_on("Y010") and robot.link_quality().reconnects == 1
 
 

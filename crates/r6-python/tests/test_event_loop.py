@@ -1,4 +1,4 @@
-"""What an ``AsyncRobot`` leaves to its event loop: sockets, turns and processor time."""
+"""What an ``AsyncRobot`` uses of its event loop: sockets, turns and processor time."""
 
 import asyncio
 import gc
@@ -18,11 +18,11 @@ import r6
 from r6 import _r6
 
 WITHIN = 10.0
-"""Seconds: what takes longer never comes."""
+"""Seconds: what takes longer counts as never."""
 
 
 class Loop:
-    """An event loop whose selector can be looked at."""
+    """An event loop with a selector that the test can inspect."""
 
     def __init__(self) -> None:
         self._selector = selectors.DefaultSelector()
@@ -34,7 +34,7 @@ class Loop:
         return {key.fd for key in self._selector.get_map().values()}
 
     def of_robots(self) -> set[int]:
-        """The same without the one that wakes the loop."""
+        """The same without the descriptor that wakes the loop."""
         return self.watched() - self._own
 
 
@@ -116,7 +116,7 @@ def test_a_robot_that_is_dropped_in_another_thread_leaves_no_socket_in_the_event
         robots = [await used(virtual_controller)]
         thread = dropped_elsewhere(robots)
         await until(lambda: not thread.is_alive())
-        # The engine ends the connection meanwhile, and the selector tells that, too.
+        # The engine ends the connection in the meantime, and the selector reports that, too.
         await until(lambda: not own.of_robots())
 
     own.loop.run_until_complete(main())
@@ -167,11 +167,11 @@ def test_a_robot_that_is_dropped_leaves_no_task_in_the_engine(virtual_controller
 def test_a_second_connection_leaves_no_task_in_the_engine(
     hostile: Callable[[dict[str, object]], Hostile],
 ) -> None:
-    """A stop makes one where the first one does not answer."""
+    """A stop opens a second connection if the first does not answer."""
     controller = hostile({"deaf": [{"connection": 1, "at": 0.5}]})
 
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(controller.address) as robot:
+        async with r6.AsyncRobot.connect(controller.address) as robot:
             await robot.status()
             await asyncio.sleep(1)
             before = _r6.tasks()
@@ -200,7 +200,7 @@ except OSError:
 
 @contextmanager
 def peer(program: str) -> Iterator[str]:
-    """Runs a controller that misbehaves in a process of its own, and gives its address."""
+    """Runs a controller that misbehaves in its own process, and yields its address."""
     pipe = subprocess.PIPE
     with subprocess.Popen([sys.executable, "-c", program], stdin=pipe, stdout=pipe, text=True) as process:
         assert process.stdout is not None
@@ -224,7 +224,7 @@ def test_a_flood_leaves_the_event_loop_its_turns() -> None:
                 assert isinstance(asked.exception(), r6.R6Error)
                 asked = asyncio.create_task(robot.query("curMode"))
         asked.cancel()
-        # Two cores that others use as well: the mean turn is below 10 ms.
+        # The mean turn is below 10 ms on two cores that other programs use too.
         assert longest < 0.4
 
     with peer(FLOOD) as address:
@@ -246,7 +246,7 @@ sys.stdin.read()
 def test_a_peer_that_takes_nothing_costs_no_processor_time(own: Loop) -> None:
     async def main(address: str) -> None:
         robot = await r6.AsyncRobot.connect(address, r6.RobotSettings(reply_timeout=20))
-        # No query: behind one that is not answered nothing else would leave.
+        # No query, because nothing else is sent while a query is unanswered.
         photo = r6.Photo(cam_id=3)
         await robot.answer_photo(photo)
         (number,) = own.of_robots()
@@ -262,7 +262,7 @@ def test_a_peer_that_takes_nothing_costs_no_processor_time(own: Loop) -> None:
         assert 0 < left < 500, "the send buffer is full"
         for task in answers:
             task.cancel()
-        # One core that is busy all the time costs 2 s, or what others leave of it.
+        # A core that is busy all the time would cost 2 s, or less if other programs use it.
         assert spent < 0.1
 
     with peer(DEAF) as address:

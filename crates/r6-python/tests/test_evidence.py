@@ -1,4 +1,4 @@
-"""Statements about an arm are proved, or are not made (docs/EVIDENCE.md), also where the controller misbehaves."""
+"""Statements about an arm are proved or not made (docs/EVIDENCE.md), also if the controller misbehaves."""
 
 import asyncio
 import gc
@@ -122,7 +122,7 @@ def test_closing_through_asyncio_warns_of_a_motion_that_it_cuts_short(virtual_co
         await robot.close()
 
     async def block() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             await robot.stop()
             virtual_controller.press("start")
             await (await robot.run(endless())).step(1).started()
@@ -135,7 +135,7 @@ def test_closing_through_asyncio_warns_of_a_motion_that_it_cuts_short(virtual_co
 
 @pytest.mark.parametrize("effect", ["no-effect", "refused"])
 def test_a_dwell_is_no_standstill(effect: str, hostile: Start) -> None:
-    """Between two moves the arm stands, and no means stops it."""
+    """The arm stands between two moves, and nothing that a stop sends has an effect."""
     stops = {means: {"effect": effect} for means in MEANS}
     controller = hostile({"dwell": 0.33, "stops": stops})
     with r6.Robot.connect(controller.address) as robot:
@@ -221,7 +221,7 @@ def test_a_value_of_another_robot_is_never_fresh(hostile: Start) -> None:
     swap = {"when": "told", "links": "end", "to": {"name": "cell 5", "axes": [77.0] * 8}}
     controller = hostile({"swap": swap})
     with r6.Robot.connect(controller.address) as robot:
-        # Nobody has asked who is there: the first connection says so by itself.
+        # The caller did not ask for the identity: the client reads it on the first connection.
         with robot.subscribe("axis-0", every=0.05) as subscription:
             until("there is a value", lambda: subscription.latest()["axis-0"].quality == "fresh")
             controller.ask("swap")

@@ -1,4 +1,4 @@
-"""Each example runs, with a controller of its own and with given ones, and does what it says."""
+"""Each example runs, with its own controller and with given ones, and does what it says."""
 
 import json
 import subprocess
@@ -20,9 +20,10 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 HOME = [0.0, 0.0, 0.0, 0.0, 30.0, 0.0]
 
 AWAY = [-40.0, 10.0, 5.0, 0.0, -60.0, 15.0]
-"""Where arms stand before examples that go from where they are.
+"""Where arms stand before examples that start at the present position.
 
-Nobody's home: an example that goes somewhere else first swings the arm."""
+No example starts here, so an example that goes elsewhere first swings the arm.
+"""
 
 FROM_WHERE_THEY_ARE = {"stream_path", "two_robots"}
 
@@ -39,19 +40,19 @@ SAYS = {
 
 @dataclass
 class Seen:
-    """What an example has done to a controller that it was given."""
+    """What an example has done to the given controller."""
 
     said: str
     controller: r6.Simulator
     frames: list[dict[str, Any]]
-    """What it sent."""
+    """The frames that it sent."""
 
     @property
     def lists(self) -> list[dict[str, Any]]:
         return [frame for frame in self.frames if frame.get("reqType") == "AddRCC"]
 
     def commands(self, word: str) -> list[list[str]]:
-        """What came with each command of this word."""
+        """The arguments of each command with this word."""
         sent = [frame["cmdData"] for frame in self.frames if frame.get("reqType") == "command"]
         return [data[1:] for data in sent if data[0] == word]
 
@@ -61,11 +62,11 @@ class Seen:
 
     @property
     def j1(self) -> list[float]:
-        """Where each step takes J1."""
+        """The J1 target of each step."""
         return [float(step["m0"]) for step in self.steps]
 
     def stands_at(self, axes: list[float]) -> None:
-        """It stands there, and everything that it was sent is done."""
+        """Checks that the arm stands there, and that everything that was sent is done."""
         now = self.controller.snapshot()
         assert not now.moving and now.list_length == 0 and now.alarm == 0
         np.testing.assert_allclose(now.axes, axes, atol=0.01)
@@ -95,7 +96,7 @@ def stream_path(seen: Seen) -> None:
 
 
 def follow_target(seen: Seen) -> None:
-    """Each step by itself, slow, neither tiny nor large."""
+    """Each step is sent alone, is slow, and is neither tiny nor large."""
     assert all(sent["emptyList"] == "0" and len(sent["instructions"]) == 1 for sent in seen.lists)
     assert all(float(step["speed"]) == 20 for step in seen.steps)
     assert 2 <= len(seen.steps) <= 100
@@ -107,7 +108,7 @@ def follow_target(seen: Seen) -> None:
 
 
 def two_robots(seen: Seen) -> None:
-    """There and back, one to the left, the other to the right."""
+    """There and back, one arm to the left, the other to the right."""
     assert len(seen.lists) == 1 and seen.j1[1] == AWAY[0]
     assert abs(seen.j1[0] - AWAY[0]) == pytest.approx(20)
     seen.stands_at(AWAY)
@@ -140,7 +141,7 @@ DID: dict[str, Callable[[Seen], None]] = {
     "registers": registers,
     "camera_pick": camera_pick,
 }
-"""What each has done to the controller that it was given."""
+"""Checks what each example has done to its controller."""
 
 
 def run(name: str, *addresses: str) -> str:
@@ -152,7 +153,7 @@ def run(name: str, *addresses: str) -> str:
 
 
 def frames(sent: bytes) -> list[dict[str, Any]]:
-    """The frames that were sent: JSON, one behind the other."""
+    """The sent frames: JSON objects, one after the other."""
     found, text, decoder = [], sent.decode().strip(), json.JSONDecoder()
     while text:
         frame, end = decoder.raw_decode(text)
@@ -176,7 +177,7 @@ def test_it_does_what_it_says_with_the_controllers_that_are_named(name: str) -> 
     count = 2 if name == "two_robots" else 1
     with ExitStack() as stack:
         controllers = [stack.enter_context(r6.Simulator(clock=10, program=program)) for _ in range(count)]
-        # They listen on the way, and do nothing to it.
+        # Moves these arms to AWAY first.
         for controller in controllers if name in FROM_WHERE_THEY_ARE else []:
             with r6.Robot.connect(controller.address) as robot:
                 robot.run(r6.Motion().axis_path([AWAY], r6.Percent(100))).finished()

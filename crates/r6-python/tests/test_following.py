@@ -1,4 +1,4 @@
-"""Following a target that moves."""
+"""Following a moving target."""
 
 import asyncio
 import time
@@ -21,7 +21,7 @@ def steps(controller: r6.Simulator) -> int:
 def hold(
     following: r6.Following, target: float, controller: r6.Simulator, until: float | None = None
 ) -> None:
-    """Tells the same target until the arm is there, or where it is said to go."""
+    """Sends the same target until the arm is there, or at ``until``."""
     end = target if until is None else until
     while abs(controller.snapshot().axes[0] - end) > 0.01:
         following.target(j1(target))
@@ -109,7 +109,7 @@ def test_a_guard_holds_the_steps_and_a_motion_has_its_turn(virtual_robot: r6.Rob
 @pytest.mark.virtual_controller(clock=20)
 def test_asyncio_follows_as_well(virtual_controller: r6.Simulator) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             async with robot.follow() as following:
                 while np.abs(virtual_controller.snapshot().axes[0] - 15.0) > 0.01:
                     following.target(j1(15.0))

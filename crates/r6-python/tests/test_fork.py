@@ -1,4 +1,5 @@
-"""What becomes of objects in the child of a fork: whatever other threads were doing, the child is told at once and never hangs."""
+"""Objects in the child of a fork: the child gets an error at once and never hangs, whatever other threads
+were doing."""
 
 import os
 import subprocess
@@ -99,7 +100,7 @@ def child(number):
         asyncio.run(again())
 
 async def again():
-    async with await r6.AsyncRobot.connect(address) as mine:
+    async with r6.AsyncRobot.connect(address) as mine:
         await mine.query("curMode")
 """
 
@@ -122,7 +123,7 @@ os._exit(0)
 
 
 def run(program: str, *arguments: str) -> str:
-    """What another process says that has to end by itself."""
+    """The output of another process, which has to end by itself."""
     command = [sys.executable, "-X", "faulthandler", "-W", "ignore::DeprecationWarning", "-c", program, *arguments]
     ended = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=300)
     assert ended.returncode == 0, ended.stdout
@@ -134,7 +135,8 @@ needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="processes do no
 
 @needs_fork
 def test_a_child_is_told_whatever_other_threads_do(virtual_controller: r6.Simulator) -> None:
-    """Also where it only drops them, and where it ends: each of these could wait for a thread that the child does not have."""
+    """Also if the child only drops the objects, and if it ends: each of these could wait for a thread that
+    the child does not have."""
     assert run(FORKS, virtual_controller.address).endswith("forked\n")
 
 
@@ -170,7 +172,7 @@ print("child", code)
 
 @needs_fork
 def test_a_child_that_a_signal_handler_forks_does_not_wait_on(virtual_controller: r6.Simulator) -> None:
-    """A call that waits runs signal handlers; in the child it has nothing to wait for."""
+    """A waiting call runs signal handlers. In the child it must not wait any longer."""
     assert run(IN_A_HANDLER, virtual_controller.address) == "child 0\n"
 
 

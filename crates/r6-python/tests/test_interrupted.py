@@ -1,4 +1,5 @@
-"""C in Python: a motion never loses its owner, whatever moment a signal or a cancellation comes at, and closing cuts off no stop."""
+"""C in Python: a motion never loses its owner, at whatever moment a signal or a cancellation comes, and
+closing does not interrupt a stop."""
 
 import asyncio
 import gc
@@ -19,22 +20,22 @@ import r6
 
 Controller = r6.Simulator
 NOTES = sys.version_info >= (3, 11)
-"""Whether exceptions have lines below them."""
+"""Whether exceptions have notes."""
 
 
 def start(controller: Controller) -> None:
-    """Has the program run, if it does not."""
+    """Starts the program if it does not run."""
     if controller.snapshot().mode != r6.OperationMode.RUNNING:
         controller.press("start")
 
 
 def begun(controller: Controller) -> bool:
-    """Whether the controller was told to stop since the last look."""
+    """Whether the controller got a stop since the last call."""
     return "actionStop" in commands(controller.log())
 
 
 def assert_owned(error: BaseException, controller: Controller) -> None:
-    """The arm stands by the time the exception is out; where it was stopped for that, the exception says so."""
+    """The arm stands when the exception is raised. If the arm was stopped for that, the exception says so."""
     lines = controller.log()
     assert stands(controller), f"{told(error)}: {lines}"
     if "actionStop" in commands(lines):
@@ -43,13 +44,13 @@ def assert_owned(error: BaseException, controller: Controller) -> None:
         assert not lists(lines), "it began, and nobody stopped it"
 
 
-# The signal of the usual time limit is what this is about.
+# The usual time limit uses the same signal as these tests.
 @pytest.mark.timeout(method="thread")
 @pytest.mark.usefixtures("alarm")
 def test_a_signal_before_each_reply_to_run_leaves_no_motion_without_an_owner(
     virtual_controller: Controller, relay: Relay
 ) -> None:
-    """The signal is there before the reply is, so that ``run`` has its result before Python looks for signals."""
+    """The signal comes before the reply, so ``run`` has its result before Python checks for signals."""
     relay.target = virtual_controller.port
     for reply in range(1, 20):
         with r6.Robot.connect(relay.address) as robot:
@@ -100,7 +101,7 @@ def test_no_moment_of_run_leaves_a_motion_without_an_owner(virtual_controller: C
 
 @pytest.mark.parametrize("kind", ["run", "follow"])
 def test_no_moment_of_a_block_leaves_a_motion_running(kind: str, virtual_controller: Controller) -> None:
-    """From the first line of the block to the last of its end, which waits for hours."""
+    """From the first line of the block to the last line of its end, which waits for hours."""
     with r6.Robot.connect(virtual_controller.address) as robot:
         moment = 0
         while True:
@@ -143,7 +144,7 @@ with r6.Robot.connect(address) as robot, robot.follow(options) as following:
     "asyncio run": f"""
 {PATH}
 async def main():
-    async with await r6.AsyncRobot.connect(address) as robot:
+    async with r6.AsyncRobot.connect(address) as robot:
         async with await robot.run(r6.Motion().axis_path(path, r6.Percent(5))) as moving:
             await moving.step(1).started()
             waits()
@@ -152,7 +153,7 @@ asyncio.run(main())
     "asyncio follow": """
 options = r6.FollowOptions(speed=r6.Percent(0.1), largest_step=r6.Degrees(90), fresh_within=3600)
 async def main():
-    async with await r6.AsyncRobot.connect(address) as robot:
+    async with r6.AsyncRobot.connect(address) as robot:
         async with robot.follow(options) as following:
             following.target(r6.AxisPosition.degrees([80]))
             while not (await robot.status()).moving:
@@ -201,7 +202,7 @@ def test_a_task_that_is_cancelled_at_the_end_of_a_block_stops_the_arm(
     block: Callable[[r6.AsyncRobot, asyncio.Event], Awaitable[None]], virtual_controller: Controller
 ) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             waits = asyncio.Event()
 
             async def called() -> BaseException:
@@ -224,7 +225,7 @@ def test_a_task_group_that_cancels_a_motion_leaves_a_line_on_the_arm(
     virtual_controller: Controller, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             waits = asyncio.Event()
 
             async def fails() -> None:
@@ -244,7 +245,7 @@ def test_a_task_group_that_cancels_a_motion_leaves_a_line_on_the_arm(
 
 
 def on_loop(main: Callable[[Loop], Awaitable[None]]) -> None:
-    """As ``asyncio.run``, on a loop that can be disturbed."""
+    """As ``asyncio.run``, on a loop that the test can disturb."""
     loop = Loop()
     try:
         loop.run_until_complete(asyncio.wait_for(main(loop), 120))
@@ -255,10 +256,10 @@ def on_loop(main: Callable[[Loop], Awaitable[None]]) -> None:
 
 @pytest.mark.parametrize("when", ["early", "late"])
 def test_a_run_that_is_cancelled_as_it_returns_stops_the_arm(when: Literal["early", "late"], virtual_controller: Controller) -> None:
-    """Its result is there, and the task has not had its turn."""
+    """The result is there, and the task has not had its turn."""
 
     async def main(loop: Loop) -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             await robot.status()
             virtual_controller.log()
             running = asyncio.ensure_future(robot.run(endless()))
@@ -282,7 +283,7 @@ def test_a_run_that_is_cancelled_after_any_reply_has_an_owner(virtual_controller
 
     async def main(loop: Loop) -> None:
         for reply in range(1, 20):
-            async with await r6.AsyncRobot.connect(relay.address) as robot:
+            async with r6.AsyncRobot.connect(relay.address) as robot:
                 await robot.status()
                 virtual_controller.log()
                 running = asyncio.ensure_future(robot.run(endless()))
@@ -313,12 +314,12 @@ def test_a_run_that_is_cancelled_after_any_reply_has_an_owner(virtual_controller
 @pytest.mark.parametrize("turns", range(0, 60, 3))
 def test_a_run_that_is_cancelled_after_any_turn_has_an_owner(turns: int, virtual_controller: Controller) -> None:
     async def main(loop: Loop) -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             await robot.status()
             virtual_controller.log()
             running = asyncio.ensure_future(robot.run(endless()))
             for _ in range(turns):
-                # As much as a busy loop does in a turn.
+                # As long as a turn of a busy loop.
                 time.sleep(0.001)
                 await asyncio.sleep(0)
             running.cancel()
@@ -334,12 +335,13 @@ def test_a_run_that_is_cancelled_after_any_turn_has_an_owner(turns: int, virtual
 
 @pytest.mark.parametrize("when", ["early", "lost"])
 def test_a_run_whose_loop_ends_stops_the_arm(when: Literal["early", "lost"], virtual_controller: Controller) -> None:
-    """Its result finds nobody: the loop was stopped and closed just before, or takes nothing any more."""
+    """The result has no receiver: the loop was stopped and closed just before, or accepts nothing any
+    more."""
     loop = Loop()
     robot = loop.run_until_complete(r6.AsyncRobot.connect(virtual_controller.address))
     loop.run_until_complete(robot.status())
     running = loop.create_task(robot.run(endless()))
-    # What is told of a task that is lost is what this is about.
+    # The test loses a task on purpose, so the loop's report about it is not an error.
     loop.set_exception_handler(lambda loop, context: None)
     loop.on_news = (when, loop.stop)
     loop.run_forever()
@@ -347,7 +349,7 @@ def test_a_run_whose_loop_ends_stops_the_arm(when: Literal["early", "lost"], vir
     del running
 
     def told_to_stop() -> bool:
-        # The task of a loop that was closed goes when it is found to be of no use, and not before.
+        # The task of a closed loop is freed only by the garbage collector.
         if when == "early":
             gc.collect()
         return begun(virtual_controller)

@@ -1,4 +1,4 @@
-"""Motions: put together, run, followed, stopped."""
+"""Motions: built, run, followed, stopped."""
 
 import json
 import math
@@ -70,8 +70,8 @@ def test_the_end_is_waited_for_so_long(virtual_robot: r6.Robot) -> None:
 def test_outputs_of_a_board_are_set_at_once(
     virtual_robot: r6.Robot, virtual_controller: r6.Simulator
 ) -> None:
-    virtual_robot.set_output(0, 2, True)
-    virtual_robot.set_output(0, 3, True)
+    virtual_robot.set_output("Y012", True)
+    virtual_robot.set_output("Y013", True)
     motion = r6.Motion().set_board({"Y010": True, "Y012": False, "Y047": True}).set_board({"M1.011": True})
     frames = [json.loads(frame) for frame in virtual_robot.dry_run(motion)]
     steps = [step for frame in frames for step in frame["instructions"]]
@@ -107,7 +107,7 @@ def test_a_dry_run_shows_the_frames(virtual_robot: r6.Robot) -> None:
         .linear_move_at_path_speed(r6.Pose.mm_deg([500, 0, 400]))
         .pulse_output("Y010", True, 0.2)
         .workbench(1)
-        .stop_on_input(3, True)
+        .stop_on_input("X013", True)
     )
     motion.extend(motion)
     assert len(motion) == 18
@@ -161,7 +161,7 @@ def test_linear_moves_end_at_their_pose(virtual_robot: r6.Robot) -> None:
     assert np.allclose(done.pose[:3], targets[-1, :3], atol=0.01)
     back = r6.Pose.mm_deg(pose[:3])
     through = r6.Pose.mm_deg(pose[:3] + [0, 10, 0])
-    # A curve without a line before it in its list is accepted and not executed, on real controllers too.
+    # The controller accepts a curve without a line before it and does not execute it, as real ones do.
     with pytest.raises(r6.MotionError, match="Y is at"):
         virtual_robot.run(r6.Motion().curve_move(through, back, FAST)).finished()
     virtual_robot.command(r6.Command.start_button())
@@ -192,7 +192,7 @@ def test_a_stop_within_a_block_ends_it_without_an_error(
         assert handle.stop().confirmed
     assert handle.progress.ended and not virtual_controller.snapshot().moving
     virtual_robot.command(r6.Command.start_button())
-    # A stop that this handle did not ask for is told.
+    # A stop that this handle did not ask for raises an error.
     with pytest.raises(r6.MotionError) as failed:
         with virtual_robot.run(endless()) as handle:
             assert handle.step(1).started()
@@ -295,7 +295,7 @@ def test_closing_stops_a_motion_that_is_to_be_stopped_when_dropped(
             robot.close()
     else:
         del handle
-        # It depends on which comes first whether closing or the drop has ended the motion.
+        # Closing or the drop ends the motion, whichever comes first.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", r6.MotionCutShort)
             robot.close()
@@ -352,7 +352,7 @@ def test_a_guard_reckons_with_frames_inputs_and_units(virtual_robot: r6.Robot) -
     def to(motion: r6.Motion, angle: float) -> r6.Motion:
         return motion.axis_move(r6.AxisPosition.degrees([angle]), r6.Percent(1))
 
-    watched = to(to(r6.Motion(), 0).stop_on_input(3, True), 25)
+    watched = to(to(r6.Motion(), 0).stop_on_input("X013", True), 25)
     small.check_motion(watched)
     with pytest.raises(r6.OutsideEnvelope, match="cannot be told") as cut:
         small.check_motion(to(watched, 50))
@@ -437,3 +437,22 @@ def test_a_stop_overtakes_another_thread_that_waits(virtual_robot: r6.Robot) -> 
     assert virtual_robot.stop().confirmed
     thread.join(10)
     assert causes == ["stopped_here"]
+
+
+def test_a_motion_is_cut_like_a_list(virtual_robot: r6.Robot) -> None:
+    motion = r6.Motion().axis_path([[1], [2], [3], [4]], r6.Percent(50))
+    assert [len(part) for part in (motion[1:3], motion[-1], motion[:], motion[9:], motion[0])] == [2, 1, 4, 0, 1]
+    assert frames(virtual_robot, motion[1:3]) == frames(virtual_robot, r6.Motion().axis_path([[2], [3]], r6.Percent(50)))
+    with pytest.raises(IndexError, match="4 steps"):
+        motion[4]
+    with pytest.raises(TypeError, match="without leaving steps out"):
+        motion[::2]
+    with pytest.raises(TypeError, match=r"motion\[2:5\]"):
+        motion["1"]  # type: ignore[index]
+
+
+def frames(robot: r6.Robot, motion: r6.Motion) -> list[dict[str, object]]:
+    found = [json.loads(frame) for frame in robot.dry_run(motion)]
+    for frame in found:
+        del frame["packID"]
+    return found

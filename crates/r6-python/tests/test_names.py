@@ -1,6 +1,6 @@
-"""What the Rust client has, Python has under the same name, or the table here says where, or why not.
+"""Python has everything of the Rust client under the same name, or the table here says where, or why not.
 
-The names are read from the sources of the client, so that a new one there is missed here.
+The names are read from the sources of the client, so that the test notices a new one.
 """
 
 import inspect
@@ -15,7 +15,7 @@ import r6
 CLIENT = Path(__file__).parents[2] / "r6-client" / "src"
 COMMAND = Path(__file__).parents[2] / "r6-proto" / "src" / "message" / "command" / "table.rs"
 
-# Names of the crate. What begins with a blank is a reason, all else a name of the package.
+# Names of the crate. A value that begins with a blank is a reason; any other is a name of the package.
 ELSEWHERE = {
     "Address": "addresses",
     "AxisCoordinate": " Degrees or Millimetres",
@@ -71,7 +71,7 @@ ELSEWHERE = {
     "callback": " AsyncRobot runs on the event loop of asyncio",
 }
 
-# Methods and fields, class by class: the file, the class in Rust, the one in Python, and what is elsewhere.
+# Methods and fields by class: the file, the class in Rust and in Python, and names that are elsewhere.
 Table = dict[str, str]
 METHODS: list[tuple[str, str, type[Any], Table]] = [
     (
@@ -168,7 +168,7 @@ def source(file: str) -> str:
 
 
 def block(text: str, head: str) -> str:
-    """All blocks of the source that begin with this line, without what is inside of other types."""
+    """All blocks of the source that begin with this line, without blocks inside of other types."""
     found = re.findall(rf"^{head} \{{\n(.*?)^\}}", text, re.MULTILINE | re.DOTALL)
     assert found, f"there is no `{head}`"
     return "\n".join(found)
@@ -223,7 +223,7 @@ def test_every_method_of_a_command_has_its_row() -> None:
     names = {re.sub(r"(?<!^)(?=[A-Z])", "_", variant).lower() for variant in variants}
     names = (names - {"modify_stack_data"}) | {"modify_stack"}
     public = {name for name in vars(r6.Command) if not name.startswith("_")}
-    # A command with no method of its own yet is reached by its word, with `typed`.
+    # `typed` sends a command without its own method by its word.
     methods = public - {"word", "meaning", "typed"}
     without_method: set[str] = set()
     assert methods | without_method == names and len(methods) == 20

@@ -1,4 +1,4 @@
-"""What goes to another process and back: every error and every value of the package is what it was."""
+"""Pickling to another process and back: every error and every value of the package stays the same."""
 
 import copy
 import dataclasses
@@ -52,7 +52,7 @@ def round_trips(value: Any) -> list[Any]:
 
 
 def by_annotation(kind: type) -> Any:
-    """A value of a data class, each of its fields filled."""
+    """A value of a data class with a value in each field."""
     filled: dict[str, Any] = {
         "Floats": np.array([1.0, float("nan")]),
         "bool": True,
@@ -128,7 +128,7 @@ COMMANDS: list[r6.Command] = [
     r6.Command.switch_mold("部件"),
     r6.Command.modify_counter(3, current=5),
     r6.Command.modify_counter(3, target=0),
-    r6.Command.modify_output(4, 31, True),
+    r6.Command.modify_output("M047", True),
     r6.Command.clear_alarm_run_next(),
     r6.Command.clear_alarm_continue(),
     r6.Command.modify_stack(1, [1.5, 2, 3], [4, 5, 6]),
@@ -189,7 +189,7 @@ def test_an_error_comes_back_with_all_that_it_says(kind: type[r6.R6Error]) -> No
 
 
 def failed(robot: r6.Robot) -> r6.MotionError:
-    """A motion that was stopped in its block, with all that this says."""
+    """The error of a motion that was stopped in its block, with all attributes."""
     with pytest.raises(r6.MotionError) as raised:
         with robot.run(endless()) as handle:
             assert handle.step(1).started()
@@ -207,7 +207,7 @@ def test_an_error_that_says_what_became_of_the_arm_comes_back(virtual_robot: r6.
 
 
 def raise_in_another_process(address: str) -> None:
-    """What a worker does that fails."""
+    """Work of a worker that fails."""
     with r6.Robot.connect(address) as robot:
         raise failed(robot)
 

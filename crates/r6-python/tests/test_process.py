@@ -1,4 +1,4 @@
-"""What happens to a process: Ctrl-C, its end, forks, other threads."""
+"""Events of a process: Ctrl-C, its end, forks, other threads."""
 
 import asyncio
 import signal
@@ -20,13 +20,14 @@ PATH = "import numpy as np; path = np.tile([[40.0], [-40.0]], (1000, 1))"
 
 
 def python(program: str, *arguments: str) -> "subprocess.Popen[str]":
-    """Another process that runs this program; its last lines are its report."""
+    """Another process that runs this program. Its last lines are its report."""
     command = [sys.executable, "-X", "faulthandler", "-c", program, *arguments]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
 class Program:
-    """Another process that runs a program: one line each way at a time. It is gone at the end of its block, however that comes."""
+    """Another process that runs a program, with one line at a time in each direction. It is killed at the end
+    of its block in every case."""
 
     def __init__(self, text: str, *arguments: str) -> None:
         command = [sys.executable, "-X", "faulthandler", "-c", text, *arguments]
@@ -34,12 +35,12 @@ class Program:
         self.popen = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=subprocess.STDOUT, text=True)
 
     def line(self) -> str:
-        """The next line that it says."""
+        """The next line of its output."""
         assert self.popen.stdout is not None
         return self.popen.stdout.readline()
 
     def go_on(self) -> None:
-        """Gives it a line."""
+        """Sends it a line."""
         assert self.popen.stdin is not None
         self.popen.stdin.write("\n")
         self.popen.stdin.flush()
@@ -49,11 +50,11 @@ class Program:
         self.popen.send_signal(signal.SIGINT)
 
     def end(self) -> str:
-        """Waits for its end, no longer than a minute; what it said since the last line."""
+        """Waits for its end, at most a minute, and returns the output since the last line."""
         assert self.popen.stdout is not None
         too_long = threading.Timer(60, self.popen.kill)
         too_long.start()
-        # Not ``communicate``: what was read with the last line and comes after it would be lost.
+        # Not ``communicate``: it would lose bytes that were read together with the last line.
         said = self.popen.stdout.read()
         self.popen.wait()
         too_long.cancel()
@@ -72,7 +73,7 @@ def program(text: str, *arguments: str) -> Iterator[Program]:
 
 
 def interrupted(program: str, address: str) -> str:
-    """What a program says that is interrupted once it has said that it waits."""
+    """The output of a program that is interrupted once it has said that it waits."""
     process = python(f"import sys, time, r6\naddress = sys.argv[1]\n{program}", address)
     assert process.stdout is not None
     assert process.stdout.readline() == "waiting\n"
@@ -81,7 +82,7 @@ def interrupted(program: str, address: str) -> str:
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 0, said
     felt, _, said = said.partition("\n")
-    # 50 ms are promised. Not at the end of what was waited for, which takes hours, is what a machine with other work shows.
+    # The promise is 50 ms; a busy machine may take longer. The wait itself would take hours.
     assert float(felt) - sent < 10.0
     return said
 
@@ -129,7 +130,7 @@ except KeyboardInterrupt as interrupt:
     )
     stopped, note = said.splitlines()
     assert stopped == "stopped True"
-    # The exception tells it, where Python shows such lines.
+    # The exception has a note, if this Python version has notes.
     assert "the arm stands" in note if sys.version_info >= (3, 11) else note == ""
     state = virtual_controller.snapshot()
     assert not state.moving and state.list_length == 0
@@ -157,7 +158,7 @@ with r6.Robot.connect(sys.argv[1]) as robot, robot.run(r6.Motion().axis_path(pat
 
 
 def test_a_stop_that_cannot_be_sent_says_that_the_arm_was_not_stopped(virtual_controller: r6.Simulator) -> None:
-    """The cable is out when the block ends: the last line is what to do."""
+    """The cable is disconnected when the block ends: the last line says what to do."""
     relay = Relay()
     relay.target = virtual_controller.port
     settings = r6.RobotSettings(connect_timeout=0.2, reply_timeout=0.2)
@@ -168,14 +169,15 @@ def test_a_stop_that_cannot_be_sent_says_that_the_arm_was_not_stopped(virtual_co
                 moving.step(1).started()
                 relay.close()
                 raise ZeroDivisionError
-        # Before the relay has noticed, the stop may have left and nobody knows of it.
+        # If the relay has not noticed yet, the stop may have left and its outcome is unknown.
         sent = isinstance(failed.value, r6.OutcomeUnknown)
         assert str(failed.value).startswith("the arm was NOT seen to stop" if sent else "the arm was NOT stopped")
         assert "use the emergency stop" in str(failed.value)
 
 
 def test_the_stop_of_another_arm_that_failed_is_not_hidden(virtual_controller: r6.Simulator) -> None:
-    """Two blocks, one within the other: the inner motion fails and its arm is stopped; the cable of the outer arm is out."""
+    """Two nested blocks: the inner motion fails and its arm is stopped; the cable of the outer arm is
+    disconnected."""
     relay = Relay()
     relay.target = virtual_controller.port
     settings = r6.RobotSettings(connect_timeout=0.2, reply_timeout=0.2)
@@ -195,7 +197,7 @@ def test_the_stop_of_another_arm_that_failed_is_not_hidden(virtual_controller: r
 
 
 def test_the_stop_of_another_arm_that_failed_is_not_hidden_from_asyncio(virtual_controller: r6.Simulator) -> None:
-    """As the test before, with tasks."""
+    """The test above, with tasks."""
     relay = Relay()
     relay.target = virtual_controller.port
     settings = r6.RobotSettings(connect_timeout=0.2, reply_timeout=0.2)
@@ -296,7 +298,8 @@ asyncio.run(main())
 
 
 def test_the_end_of_a_process_cuts_no_thread_short(virtual_controller: r6.Simulator) -> None:
-    """Threads and operations that come back while the interpreter ends: each aborted one process in some."""
+    """Threads and operations that take back the interpreter while it shuts down. Each of these cases has
+    aborted some processes."""
     for _ in range(20):
         process = python(HURRY, virtual_controller.address)
         said, _ = process.communicate(timeout=60)
@@ -336,7 +339,7 @@ print("child", code)
 
 
 def test_other_threads_run_while_one_waits(virtual_robot: r6.Robot) -> None:
-    """The interpreter is released: a thread that counts comes far while another waits for values."""
+    """The interpreter is released: a thread that counts gets far while another waits for values."""
     counted = 0
     waiting = threading.Event()
     ended = threading.Event()
@@ -360,7 +363,8 @@ def test_other_threads_run_while_one_waits(virtual_robot: r6.Robot) -> None:
 
 
 def test_a_thread_that_holds_the_interpreter_holds_up_no_heartbeat(tmp_path: Path) -> None:
-    """The engine does not need the interpreter: with it held for twice as long as the watchdog bears, no alarm comes."""
+    """The engine does not need the interpreter: if it is held for twice the time of the watchdog, no alarm
+    comes."""
     profile = tmp_path / "short.toml"
     profile.write_text('base = "hc1"\nheartbeat_timeout_ms = 3000\n')
     settings = r6.RobotSettings(heartbeat=0.1)
@@ -377,7 +381,7 @@ def test_a_thread_that_holds_the_interpreter_holds_up_no_heartbeat(tmp_path: Pat
 
 
 def test_the_watchdog_of_a_short_profile_bites(tmp_path: Path) -> None:
-    """Without heartbeats there is the alarm that the test above waits for in vain."""
+    """Without heartbeats the alarm comes that must not come in the test above."""
     profile = tmp_path / "short.toml"
     profile.write_text('base = "hc1"\nheartbeat_timeout_ms = 3000\n')
     with r6.Simulator(profile=profile, clock=20) as controller:

@@ -1,4 +1,4 @@
-"""What is read and written besides motions."""
+"""Reading and writing besides motions."""
 
 import json
 import threading
@@ -47,7 +47,7 @@ def test_an_unknown_address_names_the_nearest(virtual_robot: r6.Robot) -> None:
 def test_a_status_has_positions_as_arrays(virtual_robot: r6.Robot) -> None:
     status = virtual_robot.status()
     assert status.is_ready and status.unmet == () and status.homed and status.alarm == 0
-    # All that can be read is met; that the program waits for instructions is nothing that can be read.
+    # All readable conditions are met. No value says that the program waits for instructions.
     assert status.unproved == ("remote_step",)
     assert status.axes.shape == status.pose.shape == (6,) and status.axes.dtype == np.float64
     assert virtual_robot.firmware() == status.firmware
@@ -63,7 +63,7 @@ def test_a_status_is_the_json_that_the_command_line_prints(
 ) -> None:
     told = virtual_robot.status().to_dict()
     assert told.pop("robot") == virtual_controller.address
-    # The tests of the command line and of the panel compare theirs with the same file.
+    # The tests of the command line and of the panel use the same file.
     assert told == json.loads((WORKSPACE / "crates/r6-api/tests/status.json").read_text())
 
 
@@ -131,7 +131,7 @@ def test_counters_outputs_inputs_and_speed(virtual_robot: r6.Robot, virtual_cont
     assert virtual_robot.counter(2).current == 4
     with pytest.raises(r6.NoReading):
         virtual_robot.counter(77)
-    virtual_robot.set_output(0, 3, True)
+    virtual_robot.set_output("Y013", True)
     assert np.flatnonzero(virtual_robot.outputs()).tolist() == [3] and virtual_controller.is_on("Y013")
     virtual_controller.set_input("X047", True)
     assert virtual_robot.inputs()[31] and virtual_robot.inputs().shape == (32,)
@@ -141,7 +141,7 @@ def test_counters_outputs_inputs_and_speed(virtual_robot: r6.Robot, virtual_cont
 
 def test_a_command_is_typed_as_on_the_command_line() -> None:
     assert r6.Command.typed("modifyGSPD", 20) == r6.Command.modify_gspd(r6.Percent(20))
-    assert r6.Command.typed("modifyOutput", 0, 5, True) == r6.Command.modify_output(0, 5, True)
+    assert r6.Command.typed("modifyOutput", 0, 5, True) == r6.Command.modify_output("Y015", True)
     assert r6.Command.typed("actionStop") == r6.Command.action_stop()
     with pytest.raises(ValueError, match="nearest: `modifyGSPD`"):
         r6.Command.typed("modifyGspd", 20)
@@ -152,9 +152,9 @@ def test_a_command_is_typed_as_on_the_command_line() -> None:
 
 
 def test_commands_say_what_they_are(virtual_robot: r6.Robot) -> None:
-    command = r6.Command.modify_output(0, 5, True)
+    command = r6.Command.modify_output("Y015", True)
     assert command.word == "modifyOutput" and "output" in command.meaning
-    assert command == r6.Command.modify_output(0, 5, True) != r6.Command.modify_output(0, 6, True)
+    assert command == r6.Command.modify_output("Y015", True) != r6.Command.modify_output("Y016", True)
     assert virtual_robot.command(command).after > 0
     assert virtual_robot.pause().after > 0
     for made in (
@@ -236,7 +236,7 @@ def test_settings_are_checked() -> None:
 
 
 def test_an_address_is_no_robot() -> None:
-    """What many type first says what to type."""
+    """The error for an address, which many users pass, says what to write."""
     for robot, wanted in ((r6.Robot, "Robot.connect('10.0.0.1')"), (r6.AsyncRobot, "await AsyncRobot.connect('10.0.0.1')")):
         with pytest.raises(TypeError) as failed:
             robot("10.0.0.1")  # type: ignore[arg-type]
@@ -258,3 +258,44 @@ def test_a_query_of_nothing_is_refused(virtual_robot: r6.Robot) -> None:
     with pytest.raises(r6.InvalidRequest, match="one address at least, such as curMode") as wrong:
         virtual_robot.query()
     assert wrong.value.reason == "value"
+
+
+def test_points_go_by_their_names(virtual_robot: r6.Robot, virtual_controller: r6.Simulator) -> None:
+    virtual_robot.set_output("M1.011", True)
+    assert virtual_robot.is_on("M1.011") and virtual_controller.is_on("M1.011") and not virtual_robot.is_on("Y010")
+    virtual_controller.set_input("X012", True)
+    assert virtual_robot.is_on("X012")
+    with pytest.raises(TypeError, match='such as "Y010"'):
+        virtual_robot.set_output(0, True)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="X010 is an input"):
+        virtual_robot.set_output("X010", True)
+    with pytest.raises(ValueError, match="board 0 to 3"):
+        virtual_robot.set_output("Y4.010", True)
+    with pytest.raises(ValueError, match="no query address tells EU"):
+        virtual_robot.is_on("EUX010")
+
+
+def test_the_pose_is_a_pose(virtual_robot: r6.Robot) -> None:
+    status = virtual_robot.status()
+    pose = virtual_robot.pose()
+    assert [float(part) for part in pose.place] == pytest.approx(status.pose[:3], abs=1e-3)
+    assert pose.turn is not None
+
+
+def test_start_is_the_start_button() -> None:
+    with r6.Simulator(start="auto") as controller, r6.Robot.connect(controller.address) as robot:
+        assert not robot.status().ready
+        robot.start()
+        assert controller.snapshot().mode == 7
+
+
+def test_a_port_may_stand_apart(virtual_controller: r6.Simulator) -> None:
+    host, _, port = virtual_controller.address.partition(":")
+    with r6.Robot.connect(host, int(port)) as robot:
+        assert robot.address == virtual_controller.address
+    with r6.Robot.connect(host, int(port), r6.RobotSettings()) as robot:
+        assert robot.status().ready is not False
+    with pytest.raises(TypeError, match='"192.168.1.10:9760"'):
+        r6.Robot.connect(host, port)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="given twice"):
+        r6.Robot.connect(host, r6.RobotSettings(), r6.RobotSettings())

@@ -66,7 +66,7 @@ def test_it_keeps_its_state_in_a_folder(tmp_path: Path) -> None:
 
 
 def test_a_state_that_cannot_be_written_is_raised_at_the_end(tmp_path: Path) -> None:
-    # Where the new file would go there is a folder, before anything is written.
+    # A folder has the name of the new file before anything is written.
     (tmp_path / "controller-1.json.new").mkdir()
     controller = r6.Simulator(state=tmp_path)
     controller.turn_key("manual")

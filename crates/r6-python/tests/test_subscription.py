@@ -1,4 +1,4 @@
-"""Values that come by themselves."""
+"""Values of a subscription, and events."""
 
 import asyncio
 import threading
@@ -71,7 +71,7 @@ def test_what_cannot_be_subscribed_to_is_told(virtual_robot: r6.Robot) -> None:
 
 
 def read(state: r6.Subscription) -> None:
-    """Waits until the first values are there, so that the next are an hour away."""
+    """Waits until the first values are there, so that the next ones are an hour away."""
     while state.latest()["curMode"].quality == "not_read":
         state.next(timeout=10)
 
@@ -106,7 +106,7 @@ def test_closing_ends_the_waiting_of_another_thread(virtual_robot: r6.Robot) -> 
 
 def test_closing_ends_the_waiting_of_another_task(virtual_controller: r6.Simulator) -> None:
     async def main() -> None:
-        async with await r6.AsyncRobot.connect(virtual_controller.address) as robot:
+        async with r6.AsyncRobot.connect(virtual_controller.address) as robot:
             state = robot.subscribe("curMode", every=3600)
             while (await state.latest())["curMode"].quality == "not_read":
                 await state.next(timeout=10)

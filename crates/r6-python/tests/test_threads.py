@@ -1,4 +1,4 @@
-"""Calls of many threads over one robot: each has its own reply, whatever becomes of the others."""
+"""Calls of many threads over one robot: each gets its own reply, whatever happens to the others."""
 
 import signal
 import socket
@@ -12,7 +12,7 @@ from relay import Relay
 
 import r6
 
-# The signal of the usual time limit is what this is about.
+# The usual time limit uses the same signal as these tests.
 pytestmark = pytest.mark.timeout(method="thread")
 
 
@@ -27,7 +27,7 @@ def test_each_thread_has_its_own_reply(virtual_robot: r6.Robot) -> None:
 
 
 def test_everything_goes_over_one_connection(virtual_controller: r6.Simulator, relay: Relay) -> None:
-    """A controller has few of them."""
+    """A controller has few connections."""
     relay.target = virtual_controller.port
     with r6.Robot.connect(relay.address) as robot:
         robot.status()
@@ -41,7 +41,7 @@ def test_everything_goes_over_one_connection(virtual_controller: r6.Simulator, r
             values.next()
         assert relay.connections == 1
         relay.cut()
-        # It is told to who listens, although no call waits for the connection.
+        # The listener gets the event, although no call waits for the connection.
         until("the loss is told", lambda: isinstance(events.next(timeout=10), r6.ConnectionLost))
         robot.status()
         assert relay.connections == 2
@@ -49,7 +49,7 @@ def test_everything_goes_over_one_connection(virtual_controller: r6.Simulator, r
 
 @pytest.mark.usefixtures("alarm")
 def test_a_signal_ends_one_call_and_takes_no_reply_from_another(virtual_controller: r6.Simulator, relay: Relay) -> None:
-    """The thread that is interrupted was the one that read."""
+    """The interrupted thread was the one that read."""
     relay.target = virtual_controller.port
     patient = r6.RobotSettings(reply_timeout=60)
     with r6.Robot.connect(relay.address, patient) as robot, ThreadPoolExecutor(4) as pool:
@@ -66,7 +66,7 @@ def test_a_signal_ends_one_call_and_takes_no_reply_from_another(virtual_controll
         begun = time.monotonic()
         with pytest.raises(GivenUp):
             robot.query("axis-5")
-        # It is felt within 50 ms; a machine with other work is slower. The reply time-out is 60 s.
+        # The promise is 50 ms; a busy machine may take longer. The reply timeout is 60 s.
         assert time.monotonic() - begun < 10.0
         assert not any(call.done() for call in asking)
         relay.answers.set()
@@ -76,7 +76,8 @@ def test_a_signal_ends_one_call_and_takes_no_reply_from_another(virtual_controll
 
 @pytest.mark.usefixtures("alarm")
 def test_a_signal_is_felt_within_50_ms(virtual_controller: r6.Simulator, relay: Relay) -> None:
-    """At any moment of the wait; half of the times, for the machine may have other work."""
+    """At any moment of the wait. Half of the times must be within, because the machine may have other
+    work."""
     relay.target = virtual_controller.port
     felt = []
     with r6.Robot.connect(relay.address, r6.RobotSettings(reply_timeout=60)) as robot:
@@ -110,7 +111,7 @@ def test_a_list_whose_call_a_signal_ends_is_sent_once(virtual_controller: r6.Sim
 
 @pytest.mark.usefixtures("alarm")
 def test_a_signal_ends_an_attempt_to_connect() -> None:
-    """Nobody accepts, and the few places are taken."""
+    """The listener does not accept, and its few places are taken."""
     with socket.create_server(("127.0.0.1", 0), backlog=0) as listener:
         address = listener.getsockname()
         waiting = [socket.socket() for _ in range(8)]

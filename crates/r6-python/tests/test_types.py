@@ -1,14 +1,18 @@
-"""The types: stubs agree with what is there, mypy is content with examples and tests, and finds mistakes in units."""
+"""The types: stubs agree with the package, mypy accepts examples and tests, and finds wrong units."""
 
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.types
+
 ROOT = Path(__file__).parents[1]
 
 
 def mypy(*arguments: str) -> str:
-    """What it says; nothing but success if it is content."""
+    """The output of mypy; empty on success."""
     command = [sys.executable, "-m", *arguments]
     ended = subprocess.run(command, capture_output=True, text=True, cwd=ROOT / "tests", timeout=600)
     return "" if ended.returncode == 0 else ended.stdout + ended.stderr
@@ -23,5 +27,5 @@ def test_examples_and_package_are_strictly_typed() -> None:
 
 
 def test_the_tests_are_typed() -> None:
-    """Where a test makes a mistake in a unit on purpose, mypy sees it: an ignore that is not needed is an error."""
+    """If a test uses a wrong unit on purpose, mypy sees it: an unused ignore is an error."""
     assert mypy("mypy", "--strict", "--warn-unused-ignores", str(ROOT / "tests")) == ""

@@ -64,7 +64,7 @@ def test_a_plain_number_is_answered_with_what_to_write() -> None:
     for call, write in cases:
         with pytest.raises(TypeError) as wrong:
             call()
-        assert str(wrong.value).endswith(f"not the plain number 20, whose unit nobody knows: write {write}")
+        assert str(wrong.value).endswith(f"not the plain number 20, whose unit is unknown: write {write}")
     text: Any = "20"
     with pytest.raises(TypeError, match="Percent is wanted, not str"):
         r6.Motion().axis_move(here, text)
@@ -93,7 +93,7 @@ def test_what_lies_between_two_steps_of_the_wire_is_refused_with_both(virtual_ro
     assert delay.value.nearest == (0.2, 0.3)
     with pytest.raises(r6.StepError, match="steps of 0.1 seconds"):
         r6.Motion().wait(0.05)
-    # A position is computed: what is finer than the wire is rounded.
+    # A position is usually computed, so a value finer than the wire is rounded.
     assert virtual_robot.run(r6.Motion().axis_move(r6.AxisPosition.degrees([1 / 3]), SPEED)).finished().moved
 
 
@@ -119,7 +119,7 @@ def test_positions_take_arrays_and_name_their_axes() -> None:
 
 
 def test_an_angle_is_told_as_near_as_it_can_be() -> None:
-    """A wrist at U −180 that is told +180 turns a full turn."""
+    """A wrist at U −180 that is sent to +180 makes a full turn."""
     assert r6.Degrees(180).nearest_to(r6.Degrees(-179.5)) == r6.Degrees(-180)
     assert r6.Degrees(10).nearest_to(r6.Degrees(20)) == r6.Degrees(10)
     present = (r6.Degrees(-180), r6.Degrees(0), r6.Degrees(180))
@@ -145,7 +145,7 @@ def test_a_pose_has_three_or_six_components() -> None:
 
 
 class OneDegree:
-    """What says that it is a number, and is none of numpy's."""
+    """An object that converts to a number, but is no number to numpy."""
 
     def __float__(self) -> float:
         return 1.0

@@ -1,4 +1,5 @@
-"""The golden transcripts of the repository, read by Python: what was captured decodes to what it says."""
+"""The golden transcripts of the repository, read by Python: each captured frame decodes to the recorded
+values."""
 
 import json
 import socket
@@ -13,13 +14,13 @@ TRANSCRIPTS = sorted((Path(__file__).parents[3] / "vectors" / "transcripts").glo
 
 
 def lines(transcript: Path, sender: str) -> list[bytes]:
-    """The frames of one side."""
+    """The frames of one sender."""
     entries = [json.loads(line) for line in transcript.read_text().splitlines()]
     return [entry["bytes"].encode() for entry in entries if entry.get("from") == sender and "bytes" in entry]
 
 
 def complete_replies() -> list[dict[str, list[str]]]:
-    """The replies to queries that have a value for each address."""
+    """The query replies that have a value for each address."""
     frames = [json.loads(frame) for path in TRANSCRIPTS for frame in lines(path, "controller")]
     replies = [frame for frame in frames if "queryData" in frame]
     return [frame for frame in replies if len(frame["queryData"]) == len(frame["queryAddr"])]
@@ -40,7 +41,7 @@ def test_captured_values_are_read_as_they_are(captured: dict[str, list[str]]) ->
                 request = json.loads(received)
                 values = captured["queryData"]
                 if request["queryAddr"] != captured["queryAddr"]:
-                    # The client asks first who is there.
+                    # The client first asks for the identity.
                     values = ["6"] * len(request["queryAddr"])
                 same = {"packID": request["packID"], "queryAddr": request["queryAddr"], "queryData": values}
                 connection.sendall(json.dumps({**captured, **same}).encode())

@@ -1,4 +1,4 @@
-//! Cameras that listen: each controller dials them, and dials again whenever the connection is lost.
+//! Cameras that listen: each controller dials them, and dials again after a connection is lost.
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -18,39 +18,41 @@ use crate::handle::ControllerHandle;
 /// The most cameras that one controller dials. Each takes a task and an open file; a cell has a few.
 pub const MAX_CAMERAS: usize = 16;
 
-/// How long an attempt to connect may take: a camera in the cell answers within milliseconds, one that is switched off never.
+/// How long an attempt to connect may take. A camera in the cell answers within milliseconds, a camera that
+/// is off never.
 const CONNECT_TIME: Duration = Duration::from_secs(3);
 
-/// The wait after the first failure or loss: a camera program that is started again listens at once.
+/// The wait after the first failure or loss: a restarted camera program listens at once.
 const FIRST_WAIT: Duration = Duration::from_millis(100);
 
-/// How many times as long each further wait is.
+/// The factor between one wait and the next.
 const GROWTH: u32 = 2;
 
-/// The longest wait: somebody who has switched the camera on again does not wait longer than that, and a camera that is gone
-/// for good costs one small packet in that time.
+/// The longest wait. A camera that is switched on again is found within this time, and a camera that is gone
+/// costs one small packet in this time.
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
-/// How silent a connection may be before the system asks whether the camera is still there, and how often it asks again: one that has
-/// lost its power says nothing. The system gives up after some such questions (on Linux nine).
+/// How long a connection may be silent before the system checks whether the camera is still there, and how
+/// often it checks. A camera that has lost its power says nothing. The system gives up after some checks
+/// (nine on Linux).
 const ASK_AFTER: Duration = Duration::from_secs(10);
 const ASK_AGAIN: Duration = Duration::from_secs(2);
 
-/// How long what was sent may stay without the other system's acknowledgement: as long as those questions take. Without this a photo
-/// request on its way to a camera without power would keep the connection for a quarter of an hour.
+/// How long sent data may stay unacknowledged: as long as those checks take. Without this limit a photo
+/// request to a camera without power would keep the connection for a quarter of an hour.
 #[cfg(target_os = "linux")]
 const UNACKNOWLEDGED: Duration = Duration::from_secs(28);
 
 /// A camera that listens, and that each controller dials: `ADDR:PORT`, or `ID=ADDR:PORT` for one of several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Camera {
-    /// Its `camID`; `None`: it is every camera that has no address of its own.
+    /// Its `camID`; `None` if it stands for every camera without an address of its own.
     pub cam_id: Option<i64>,
-    /// Where it listens.
+    /// The address that it listens on.
     pub address: SocketAddr,
 }
 
-/// A text that is no [`Camera`].
+/// The error of a text that is not a [`Camera`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadCamera(&'static str);
 
@@ -88,8 +90,8 @@ impl fmt::Display for Camera {
     }
 }
 
-/// Keeps a connection to a camera for as long as this runs, one attempt at a time. Real time counts, whatever the controller's
-/// clock does: the camera is no part of it.
+/// Keeps a connection to a camera while this runs, with one attempt at a time. Waits are in real time,
+/// whatever the controller's clock, because the camera is not simulated.
 pub(crate) async fn dial(controller: ControllerHandle, camera: Camera, seed: u64) {
     let mut waits = Waits::new(seed);
     let mut failing = false;
@@ -99,7 +101,7 @@ pub(crate) async fn dial(controller: ControllerHandle, camera: Camera, seed: u64
                 failing = false;
                 let begun = Instant::now();
                 connection::serve_camera(&controller, stream, camera).await;
-                // One that accepts and hangs up at once is asked ever more seldom.
+                // A camera that accepts and hangs up at once is dialled less and less often.
                 if begun.elapsed() > LONGEST_WAIT {
                     waits.begin_anew();
                 }
@@ -129,15 +131,15 @@ async fn connect(address: SocketAddr) -> Result<TcpStream, String> {
     Ok(stream)
 }
 
-/// Lets the system notice that the camera has lost its power, whether something is on its way to it or not.
+/// Makes the system notice that the camera has lost its power, whether data is on its way to it or not.
 fn watch(socket: &SockRef<'_>) -> std::io::Result<()> {
     #[cfg(target_os = "linux")]
     socket.set_tcp_user_timeout(Some(UNACKNOWLEDGED))?;
     socket.set_tcp_keepalive(&TcpKeepalive::new().with_time(ASK_AFTER).with_interval(ASK_AGAIN))
 }
 
-/// The waits between attempts: each longer than the one before, up to a longest, and each drawn from its upper half, so that
-/// many controllers do not dial all at once.
+/// The waits between attempts. Each is longer than the one before, up to a limit, and is drawn from its upper
+/// half, so that many controllers do not dial at the same time.
 #[derive(Debug)]
 struct Waits {
     next: Duration,

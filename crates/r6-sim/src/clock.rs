@@ -1,4 +1,4 @@
-//! How fast time goes for a virtual controller.
+//! The speed of time for a virtual controller.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,24 +7,24 @@ use std::time::Duration;
 use r6_controller::{ConnectionId, Controller, FastClock};
 use r6_proto::time::Instant;
 
-/// The slowest and the fastest that time can go. Beyond a hundred times, the timer of the system (a millisecond) shows in what
-/// is due soon; beyond a thousand, `AsFastAsPossible` is what is meant.
+/// The slowest and the fastest time. Above a hundred times, the system timer (a millisecond) limits the
+/// accuracy of short waits. Above a thousand, use `AsFastAsPossible`.
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 
-/// How fast time goes for a virtual controller.
+/// The speed of time for a virtual controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Clock {
-    /// As in the world: `real`.
+    /// Real time: `real`.
     #[default]
     Real,
-    /// So many times as fast, 0.01 to 1000: `10x`. Whatever else is given is taken to the nearer end.
+    /// This many times as fast, 0.01 to 1000: `10x`. Other numbers are clamped to this range.
     Times(f64),
-    /// It jumps from event to event, and stands while nobody says anything: `max`. The same seed and the same frames give the
-    /// same bytes; [`FastClock`] tells the rules.
+    /// Jumps from event to event, and stands still without input: `max`. The same seed and the same frames
+    /// give the same bytes; see [`FastClock`] for the rules.
     AsFastAsPossible,
 }
 
-/// A text that is no [`Clock`].
+/// The error of a text that is not a [`Clock`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadClock(String);
 
@@ -70,14 +70,14 @@ impl fmt::Display for Clock {
 /// The running clock of one controller.
 #[derive(Debug)]
 pub(crate) enum Pace {
-    /// Time goes by itself.
+    /// Time passes without input.
     Flowing {
         /// When it began.
         started: tokio::time::Instant,
-        /// How many times as fast as real time.
+        /// The factor to real time.
         factor: f64,
     },
-    /// Time goes where the input drives it.
+    /// Only the input drives time.
     Driven(FastClock),
 }
 
@@ -85,7 +85,7 @@ impl Pace {
     pub fn new(clock: Clock, started: tokio::time::Instant) -> Self {
         match clock {
             Clock::Real => Self::Flowing { started, factor: 1.0 },
-            // `clamp` leaves what is no number.
+            // `clamp` would return NaN.
             Clock::Times(factor) if factor.is_nan() => Self::Flowing { started, factor: 1.0 },
             Clock::Times(factor) => {
                 Self::Flowing { started, factor: factor.clamp(*SPEEDS.start(), *SPEEDS.end()) }
@@ -94,7 +94,7 @@ impl Pace {
         }
     }
 
-    /// The present time, as the controller counts it.
+    /// The present time of the controller.
     pub fn now(&self) -> Instant {
         match self {
             Self::Flowing { started, factor } => Instant::ORIGIN + scaled(started.elapsed(), *factor),
@@ -102,17 +102,18 @@ impl Pace {
         }
     }
 
-    /// How long it takes, in real time, until something is due that a connection waits for.
+    /// How long it takes, in real time, until `due`, for a connection that waits for it.
     pub fn until(&self, due: Instant) -> Duration {
         match self {
             Self::Flowing { factor, .. } => scaled(due.since(self.now()), 1.0 / factor),
-            // What is due leaves within the call that made it; else whoever drives the clock wakes the connection.
+            // Everything due is sent within the call that caused it. Otherwise the task that drives the clock
+            // wakes the connection.
             Self::Driven(_) => Duration::MAX,
         }
     }
 
-    /// The time that counts for something that is due then: the present; or, where nobody drives time on meanwhile, the time
-    /// at which it is due.
+    /// The time that counts for something due at `due`: the present time, or, if only the input drives time,
+    /// `due` itself.
     pub fn reach(&self, due: Option<Instant>) -> Instant {
         match self {
             Self::Flowing { .. } => self.now(),
@@ -120,7 +121,7 @@ impl Pace {
         }
     }
 
-    /// Does something to the controller, and lets follow what follows from it.
+    /// Does something to the controller, and lets its consequences happen.
     pub fn act<T>(
         &mut self,
         controller: &mut Controller,
@@ -140,7 +141,7 @@ impl Pace {
         }
     }
 
-    /// How long it takes, in real time, until [`Self::handle_timeout`] has to be called; `None` for ever.
+    /// How long it takes, in real time, until [`Self::handle_timeout`] has to be called; `None` for no limit.
     pub fn pause(&self, controller: &Controller) -> Option<Duration> {
         match self {
             Self::Flowing { .. } => controller.poll_timeout().map(|due| self.until(due)),
@@ -148,7 +149,7 @@ impl Pace {
         }
     }
 
-    /// When that is, as the controller counts it: another one means another pause.
+    /// The same as a time of the controller. If it changes, the pause changes.
     pub fn deadline(&self, controller: &Controller) -> Option<Instant> {
         match self {
             Self::Flowing { .. } => controller.poll_timeout(),
@@ -156,7 +157,7 @@ impl Pace {
         }
     }
 
-    /// The pause is over.
+    /// Handles the end of the pause.
     pub fn handle_timeout(&mut self, controller: &mut Controller) {
         match self {
             Self::Flowing { .. } => controller.handle_timeout(self.now()),

@@ -1,4 +1,4 @@
-//! One connection to a virtual controller, over whatever carries its bytes.
+//! One connection to a virtual controller, over any [`Wire`].
 
 mod faulty;
 
@@ -19,10 +19,10 @@ use crate::camera::Camera;
 use crate::handle::{ControllerHandle, Next};
 use crate::wire::Wire;
 
-/// One read of the socket.
+/// How many bytes one read of the socket takes.
 const READ_BYTES: usize = 4096;
 
-/// How long a write may be stuck before the connection is given up: the peer does not read.
+/// How long a write may be blocked before the connection is given up, because the peer does not read.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// How long a peer has to close its half after we have closed ours.
@@ -32,9 +32,9 @@ const HANG_UP_TIME: Duration = Duration::from_secs(2);
 enum End {
     /// The peer closed it.
     Closed,
-    /// It has to be reset: the controller would.
+    /// It has to be reset, as the controller would do.
     Reset,
-    /// It has to be closed in good order, although the peer did not.
+    /// It has to be closed in good order, although the peer did not close it.
     HungUp,
 }
 
@@ -55,7 +55,7 @@ pub(crate) async fn serve_camera<W: Wire>(controller: &ControllerHandle, stream:
     controller.tell(Some(id), ShellEvent::CameraLost { camera, how });
 }
 
-/// One connection, and what is known of it.
+/// The state of one connection.
 struct Conversation<'c, W> {
     controller: &'c ControllerHandle,
     stream: W,
@@ -63,11 +63,12 @@ struct Conversation<'c, W> {
     notice: &'c Notify,
     input: Vec<u8>,
     frame: Vec<u8>,
-    /// A peer may close its own half and still read, as `nc -N` does: what is held back for it is sent first.
+    /// The peer may close its half and still read, as `nc -N` does. Delayed frames are sent before the
+    /// connection is closed.
     half_closed: bool,
-    /// What the faults of the link do to it, once there were any.
+    /// The link with its faults, after there were any.
     link: Option<Link>,
-    /// The changes of the link's faults that are in `link`.
+    /// The number of link changes that `link` has.
     link_changes: u64,
 }
 
@@ -82,7 +83,7 @@ impl<'c, W: Wire> Conversation<'c, W> {
         Self { controller, stream, id, notice, input, frame, half_closed: false, link, link_changes }
     }
 
-    /// Serves the connection until it ends, and tells how it did.
+    /// Serves the connection until it ends, and returns how it ended.
     async fn converse(mut self) -> String {
         let end = self.run().await;
         if self.link.as_ref().is_none_or(Link::notices_end) {
@@ -120,7 +121,7 @@ impl<'c, W: Wire> Conversation<'c, W> {
         }
     }
 
-    /// Serves the connection while its link is whole; `None` if that may have changed.
+    /// Serves the connection while its link has no faults; `None` if that may have changed.
     async fn run_whole(&mut self) -> io::Result<Option<End>> {
         loop {
             let (over, due) = loop {
@@ -161,25 +162,25 @@ impl<'c, W: Wire> Conversation<'c, W> {
         self.controller.look(|controller, _| controller.is_over(self.id))
     }
 
-    /// Copies the next frame that is due into `self.frame`.
+    /// Copies the next due frame into `self.frame`.
     fn next_frame(&mut self) -> Next {
         self.frame.clear();
         self.controller.next_frame(self.id, self.link_changes, &mut self.frame)
     }
 
-    /// Tells the link which faults are in force now.
+    /// Gives the link the faults that are in force now.
     fn look_at_link(&mut self) {
         let (controller, id) = (self.controller, self.id);
         controller.look(|now_is, now| {
             self.link_changes = now_is.link_changes();
-            // It was opened before they began, else it had a link.
+            // Without a link the connection was opened before the faults began.
             let link = self.link.get_or_insert_with(|| controller.new_link(id, now, &[]));
             link.set_faults(now, now_is.link_faults());
         });
     }
 }
 
-/// Waits so long; without a time, for ever.
+/// Waits this long; without a time, forever.
 async fn after(delay: Option<Duration>) {
     match delay {
         Some(delay) => tokio::time::sleep(delay).await,
@@ -187,9 +188,9 @@ async fn after(delay: Option<Duration>) {
     }
 }
 
-/// Writes to a peer that reads.
+/// Writes to the peer. A peer that does not read causes a timeout.
 async fn write<W: Wire>(stream: &mut W, bytes: &[u8]) -> io::Result<()> {
-    // Nearly every frame leaves at once; then no time has to be measured.
+    // Nearly every frame is written at once, so no timer is needed.
     let written = poll_fn(|cx| match Pin::new(&mut *stream).poll_write(cx, bytes) {
         Poll::Ready(written) => Poll::Ready(written),
         Poll::Pending => Poll::Ready(Ok(0)),
@@ -200,8 +201,8 @@ async fn write<W: Wire>(stream: &mut W, bytes: &[u8]) -> io::Result<()> {
     }
 }
 
-/// Closes our half, and waits a little for the peer to close its own: a socket that is dropped with bytes that nobody read
-/// would be reset.
+/// Closes our half, and waits a little for the peer to close its own. Dropping a socket with unread bytes
+/// would reset the connection.
 pub(crate) async fn hang_up<W: Wire>(stream: &mut W, input: &mut [u8]) {
     let end = async {
         stream.shutdown().await?;

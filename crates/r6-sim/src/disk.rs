@@ -1,4 +1,4 @@
-//! What states are kept on: the disks of this computer, or one that somebody simulates.
+//! The disk that states are saved on: this computer's, or a simulated one.
 
 use std::fmt;
 use std::fs::{self, File};
@@ -6,54 +6,56 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// One thing that is done to a disk.
+/// One operation on a disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DiskStep {
-    /// A file has these bytes from now on, and is there if it was not. A power cut may leave any part of them.
+    /// Writes a file, which then has exactly these bytes; creates it if necessary. A power cut may leave any
+    /// part of them.
     Write {
         /// The file.
         file: PathBuf,
-        /// All that it has.
+        /// Its whole content.
         bytes: Vec<u8>,
     },
-    /// What a file has survives a power cut from now on; its name may not.
+    /// Makes the content of a file survive a power cut; its name may not survive.
     Sync {
         /// The file.
         file: PathBuf,
     },
-    /// A file has another name from now on, in place of whatever had it.
+    /// Renames a file, and replaces a file with the new name.
     Rename {
         /// The file.
         from: PathBuf,
         /// Its new name.
         to: PathBuf,
     },
-    /// The names in a folder survive a power cut from now on.
+    /// Makes the names in a folder survive a power cut.
     SyncFolder {
         /// The folder.
         folder: PathBuf,
     },
 }
 
-/// A disk. The one of this computer is meant unless [`crate::SimSettings::disk`] says otherwise: a test that cuts the power needs one
-/// that tells what was safe by then.
+/// A disk. Without [`crate::SimSettings::disk`] it is this computer's. A test that cuts the power needs a
+/// disk that knows what was safe at that time.
 pub trait Disk: fmt::Debug + Send + Sync + 'static {
-    /// What a file has, cut off after so many bytes; `None` if there is no such file.
+    /// The content of a file, cut off after `most` bytes; `None` if there is no such file.
     ///
     /// # Errors
-    /// Why it cannot be read.
+    /// Why the file cannot be read.
     fn read(&self, file: &Path, most: u64) -> io::Result<Option<Vec<u8>>>;
 
-    /// Does one thing; it is done when this returns.
+    /// Carries out one step. It is complete when this returns.
     ///
     /// # Errors
-    /// Why it cannot be done.
+    /// Why the step cannot be carried out.
     fn carry_out(&self, step: &DiskStep) -> io::Result<()>;
 
-    /// How long the next step takes on the clock of the runtime, where somebody simulates it: it is carried out once that time is over.
+    /// How long the next step takes on the clock of the runtime, on a simulated disk. The step is carried out
+    /// after that time.
     fn takes(&self, step: &DiskStep) -> Duration;
 
-    /// Whether it takes a thread as long as it takes, and no time of its own.
+    /// Whether a step blocks its thread, and [`Self::takes`] does not count.
     fn blocks(&self) -> bool {
         false
     }
@@ -93,7 +95,7 @@ impl Disk for SystemDisk {
     }
 }
 
-/// Brings a folder's list of names to the disk, where the system lets one open a folder.
+/// Makes a folder's list of names survive a power cut, on systems that can open a folder.
 pub(crate) fn sync(folder: &Path) -> io::Result<()> {
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }

@@ -1,4 +1,4 @@
-//! Where connections come in, over TCP or in memory: accepted, refused, or left without an answer.
+//! Where connections come in, over TCP or in memory: they are accepted, refused, or left without an answer.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -16,27 +16,30 @@ use crate::connection;
 use crate::handle::ControllerHandle;
 use crate::memory::MemoryStream;
 
-/// How many connections the system holds for us until they are accepted, as tokio has it.
+/// How many connections the system queues until they are accepted, the same as in tokio.
 const BACKLOG: i32 = 1024;
 
-/// After how long a system asks again that wants to connect and gets no answer; then after twice as long, and so on.
+/// After how long a connecting system retries if it gets no answer. Each further wait is twice as long.
 const FIRST_ASKED_AGAIN: Duration = Duration::from_secs(1);
 
-/// The waits before a port is tried again that somebody took while it was closed: the first, and the longest.
+/// The waits before a port is tried again that another program took while it was closed: the first, and the
+/// longest.
 const FIRST_WAIT: Duration = Duration::from_millis(10);
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
-/// How many connections of our own fill the queue of a port that is to give no answer. With a queue of no length Linux takes one.
+/// How many of our own connections fill the queue of a port that is to give no answer. Even with a queue of
+/// length 0, Linux accepts one.
 const MAX_FILLERS: usize = 4;
 
-/// How long a connection of our own gets to be made. On this machine it takes microseconds: one that takes longer shows that the
-/// queue is full; and if it was only late, it fills the queue.
+/// How long a connection of our own may take to be made. On this machine it takes microseconds. A longer time
+/// shows that the queue is full; if the connection was only late, it fills the queue.
 const FILL_TIME: Duration = Duration::from_millis(50);
 
-/// How many connections that queued up while there was no answer are closed at the end: our own, and some that came just then.
+/// How many queued connections are closed at the end of the fault: our own, and some that came at that
+/// moment.
 const MAX_QUEUED: usize = 64;
 
-/// Attends to the connections of a controller, which end with this task.
+/// Accepts the connections of a controller. They end with this task.
 pub(crate) async fn attend(listener: TcpListener, controller: ControllerHandle) {
     let mut entrance = Entrance { door: controller.door(), controller, connections: JoinSet::new() };
     let mut listener = listener;
@@ -50,8 +53,8 @@ pub(crate) async fn attend(listener: TcpListener, controller: ControllerHandle) 
     }
 }
 
-/// Attends to the connections in memory of a controller, which end with this task. Whether they are made at all is decided by
-/// [`knock`].
+/// Serves the in-memory connections of a controller. They end with this task. [`knock`] decides whether they
+/// are made.
 pub(crate) async fn attend_in_memory(
     mut arrivals: mpsc::Receiver<MemoryStream>,
     controller: ControllerHandle,
@@ -79,14 +82,14 @@ pub(crate) async fn attend_in_memory(
     }
 }
 
-/// An attempt to connect in memory: as a system makes it, which asks again where it gets no answer.
+/// Tries to connect in memory. Like a real system it retries if it gets no answer.
 pub(crate) async fn knock(
     door: &watch::Receiver<Door>,
     entrance: &mpsc::Sender<MemoryStream>,
 ) -> io::Result<MemoryStream> {
     let mut wait = FIRST_ASKED_AGAIN;
     loop {
-        // Decided before anything is waited for: nobody may hold this.
+        // Copied before any wait, so that the borrow is not held.
         let door = *door.borrow();
         match door {
             Door::Open => {
@@ -103,7 +106,7 @@ pub(crate) async fn knock(
     }
 }
 
-/// A controller's, with the connections that came through it.
+/// The entrance of a controller, with the connections that came through it.
 struct Entrance {
     controller: ControllerHandle,
     door: watch::Receiver<Door>,
@@ -120,7 +123,8 @@ impl Entrance {
                 () = changed(&mut self.door) => return,
                 Some(_) = self.connections.join_next() => {}
                 accepted = listener.accept() => match accepted {
-                    // Each frame leaves at once and by itself: clients read with one call and small buffers.
+                    // Each frame is sent at once and separately, because clients read with one call and small
+                    // buffers.
                     Ok((stream, _)) => match stream.set_nodelay(true) {
                         Ok(()) => {
                             if std::mem::take(&mut failing) {
@@ -153,7 +157,7 @@ impl Entrance {
         }
     }
 
-    /// T1: the port is closed until the door changes, and then opened again.
+    /// T1: closes the port until the door changes, and then opens it again.
     async fn refuse(&mut self, listener: TcpListener) -> TcpListener {
         let address = self.controller.address();
         drop(listener);
@@ -183,9 +187,9 @@ impl Entrance {
         }
     }
 
-    /// T2: attempts to connect get no answer until the door changes. Where Linux has no room for another connection that waits to
-    /// be accepted, it drops what asks for one; so the queue is made as short as it can be, and filled. Other systems
-    /// answer all the same, and nobody is served.
+    /// T2: attempts to connect get no answer until the door changes. Linux drops connection requests if its
+    /// queue has no room. So the queue is made as short as possible, and filled. Other systems still answer,
+    /// but no connection is served.
     async fn give_no_answer(&mut self, listener: &TcpListener) {
         let fillers = if cfg!(target_os = "linux") {
             fill(listener, self.controller.address()).await
@@ -212,18 +216,19 @@ impl Entrance {
     }
 }
 
-/// Waits for another door.
+/// Waits until the door changes.
 async fn changed(door: &mut watch::Receiver<Door>) {
     if door.changed().await.is_err() {
-        // Whoever attends holds the controller, which holds the sender: it is there.
+        // The sender still exists: the caller holds the controller, which holds the sender.
         std::future::pending::<()>().await;
     }
 }
 
-/// A socket that is bound and does not listen: attempts to connect are refused, and nobody else gets the port meanwhile.
+/// A socket that is bound and does not listen: attempts to connect are refused, and no other program gets the
+/// port meanwhile.
 fn bind(address: SocketAddr) -> io::Result<Socket> {
     let socket = Socket::new(Domain::for_address(address), Type::STREAM, Some(Protocol::TCP))?;
-    // Connections that were accepted on the port may be there still. On Windows the option means something else.
+    // Accepted connections on the port may still exist. On Windows the option has another meaning.
     #[cfg(not(windows))]
     socket.set_reuse_address(true)?;
     socket.set_nonblocking(true)?;
@@ -236,7 +241,7 @@ fn listen(socket: Socket) -> io::Result<TcpListener> {
     TcpListener::from_std(socket.into())
 }
 
-/// Leaves no room in the queue of a listener. As long as what this gives is there, no connection of others is made.
+/// Fills the queue of a listener. While the result is alive, no other connection is made.
 async fn fill(listener: &TcpListener, address: SocketAddr) -> io::Result<Vec<Filler>> {
     SockRef::from(listener).listen(0)?;
     let mut fillers = Vec::with_capacity(MAX_FILLERS);
@@ -250,10 +255,10 @@ async fn fill(listener: &TcpListener, address: SocketAddr) -> io::Result<Vec<Fil
             }
         }
     }
-    Err(io::Error::other(format!("the system takes more than {MAX_FILLERS} that nobody accepts")))
+    Err(io::Error::other(format!("the system takes more than {MAX_FILLERS} without accepting one")))
 }
 
-/// A connection that takes the room of others, for as long as it is there.
+/// A connection that takes the room of others while it is alive.
 enum Filler {
     Made(#[expect(dead_code, reason = "it only has to be there")] TcpStream),
     Waiting(#[expect(dead_code, reason = "it only has to be there")] Connecting),
@@ -261,7 +266,7 @@ enum Filler {
 
 type Connecting = std::pin::Pin<Box<dyn Future<Output = io::Result<TcpStream>> + Send>>;
 
-/// Where a listener is reached from this machine.
+/// The address of a listener for this machine.
 fn reachable(address: SocketAddr) -> SocketAddr {
     let mut reachable = address;
     match address.ip() {
@@ -272,11 +277,11 @@ fn reachable(address: SocketAddr) -> SocketAddr {
     reachable
 }
 
-/// Closes what waits to be accepted.
+/// Closes the connections that wait to be accepted.
 fn close_queued(listener: &TcpListener) {
     let socket = SockRef::from(listener);
     for _ in 0..MAX_QUEUED {
-        // Nothing waits any more, or nothing can be done about it.
+        // None are left, or accepting them is not possible.
         if socket.accept().is_err() {
             return;
         }

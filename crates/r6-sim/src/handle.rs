@@ -1,4 +1,4 @@
-//! One running virtual controller, as the rest of the program sees it.
+//! One running virtual controller, for the rest of the program.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -26,10 +26,10 @@ use crate::memory::MemoryStream;
 use crate::state::StateError;
 use crate::wire::Wire;
 
-/// How many log lines a slow reader may fall behind before it loses the oldest.
+/// How many log lines a slow reader may be behind before it loses the oldest.
 const LOG_BACKLOG: usize = 256;
 
-/// A running virtual controller. Clones are the same controller.
+/// A running virtual controller. Clones refer to the same controller.
 #[derive(Clone, Debug)]
 pub struct ControllerHandle {
     shared: Arc<Shared>,
@@ -39,18 +39,18 @@ pub struct ControllerHandle {
 struct Shared {
     address: SocketAddr,
     state: Mutex<State>,
-    /// What brings the state to the disk, where it is kept.
+    /// Writes the state to the disk, if it is saved.
     keeper: Option<Keeper>,
-    /// The next deadline may have changed.
+    /// Notified when the next deadline may have changed.
     timers: Notify,
     log: broadcast::Sender<LogEntry>,
-    /// A reader of the log who was there before anything happened, until somebody takes its place.
+    /// A receiver of the log from the start, until the first reader takes it.
     log_from_start: Mutex<Option<broadcast::Receiver<LogEntry>>>,
-    /// What becomes of attempts to connect.
+    /// How attempts to connect are treated.
     door: watch::Sender<Door>,
-    /// Takes connections in memory, where the controller is reached that way.
+    /// Takes connections in memory, if the controller is reached that way.
     entrance: Option<mpsc::Sender<MemoryStream>>,
-    /// Seeds what is drawn on the links.
+    /// The seed for the random values of the links.
     seed: u64,
 }
 
@@ -60,12 +60,12 @@ struct State {
     pace: Pace,
     changes: Changes,
     connections: BTreeMap<ConnectionId, Connected>,
-    /// The changes of the link that the door knows of.
+    /// The number of link changes that the door has.
     link_changes: u64,
     observers: Vec<Observer>,
 }
 
-/// What there is to write to a connection.
+/// What to write to a connection next.
 pub(crate) enum Next {
     /// A frame.
     Frame,
@@ -73,14 +73,14 @@ pub(crate) enum Next {
     Nothing {
         /// Whether the connection has to be reset.
         over: bool,
-        /// How long it is, in real time, until a frame leaves that is held back now.
+        /// How long it takes, in real time, until the next delayed frame is sent.
         due: Option<Duration>,
     },
-    /// First look at the faults of the link: they have changed.
+    /// The link faults have changed: apply them first.
     LinkChanged,
 }
 
-/// Who is told of everything.
+/// A callback that sees everything.
 struct Observer(Box<Observe>);
 
 type Observe = dyn FnMut(Instant, &Controller, &[LogEntry]) + Send;
@@ -94,7 +94,7 @@ impl fmt::Debug for Observer {
 #[derive(Debug)]
 struct Connected {
     notice: Arc<Notify>,
-    /// The number of the last change that a request of this connection made.
+    /// The number of the last change from a request of this connection.
     changed: u64,
 }
 
@@ -107,7 +107,7 @@ impl ControllerHandle {
         entrance: Option<mpsc::Sender<MemoryStream>>,
         seed: u64,
     ) -> Self {
-        // That it was switched on is the first change.
+        // Switching on is the first change.
         let changes = Changes { number: 1, mark: controller.machine().saved_mark() };
         let connections = BTreeMap::new();
         let door = watch::Sender::new(Door::of(controller.link_faults()));
@@ -120,29 +120,30 @@ impl ControllerHandle {
         let timers = Notify::new();
         let shared = Shared { address, state, keeper, timers, log, log_from_start, door, entrance, seed };
         let handle = Self { shared: Arc::new(shared) };
-        // What happened as it was switched on is told now, not when somebody first does something.
+        // Publish the events of switching on now, not at the first call.
         handle.look(|_, _| ());
         handle
     }
 
-    /// Where it listens; only a name where it is reached in memory.
+    /// The address that it listens on; only a name if it is reached in memory.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.shared.address
     }
 
-    /// Connects to it without a network ([`crate::Simulation::start_in_memory`]): through the same door, over the same faulty
-    /// links as over TCP. While attempts to connect get no answer, this asks again after 1 s, 2 s, 4 s, as a system does.
+    /// Connects to it without a network ([`crate::Simulation::start_in_memory`]). Door and link faults work
+    /// as over TCP. While attempts to connect get no answer, this retries after 1 s, 2 s, 4 s, as a real
+    /// system does.
     ///
     /// # Errors
-    /// `ConnectionRefused` where it is refused, or the simulation has ended; `Unsupported` where it listens on TCP.
+    /// `ConnectionRefused` if it is refused, or the simulation has ended; `Unsupported` if it listens on TCP.
     pub async fn dial(&self) -> io::Result<MemoryStream> {
         let entrance = self.shared.entrance.as_ref().ok_or(io::ErrorKind::Unsupported)?;
         knock(&self.door(), entrance).await
     }
 
-    /// Serves a connection that was accepted elsewhere, until it ends: over a network that somebody simulates, or one
-    /// that this crate does not know. The door is the business of whoever accepts.
+    /// Serves a connection that was accepted elsewhere, until it ends. It may come over a simulated network,
+    /// or over another that this crate does not know. The caller decides whether to accept.
     pub async fn serve<W: Wire>(&self, wire: W) {
         connection::serve(self.clone(), wire).await;
     }
@@ -152,32 +153,33 @@ impl ControllerHandle {
         connection::serve_camera(self, wire, camera).await;
     }
 
-    /// Has this called after everything that happens to the controller, from now on, with the time and the log lines
-    /// that came of it: for tests that hold it to promises at every step, or count what it carries out. It must not wait, and
-    /// not call the handle: the controller stands meanwhile.
+    /// Calls this function after everything that happens to the controller, from now on, with the time and
+    /// the new log lines. Tests use it to check promises at every step, or to count what the controller
+    /// carries out. The function must not wait, and must not call the handle, because the controller is
+    /// locked meanwhile.
     pub fn observe(&self, observer: impl FnMut(Instant, &Controller, &[LogEntry]) + Send + 'static) {
         self.state().observers.push(Observer(Box::new(observer)));
     }
 
-    /// What a person would see at the machine, now.
+    /// The state of the machine that an operator can see, now.
     #[must_use]
     pub fn snapshot(&self) -> ControllerSnapshot {
         self.look(Controller::snapshot)
     }
 
-    /// What happens from now on. A reader that falls behind loses the oldest lines and is told how many.
+    /// The log from now on. A reader that falls behind loses the oldest lines and gets their number.
     #[must_use]
     pub fn log(&self) -> broadcast::Receiver<LogEntry> {
         self.shared.log.subscribe()
     }
 
-    /// Sets the link faults of this controller: see [`Controller::set_link_faults`]. Connections have them
-    /// when this returns. A log line tells when attempts to connect are treated differently.
+    /// Sets the link faults of this controller: see [`Controller::set_link_faults`]. They are in force when
+    /// this returns. A log line says when attempts to connect are treated differently.
     pub fn set_link_faults(&self, faults: Vec<LinkFaultNow>) {
         self.with(|controller, _| controller.set_link_faults(faults));
     }
 
-    /// What becomes of attempts to connect, now and whenever that changes.
+    /// How attempts to connect are treated, now and after each change.
     pub(crate) fn door(&self) -> watch::Receiver<Door> {
         self.shared.door.subscribe()
     }
@@ -187,17 +189,18 @@ impl ControllerHandle {
         Link::new(self.shared.seed.rotate_left(32).wrapping_add(id.number()), now, faults)
     }
 
-    /// The time that counts for what is due then: under a clock that only the input drives it does not have to be waited for.
+    /// The time that counts for something due at `due`. With a clock that only the input drives, this is not
+    /// waited for.
     pub(crate) fn reach(&self, due: Option<Instant>) -> Instant {
         self.state().pace.reach(due)
     }
 
-    /// How long it is, in real time, until something is due.
+    /// How long it takes, in real time, until `due`.
     pub(crate) fn until(&self, due: Instant) -> Duration {
         self.state().pace.until(due)
     }
 
-    /// What happens, from the start on: for the first who asks, and from now on for all others.
+    /// The log from the start for the first caller; from now on for all others.
     #[must_use]
     pub fn log_from_start(&self) -> broadcast::Receiver<LogEntry> {
         let first = self.shared.log_from_start.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -209,15 +212,15 @@ impl ControllerHandle {
         self.with(|controller, now| controller.request_photo(now, cam_id));
     }
 
-    /// Does what a person does at the machine, or a machine in the cell where inputs are concerned.
+    /// Does what an operator does at the machine. A machine in the cell can also set inputs.
     ///
     /// # Errors
-    /// Why the machine did not do it, and what to do; nothing has changed.
+    /// Why the machine refused, and what to do about it. Nothing has changed then.
     pub fn operate(&self, action: &PanelAction) -> Result<(), Refused> {
         self.with(|controller, now| controller.operate(now, action))
     }
 
-    /// The same, and waits until it survives a power cut.
+    /// The same, but waits until the change survives a power cut.
     pub(crate) async fn operate_and_keep(&self, action: &PanelAction) -> Result<(), Refused> {
         self.operate(action)?;
         if let Some(keeper) = &self.shared.keeper {
@@ -227,23 +230,24 @@ impl ControllerHandle {
         Ok(())
     }
 
-    /// How long it is, in real time, until the next frame of a connection leaves that is held back now.
+    /// How long it takes, in real time, until the next delayed frame of a connection is sent.
     pub(crate) fn next_transmit(&self, id: ConnectionId) -> Option<Duration> {
         let state = self.state();
         state.controller.next_transmit(id).map(|due| state.pace.until(due))
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        // A panic while the lock was held would leave a machine between two events, never broken data.
+        // After a panic with the lock held the machine would be between two events, but its data would not be
+        // broken.
         self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Does to the controller what a person or a machine in the cell does; time goes on after it.
+    /// Does to the controller what an operator or a machine in the cell does; time then passes.
     pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Controller, Instant) -> T) -> T {
         self.handle(|state| state.pace.act(&mut state.controller, act))
     }
 
-    /// Looks at the controller, now. A clock that only the input drives stands.
+    /// Accesses the controller, now. A clock that only the input drives does not advance.
     pub(crate) fn look<T>(&self, look: impl FnOnce(&mut Controller, Instant) -> T) -> T {
         self.handle(|state| look(&mut state.controller, state.pace.now()))
     }
@@ -262,7 +266,7 @@ impl ControllerHandle {
         });
     }
 
-    /// Waits until what the requests of this connection changed survives a power cut.
+    /// Waits until the changes from requests of this connection survive a power cut.
     pub(crate) async fn kept(&self, id: ConnectionId) {
         if let Some(keeper) = &self.shared.keeper {
             let changed = self.state().connections.get(&id).map_or(0, |connection| connection.changed);
@@ -270,20 +274,21 @@ impl ControllerHandle {
         }
     }
 
-    /// What a power cut would leave now, and the number of the last change in it.
+    /// The state that a power cut would leave now, and the number of its last change.
     pub(crate) fn saved(&self) -> (u64, SavedState) {
         let state = self.state();
         (state.changes.number, state.controller.machine().saved())
     }
 
-    /// Keeps the state on the disk, for as long as it runs.
+    /// Saves the state on the disk while this runs.
     pub(crate) async fn run_keeper(self) {
         if let Some(keeper) = &self.shared.keeper {
             keeper.run(&self).await;
         }
     }
 
-    /// Writes what no connection waited for: the simulation ends in good order. The log is told of what was not kept.
+    /// Writes the changes that no connection waited for, when the simulation ends in good order. The log says
+    /// what was not saved.
     pub(crate) async fn finish(self) -> Result<(), StateError> {
         if self.shared.keeper.is_none() {
             return Ok(());
@@ -295,7 +300,7 @@ impl ControllerHandle {
         });
         let kept = match tokio::time::timeout(FINISH_TIME, write).await {
             Ok(Ok(kept)) => kept,
-            // It fails only where the runtime ends, and then nobody waits for it.
+            // It fails only if the runtime ends; then no caller waits for it.
             Ok(Err(gone)) => Err(self.not_finished(io::Error::other(gone))),
             Err(_) => Err(self.not_finished(io::ErrorKind::TimedOut.into())),
         };
@@ -310,10 +315,11 @@ impl ControllerHandle {
         StateError::Io { path, tried: "written", error }
     }
 
-    /// Has the next frame that is due for a connection written to `frame`, unless the faults of the link are not those that were in
-    /// force at change number `link_changes`.
+    /// Writes the next due frame of a connection to `frame`, unless the link faults have changed since change
+    /// number `link_changes`.
     ///
-    /// That a frame leaves changes nothing that anybody waits for, so nothing is passed on but to observers, who see everything.
+    /// Sending a frame changes nothing that others wait for, so only observers are called: they see
+    /// everything.
     pub(crate) fn next_frame(&self, id: ConnectionId, link_changes: u64, frame: &mut Vec<u8>) -> Next {
         let mut state = self.state();
         let State { observers, controller, pace, .. } = &mut *state;
@@ -330,7 +336,8 @@ impl ControllerHandle {
         Next::Frame
     }
 
-    /// Does something with the controller, then passes on what follows from it: log lines, wake-ups, timers, writes.
+    /// Does something with the controller, then passes on the consequences: log lines, wake-ups, timers,
+    /// writes.
     fn handle<T>(&self, act: impl FnOnce(&mut State) -> T) -> T {
         let mut state = self.state();
         let before = state.pace.deadline(&state.controller);
@@ -344,7 +351,7 @@ impl ControllerHandle {
         }
         let mut lines = Vec::new();
         while let Some(line) = state.controller.poll_log() {
-            // Within the lock, so that the order stays; it does not wait. Nobody may be listening.
+            // Within the lock, to keep the order; it does not wait. There may be no receiver.
             let _ = self.shared.log.send(line.clone());
             lines.push(line);
         }
@@ -369,7 +376,7 @@ impl ControllerHandle {
         result
     }
 
-    /// Tells the program's own log. Without the lock: whoever writes that log may wait for its reader.
+    /// Writes to the program's own log, without the lock, because that log may wait for its reader.
     fn trace(&self, lines: &[LogEntry]) {
         let address = self.shared.address;
         for line in lines {
@@ -386,7 +393,7 @@ impl ControllerHandle {
         self.enter(id)
     }
 
-    /// Takes a connection that was opened to a camera, likewise.
+    /// Takes a connection that was opened to a camera, in the same way.
     pub(crate) fn connect_camera(&self, cam_id: Option<i64>) -> (ConnectionId, Arc<Notify>) {
         let id = self.look(|controller, now| controller.connect_camera(now, cam_id));
         self.enter(id)
@@ -409,13 +416,13 @@ impl ControllerHandle {
         self.state().connections.remove(&id);
     }
 
-    /// A connection has ended, and the controller does not notice.
+    /// Takes a connection that has ended without the controller noticing.
     pub(crate) fn lose(&self, id: ConnectionId) {
         self.look(|controller, _| controller.lose(id));
         self.state().connections.remove(&id);
     }
 
-    /// Lets the controller's own deadlines happen, for as long as it runs.
+    /// Handles the controller's own deadlines while this runs.
     pub(crate) async fn run_timers(self) {
         loop {
             let pause = {
@@ -439,7 +446,7 @@ impl ControllerHandle {
 }
 
 impl State {
-    /// Gives the next number to what has changed; whether anything has.
+    /// Gives a change the next number. Returns whether anything has changed.
     fn note_change(&mut self) -> bool {
         let mark = self.controller.machine().saved_mark();
         let changed = mark != self.changes.mark;

@@ -1,8 +1,8 @@
-//! Brings what survives a power cut to the disk, beside the connections and not in their way.
+//! Saves the state that survives a power cut on the disk, in parallel with the connections.
 //!
-//! Each change gets a number. One task writes the newest state whenever there is a new number, so changes that come while it writes
-//! go to the disk together. A connection whose own request changed something holds its frames back until that number is on
-//! the disk: what was acknowledged survives. No other connection waits.
+//! Each change gets a number. One task writes the newest state whenever there is a new number, so changes
+//! during a write go to the disk together. If a request of a connection changed something, the frames of that
+//! connection wait until that number is on the disk: acknowledged changes survive. No other connection waits.
 
 use std::path::Path;
 use std::pin::{Pin, pin};
@@ -16,34 +16,37 @@ use tokio::sync::{Notify, Semaphore};
 use crate::handle::ControllerHandle;
 use crate::state::{StateError, StateFile};
 
-/// After a write that failed, a disk gets this long to have room again. Until then nothing is acknowledged.
+/// How long to wait after a failed write, for the disk to have room again. Until then no change is
+/// acknowledged.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
-/// How long a write may take before that is told: until then nothing that changes the state is acknowledged.
+/// How long a write may take before the log says so. Until it ends, nothing that changes the state is
+/// acknowledged.
 const SLOW_WRITE: Duration = Duration::from_secs(2);
 
-/// How long after it was told that the state cannot be written it is told again, while that lasts.
+/// How often the log repeats that the state cannot be written, while that lasts.
 const TOLD_AGAIN_AFTER: Duration = Duration::from_secs(60);
 
-/// How long the last write may take, at the end. A disk that does not answer must not keep the program from ending, and saying so.
+/// How long the last write may take at the end. A disk that does not answer must not keep the program from
+/// ending with an error.
 pub(crate) const FINISH_TIME: Duration = Duration::from_secs(10);
 
-/// How many files are written at once by all controllers together: a disk does not become faster by more.
+/// How many files all controllers together write at once: more do not make a disk faster.
 const WRITES_AT_ONCE: usize = 8;
 
-/// What the controller and its connections see of the task that writes.
+/// The part of the writing task that the controller and its connections share.
 #[derive(Debug)]
 pub(crate) struct Keeper {
     file: StateFile,
     changed: Notify,
-    /// The number of the last change that is on the disk, and who waits for a later one: in their order, where the waiters of a
-    /// `watch` would be woken in any.
+    /// The number of the last change on the disk, and the notification for tasks that wait for a later one.
+    /// `Notify` wakes them in order; a `watch` would wake them in any order.
     durable: AtomicU64,
     written: Notify,
     writes: Arc<Semaphore>,
 }
 
-/// The number of the last change, and how the state was recognised then.
+/// The number of the last change, and the mark of the state at that time.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Changes {
     pub number: u64,
@@ -51,7 +54,7 @@ pub(crate) struct Changes {
 }
 
 impl Keeper {
-    /// As many writes at once as all keepers of a simulation may do.
+    /// The limit of concurrent writes for all keepers of a simulation.
     pub fn writes() -> Arc<Semaphore> {
         Arc::new(Semaphore::new(WRITES_AT_ONCE))
     }
@@ -60,12 +63,12 @@ impl Keeper {
         Self { file, changed: Notify::new(), durable: AtomicU64::new(0), written: Notify::new(), writes }
     }
 
-    /// The file.
+    /// The path of the file.
     pub fn path(&self) -> &Path {
         self.file.path()
     }
 
-    /// Something has changed.
+    /// Says that the state has changed.
     pub fn change(&self) {
         self.changed.notify_one();
     }
@@ -73,7 +76,7 @@ impl Keeper {
     /// Waits until this change, and all before it, are on the disk.
     pub async fn durable(&self, number: u64) {
         loop {
-            // It counts from here on, not from when it is waited for.
+            // Created before the check, so that a notification in between is not lost.
             let written = self.written.notified();
             if self.durable.load(Ordering::Acquire) >= number {
                 return;
@@ -82,7 +85,7 @@ impl Keeper {
         }
     }
 
-    /// Writes whatever changes, for as long as it runs.
+    /// Writes all changes while this runs.
     pub async fn run(&self, controller: &ControllerHandle) {
         let mut trouble = Trouble::default();
         loop {
@@ -109,22 +112,22 @@ impl Keeper {
         }
     }
 
-    /// Writes what has changed since the last write: the simulation ends in good order.
+    /// Writes the changes since the last write, when the simulation ends in good order.
     pub fn finish(&self, controller: &ControllerHandle) -> Result<(), StateError> {
         let (number, state) = controller.saved();
         self.file.write(number, &state)
     }
 }
 
-/// What the log was told of a state that cannot be written.
+/// What the log says about a state that cannot be written.
 #[derive(Debug, Default)]
 struct Trouble {
-    /// When it was told last; `None` while there is none.
+    /// When the log last said so; `None` without trouble.
     told: Option<tokio::time::Instant>,
 }
 
 impl Trouble {
-    /// Waits for a write, and tells of one that does not end.
+    /// Waits for a write, and logs a write that does not end.
     async fn watch<T>(
         &mut self,
         controller: &ControllerHandle,
@@ -145,7 +148,7 @@ impl Trouble {
         }
     }
 
-    /// Tells why the state cannot be written, unless that was told a little while ago.
+    /// Logs why the state cannot be written, unless it did so a short time ago.
     fn tell(&mut self, controller: &ControllerHandle, why: &dyn std::fmt::Display) {
         if self.told.is_none_or(|told| told.elapsed() >= TOLD_AGAIN_AFTER) {
             self.told = Some(tokio::time::Instant::now());
@@ -153,7 +156,7 @@ impl Trouble {
         }
     }
 
-    /// The state was written.
+    /// Logs that the state was written, if there was trouble before.
     fn is_over(&mut self, controller: &ControllerHandle, file: &StateFile) {
         if self.told.take().is_some() {
             controller.tell(None, ShellEvent::StateWritten { path: Detail::of(file.path().display()) });

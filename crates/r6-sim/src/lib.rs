@@ -1,8 +1,9 @@
 //! Virtual R6 / HC1 controllers on TCP ports.
 //!
-//! This is the shell around [`r6_controller::Controller`]: listeners, one task for each connection, one for the
-//! timers of each controller, and the [`panel`] over HTTP. It holds no robot logic. Without a network, controllers are reached
-//! in memory ([`Simulation::start_in_memory`]), or over any other [`Wire`] ([`ControllerHandle::serve`]).
+//! This is the shell around [`r6_controller::Controller`]: listeners, one task per connection, one task for
+//! the timers of each controller, and the [`panel`] over HTTP. It holds no robot logic. Controllers can also
+//! be reached in memory without a network ([`Simulation::start_in_memory`]), or over any other [`Wire`]
+//! ([`ControllerHandle::serve`]).
 //!
 //! ```
 //! # tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(async {

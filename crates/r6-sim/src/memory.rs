@@ -1,4 +1,4 @@
-//! A connection without a network: two ends in one process, which behave as those of TCP do.
+//! A connection without a network: two ends in one process, which behave like those of TCP.
 
 use std::collections::VecDeque;
 use std::io;
@@ -10,13 +10,15 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
 use crate::wire::Wire;
 
-/// How many bytes are under way in one direction at most, as in the buffers of a system; then the writer waits.
+/// How many bytes are under way in one direction at most, as in the buffers of a system. After that the
+/// writer waits.
 pub const MEMORY_BYTES: usize = 64 * 1024;
 
-/// One end of a connection in memory. It draws nothing and reads no clock: bytes arrive as soon as the other end looks.
+/// One end of a connection in memory. It uses no random numbers and no clock: bytes arrive as soon as the
+/// other end reads.
 ///
-/// Dropping an end closes the connection in good order, or resets it where bytes came that nobody read, as systems do. What is written
-/// to an end that is gone is lost, and the writer gets a reset for it.
+/// Dropping an end closes the connection in good order, or resets it if unread bytes are left, as systems do.
+/// Data written to a dropped end is lost, and the writer gets a reset.
 #[derive(Debug)]
 pub struct MemoryStream {
     inbound: Arc<Pipe>,
@@ -31,7 +33,7 @@ struct Pipe(Mutex<Way>);
 #[derive(Debug, Default)]
 struct Way {
     bytes: VecDeque<u8>,
-    /// Nothing more is written: the reader gets an end after what is left.
+    /// The writer has closed: the reader gets the end after the remaining bytes.
     closed: bool,
     /// The reader is gone.
     unread: bool,
@@ -43,7 +45,7 @@ struct Way {
 
 impl Pipe {
     fn way(&self) -> MutexGuard<'_, Way> {
-        // Nothing that holds it can panic halfway.
+        // No code that holds the lock can panic halfway.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -96,7 +98,7 @@ impl AsyncRead for MemoryStream {
             return Poll::Pending;
         }
         let count = buffer.remaining().min(way.bytes.len());
-        // The bytes may lie in two parts: the ring has an end.
+        // The bytes may be in two parts, because the buffer is a ring.
         let (first, second) = way.bytes.as_slices();
         let from_first = count.min(first.len());
         buffer.put_slice(first.get(..from_first).unwrap_or_default());
@@ -142,7 +144,7 @@ impl AsyncWrite for MemoryStream {
                 }
                 Poll::Ready(Ok(count))
             }
-            // The answer to bytes for somebody who is gone.
+            // The answer to bytes for an end that is gone.
             None => {
                 self.inbound.change(|way| way.reset = true);
                 Poll::Ready(Ok(bytes.len()))
@@ -174,7 +176,7 @@ impl Drop for MemoryStream {
             way.closed = true;
             way.reset |= reset;
             if reset {
-                // A reset overtakes what is still under way.
+                // A reset overtakes bytes that are still under way.
                 way.bytes.clear();
             }
         });

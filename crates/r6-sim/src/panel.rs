@@ -1,15 +1,15 @@
-//! The panel: what a person does at the machine, as a local HTTP API.
+//! The panel simulates the operator at the machine, as a local HTTP API.
 //!
 //! | request | what it does |
 //! |---|---|
 //! | `GET /v1/controllers` | the controllers of this process, numbered from 1 |
-//! | `GET /v1/controllers/{n}` | what a person would see at the machine |
-//! | `GET /v1/controllers/{n}/status` | the state as the controller tells it over its port, as `r6 status --json` prints it |
-//! | `POST /v1/controllers/{n}/actions` | does what an [`r6_api::panel::Action`] says |
-//! | `PUT /v1/controllers/{n}/programs/{name}` | loads a program, whose text is the body |
-//! | `GET /v1/openapi.json` | all this for programs; committed as `openapi/panel.json` |
+//! | `GET /v1/controllers/{n}` | the state of the machine that an operator can see |
+//! | `GET /v1/controllers/{n}/status` | the state as read over its port, as in `r6 status --json` |
+//! | `POST /v1/controllers/{n}/actions` | carries out an [`r6_api::panel::Action`] |
+//! | `PUT /v1/controllers/{n}/programs/{name}` | loads a program; the body is its text |
+//! | `GET /v1/openapi.json` | this API in OpenAPI; committed as `openapi/panel.json` |
 //!
-//! There is no login, so it listens on this machine alone unless told otherwise, and pages of a browser cannot use it.
+//! There is no login, so by default it listens on this machine only, and web pages cannot use it.
 
 mod convert;
 mod routes;
@@ -18,19 +18,20 @@ use std::net::SocketAddr;
 
 pub use convert::code;
 
-/// Where `r6 up` offers the panel and `r6 panel` looks for it, unless told otherwise.
+/// The default port of the panel for `r6 up` and `r6 panel`.
 pub const DEFAULT_PORT: u16 = 9770;
 
-/// The panel of these controllers as a service, for a server of one's own: it believes that it listens at this address.
+/// The panel of these controllers as a service, for your own server, which has to listen at this address.
 pub fn router(controllers: &[crate::ControllerHandle], address: SocketAddr) -> axum::Router {
     routes::router(controllers.into(), address)
 }
 
-/// The OpenAPI description of the panel, as `GET /v1/openapi.json` gives it.
+/// The OpenAPI description of the panel, as `GET /v1/openapi.json` returns it.
 #[must_use]
 pub fn openapi() -> String {
     let (_, api) = routes::routes().split_for_parts();
-    // A description that serde cannot write would be a fault of its derive; the test of the committed file sees it.
+    // A description that serde cannot write would be a fault of its derive; the test of the committed file
+    // would fail.
     let mut text = api.to_pretty_json().unwrap_or_default();
     text.push('\n');
     text

@@ -1,4 +1,4 @@
-//! How many controllers, where, and of what kind.
+//! The settings of a simulation: how many controllers, where, and of what kind.
 
 use std::fmt;
 use std::io;
@@ -14,42 +14,44 @@ use crate::clock::Clock;
 use crate::disk::Disk;
 use crate::state::StateError;
 
-/// The most controllers in one process. Each takes a listening socket and a port of its own.
+/// The most controllers in one process. Each has its own listening socket and port.
 pub const MAX_CONTROLLERS: usize = 10_000;
 
 /// What [`crate::Simulation::start`] starts.
 #[derive(Clone, Debug)]
 pub struct SimSettings {
-    /// Where to listen; port 0 takes any free port.
+    /// The addresses to listen on; port 0 takes any free port.
     pub listen: Vec<SocketAddr>,
-    /// How many controllers for each address, on ports that follow one another.
+    /// How many controllers to start per address, on consecutive ports.
     pub count: u16,
-    /// The firmware they play.
+    /// The profile of their firmware.
     pub profile: Profile,
     /// The arm.
     pub model: RobotModel,
-    /// How they stand when they are switched on.
+    /// Their state when they are switched on.
     pub start: StartState,
-    /// The programs they have.
+    /// Their programs.
     pub library: Library,
     /// The program in use.
     pub mold: String,
-    /// The cameras that each controller dials, one connection each: at most [`MAX_CAMERAS`], each `camID` once.
+    /// The cameras that each controller dials, with one connection each: at most [`MAX_CAMERAS`], each
+    /// `camID` once.
     pub cameras: Vec<Camera>,
-    /// What happens to each of them by itself; each draws for itself what it leaves open.
+    /// The scenario of each controller; each draws its own random values.
     pub scenario: Option<Arc<Scenario>>,
-    /// Where the panel is offered over HTTP; `None`: nowhere. Port 0 takes any free port.
+    /// The address of the panel over HTTP; `None` for no panel. Port 0 takes any free port.
     pub panel: Option<SocketAddr>,
-    /// Whether the panel may listen where other machines reach it: it has no login.
+    /// Whether the panel may listen where other machines can reach it, although it has no login.
     pub panel_open: bool,
-    /// How fast time goes for them.
+    /// The speed of their time.
     pub clock: Clock,
     /// The seed; controller n has seed + n.
     pub seed: u64,
-    /// The folder that keeps what survives a power cut, one file for each controller; `start` then counts only for
-    /// a controller that has none yet. `None`: nothing survives.
+    /// The folder for the states that survive a power cut, one file per controller; `None` if nothing
+    /// survives. `start` then counts only for a controller without a file.
     pub state: Option<PathBuf>,
-    /// The disk that the folder is on; `None`: this computer's. On one that somebody simulates no folder is made or locked.
+    /// The disk of that folder; `None` for this computer's. On a simulated disk no folder is created or
+    /// locked.
     pub disk: Option<Arc<dyn Disk>>,
 }
 
@@ -76,17 +78,17 @@ impl Default for SimSettings {
     }
 }
 
-/// Why a simulation could not be started: nothing is left running.
+/// Why a simulation could not be started. Nothing is left running.
 #[derive(Debug)]
 pub enum SimError {
-    /// No address to listen on, no controller, or more than fit.
+    /// There is no address to listen on, no controller, or too many.
     BadCount {
-        /// How many controllers were asked for.
+        /// How many controllers were requested.
         controllers: usize,
     },
-    /// More cameras than one controller dials.
+    /// There are more cameras than one controller can dial.
     TooManyCameras {
-        /// How many were named.
+        /// How many were given.
         cameras: usize,
     },
     /// Two cameras with the same `camID`, or two without.
@@ -94,35 +96,35 @@ pub enum SimError {
         /// The `camID`.
         cam_id: Option<i64>,
     },
-    /// The ports that follow the first one end before all controllers have one.
+    /// The consecutive ports end before all controllers have one.
     NoSuchPort {
         /// The first address.
         first: SocketAddr,
         /// How many ports were needed.
         count: u16,
     },
-    /// The system did not let us listen there.
+    /// The system did not allow listening there.
     Listen {
-        /// Where.
+        /// The address.
         address: SocketAddr,
         /// Why not.
         error: io::Error,
     },
-    /// The system did not let us offer the panel there.
+    /// The system did not allow offering the panel there.
     ListenPanel {
-        /// Where.
+        /// The address.
         address: SocketAddr,
         /// Why not.
         error: io::Error,
     },
-    /// The panel would be reachable from other machines, and nobody said that it may be.
+    /// The panel would be reachable from other machines, and the settings do not allow that.
     PanelNotLocal {
-        /// Where.
+        /// The address.
         address: SocketAddr,
     },
-    /// A panel or a camera was asked for, and there is no network.
+    /// A panel or a camera was requested, but there is no network.
     NeedsNetwork,
-    /// The system gives no thread or runtime.
+    /// The system provides no thread or runtime.
     System(io::Error),
     /// The folder of [`SimSettings::state`] cannot be used.
     State(StateError),
@@ -184,7 +186,7 @@ impl fmt::Display for SimError {
     }
 }
 
-/// Whether the process has no file left to open (EMFILE, which is 24 on every Unix).
+/// Whether the process cannot open more files (EMFILE, which is 24 on every Unix).
 fn is_out_of_files(error: &io::Error) -> bool {
     cfg!(unix) && error.raw_os_error() == Some(24)
 }

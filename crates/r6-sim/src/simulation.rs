@@ -1,4 +1,4 @@
-//! A number of virtual controllers, started and ended together.
+//! Several virtual controllers that start and end together.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -20,13 +20,13 @@ use crate::panel;
 use crate::settings::{MAX_CONTROLLERS, SimError, SimSettings};
 use crate::state::{Found, StateError, StateFile, StateFolder};
 
-/// What a controller shows whose state could not be read: "storage cannot be read".
+/// The alarm of a controller whose state could not be read: "storage cannot be read".
 const STORAGE_ALARM: u32 = 14;
 
-/// How many connections in memory wait to be served; beyond, they are refused. As many as systems hold.
+/// How many in-memory connections wait to be served; further ones are refused. The same number as in systems.
 const MAX_ARRIVALS: usize = 1024;
 
-/// Running virtual controllers; they end when this is dropped.
+/// Running virtual controllers. They end when this is dropped.
 #[derive(Debug)]
 pub struct Simulation {
     controllers: Vec<ControllerHandle>,
@@ -35,7 +35,7 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// Starts the controllers; when this returns, all of them listen.
+    /// Starts the controllers. When this returns, all of them listen.
     ///
     /// # Errors
     /// [`SimError`]: nothing is left running.
@@ -65,9 +65,10 @@ impl Simulation {
         Ok(simulation)
     }
 
-    /// Starts controllers that are reached without a network, by [`ControllerHandle::dial`]: their addresses are names, and
-    /// port 0 stands for the number of the controller. Time is tokio's: on a clock that is paused, and on a runtime with one
-    /// thread, the same settings and the same peers give the same bytes and the same log, whatever the machine does besides.
+    /// Starts controllers that are reached without a network, by [`ControllerHandle::dial`]. Their addresses
+    /// are only names, and port 0 becomes the number of the controller. Time is tokio's. With a paused clock
+    /// and a runtime with one thread, the same settings and peers give the same bytes and log, whatever else
+    /// the machine does.
     ///
     /// # Errors
     /// [`SimError`]: nothing is left running. Panel and cameras need a network.
@@ -95,36 +96,37 @@ impl Simulation {
         &self.controllers
     }
 
-    /// Where the panel is offered over HTTP.
+    /// The address of the panel over HTTP.
     #[must_use]
     pub fn panel(&self) -> Option<SocketAddr> {
         self.panel
     }
 
-    /// Ends all controllers and their connections, and writes what they have to keep.
+    /// Ends all controllers and their connections, and writes their states.
     ///
     /// # Errors
-    /// The first state that could not be written, within 10 s; the log of its controller tells it, too. All the same everything has ended.
+    /// The first state that could not be written within 10 s; the log of its controller says so, too.
+    /// Everything has ended nevertheless.
     pub async fn shutdown(mut self) -> Result<(), StateError> {
         self.tasks.shutdown().await;
         let mut finishing: JoinSet<_> =
             std::mem::take(&mut self.controllers).into_iter().map(ControllerHandle::finish).collect();
         let mut kept = Ok(());
         while let Some(finished) = finishing.join_next().await {
-            // A task that was given up is one of a runtime that ends.
+            // A task fails only if its runtime ends.
             kept = kept.and(finished.unwrap_or(Ok(())));
         }
         kept
     }
 }
 
-/// Switches the controllers on, one after the other.
+/// Switches the controllers on, one after another.
 struct Cabinets<'s> {
     settings: &'s SimSettings,
     folder: Option<StateFolder>,
     writes: Arc<Semaphore>,
     started: tokio::time::Instant,
-    /// The number of the next one, from 0.
+    /// The number of the next controller, from 0.
     next: u64,
 }
 
@@ -136,12 +138,12 @@ impl<'s> Cabinets<'s> {
         Ok(Self { settings, folder, writes, started, next: 0 })
     }
 
-    /// The seed that the next one has.
+    /// The seed of the next controller.
     fn next_seed(&self) -> u64 {
         self.settings.seed.wrapping_add(self.next)
     }
 
-    /// The next one, with the tasks that keep its time and its state.
+    /// Switches the next controller on, with the tasks for its time and its state.
     fn switch_on(
         &mut self,
         address: SocketAddr,
@@ -165,7 +167,7 @@ impl<'s> Cabinets<'s> {
     }
 }
 
-/// The panel's listener, where one is wanted.
+/// The listener of the panel, if one is requested.
 async fn listen_for_panel(settings: &SimSettings) -> Result<Option<(SocketAddr, TcpListener)>, SimError> {
     let Some(address) = settings.panel else { return Ok(None) };
     if !address.ip().is_loopback() && !settings.panel_open {
@@ -176,7 +178,7 @@ async fn listen_for_panel(settings: &SimSettings) -> Result<Option<(SocketAddr, 
     Ok(Some((listener.local_addr().map_err(failed)?, listener)))
 }
 
-/// A controller, as it was left by the last power cut.
+/// A controller with the state that the last power cut left.
 fn switch_on(settings: &SimSettings, seed: u64, file: Option<&StateFile>) -> Result<Controller, SimError> {
     let own = ControllerSettings {
         start: settings.start,

@@ -1,7 +1,8 @@
-//! The folder that keeps what survives a power cut: one file for each controller, replaced as a whole.
+//! The folder of states that survive a power cut: one file per controller, replaced as a whole.
 //!
-//! A file is written beside its place, brought to the disk, and renamed; then the folder is brought to the disk. So there is the
-//! old file or the new one and never a part of one, whether the process is killed or the computer loses its power.
+//! A file is written under another name, synced to the disk, and renamed; then the folder is synced. So there
+//! is either the old file or the new one, never a part of one, whether the process is killed or the computer
+//! loses its power.
 
 use std::fmt;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -16,31 +17,31 @@ use crate::disk::{Disk, DiskStep, SystemDisk, sync};
 /// The longest file that is read. A full state has some 20 KiB.
 const MAX_FILE_BYTES: u64 = 16 << 20;
 
-/// How many damaged files of one controller are kept aside; a further one replaces the last.
+/// How many damaged files of one controller are kept; a further one replaces the last.
 const MAX_DAMAGED: u32 = 100;
 
 /// Why a folder of states cannot be used.
 #[derive(Debug)]
 pub enum StateError {
-    /// Another process, or another simulation of this one, uses it.
+    /// Another process, or another simulation of this process, uses it.
     Taken {
         /// The folder.
         folder: PathBuf,
     },
-    /// A newer program wrote a file: it is left as it is.
+    /// A newer release wrote a file, which is left unchanged.
     Newer {
         /// The file.
         file: PathBuf,
-        /// What it says of itself.
+        /// The version it gives.
         error: SavedError,
     },
-    /// The system refuses something.
+    /// The system refuses an operation.
     Io {
         /// The folder or file.
         path: PathBuf,
         /// What was tried: `opened`, `read`, `written`.
         tried: &'static str,
-        /// Why not.
+        /// Why it failed.
         error: io::Error,
     },
 }
@@ -61,31 +62,31 @@ impl fmt::Display for StateError {
 
 impl std::error::Error for StateError {}
 
-/// A folder of states that is ours alone, until this is dropped or the process ends.
+/// A folder of states that only this process uses, until this is dropped or the process ends.
 #[derive(Debug)]
 pub(crate) struct StateFolder {
     path: PathBuf,
     disk: Arc<dyn Disk>,
-    /// Locked as long as it is open: until the last file of the folder is done with. None on a disk that somebody simulates.
+    /// The lock while it is open, until the last file of the folder is closed. `None` on a simulated disk.
     lock: Option<Arc<File>>,
 }
 
-/// What was found of a controller.
+/// What was found for a controller.
 #[derive(Debug)]
 pub(crate) enum Found {
     /// Nothing: it is switched on for the first time.
     Nothing,
-    /// What the power cut left.
+    /// The state that the power cut left.
     Saved(Box<SavedState>),
-    /// A damaged file, which was kept aside.
+    /// A damaged file, which was renamed.
     Damaged {
-        /// Which file, what is wrong in it, and where it is now.
+        /// Which file, what is wrong with it, and its new name.
         why: String,
     },
 }
 
 impl StateFolder {
-    /// A folder on this disk, or on that of the computer.
+    /// A folder on this disk, or on this computer's.
     pub fn on(disk: Option<&Arc<dyn Disk>>, path: &Path) -> Result<Self, StateError> {
         match disk {
             Some(disk) => Ok(Self { path: path.to_owned(), disk: Arc::clone(disk), lock: None }),
@@ -93,7 +94,7 @@ impl StateFolder {
         }
     }
 
-    /// Opens a folder, which is made if it is not there, and locks it.
+    /// Opens a folder, creates it if necessary, and locks it.
     fn open(path: &Path) -> Result<Self, StateError> {
         let failed = |path: &Path| {
             let path = path.to_owned();
@@ -127,7 +128,8 @@ impl StateFolder {
 #[derive(Clone, Debug)]
 pub(crate) struct StateFile {
     path: PathBuf,
-    /// The number of the change that was last written: one write at a time, and never an older state over a newer one.
+    /// The number of the change that was written last. The lock allows one write at a time, and an older
+    /// state never replaces a newer one.
     written: Arc<Mutex<u64>>,
     disk: Arc<dyn Disk>,
     _lock: Option<Arc<File>>,
@@ -138,7 +140,7 @@ impl StateFile {
         &self.path
     }
 
-    /// Reads it. A damaged one is put aside under another name.
+    /// Reads the file. A damaged file is renamed.
     pub fn read(&self) -> Result<Found, StateError> {
         let failed = |tried| move |error| StateError::Io { path: self.path.clone(), tried, error };
         let read = self.disk.read(&self.path, MAX_FILE_BYTES + 1).map_err(failed("read"))?;
@@ -160,15 +162,15 @@ impl StateFile {
         Ok(Found::Damaged { why })
     }
 
-    /// A name for a damaged file.
+    /// A free name for a damaged file.
     fn free_name(&self) -> PathBuf {
         let name = |number: u32| self.path.with_extension(format!("damaged-{number}.json"));
         let is_free = |path: &PathBuf| matches!(self.disk.read(path, 0), Ok(None));
         (1..MAX_DAMAGED).map(name).find(is_free).unwrap_or_else(|| name(MAX_DAMAGED))
     }
 
-    /// Replaces it as a whole by the state after the change of this number, unless it is newer; when this returns, it
-    /// survives a power cut.
+    /// Replaces the file as a whole by the state after this change, unless the file is newer. When this
+    /// returns, it survives a power cut.
     pub fn write(&self, number: u64, state: &SavedState) -> Result<(), StateError> {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         if number > *written {
@@ -178,7 +180,7 @@ impl StateFile {
         Ok(())
     }
 
-    /// The same beside everything else: on a thread of its own, or, on a disk that somebody simulates, in the time that it says.
+    /// The same without blocking: on a separate thread, or, on a simulated disk, in its simulated time.
     /// `None` if the runtime ends meanwhile.
     pub async fn write_beside(&self, number: u64, state: SavedState) -> Option<Result<(), StateError>> {
         if self.disk.blocks() {
@@ -204,7 +206,8 @@ impl StateFile {
         StateError::Io { path: self.path.clone(), tried: "written", error }
     }
 
-    /// What replaces it: at no time is there a part of a file under its name, and after the last step the new one survives.
+    /// The steps that replace the file. There is never a part of a file under its name, and after the last
+    /// step the new file survives a power cut.
     fn steps(&self, state: &SavedState) -> Vec<DiskStep> {
         let beside = self.path.with_extension("json.new");
         let bytes = state.to_json().into_bytes();
@@ -218,12 +221,12 @@ impl StateFile {
     }
 }
 
-/// Makes a folder that survives a power cut, and what it is in.
+/// Creates a folder that survives a power cut, with its parents.
 fn make(folder: &Path) -> io::Result<()> {
     let missing: Vec<_> = folder.ancestors().take_while(|path| !path.is_dir()).collect();
     fs::create_dir_all(folder)?;
     missing.into_iter().filter_map(Path::parent).try_for_each(|parent| {
-        // The parent of a bare name is the folder that we are in.
+        // The parent of a bare name is the current folder.
         sync(if parent.as_os_str().is_empty() { Path::new(".") } else { parent })
     })
 }

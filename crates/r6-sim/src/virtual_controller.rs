@@ -1,4 +1,4 @@
-//! A virtual controller for the inside of a test.
+//! A virtual controller for use in tests.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -17,7 +17,8 @@ use crate::settings::{SimError, SimSettings};
 use crate::simulation::Simulation;
 use crate::state::StateError;
 
-/// One virtual controller on a free port of 127.0.0.1: it listens once it is there, and is gone when it is dropped.
+/// One virtual controller on a free port of 127.0.0.1. It listens as soon as it is started, and ends when it
+/// is dropped.
 ///
 /// ```
 /// # #[tokio::main(flavor = "current_thread")]
@@ -27,7 +28,7 @@ use crate::state::StateError;
 /// # drop(stream); Ok(()) }
 /// ```
 ///
-/// In a test without a runtime it brings its own:
+/// A test without a runtime can run it on its own thread:
 ///
 /// ```
 /// use r6_controller::Profile;
@@ -40,7 +41,7 @@ use crate::state::StateError;
 /// # drop(stream); Ok::<(), r6_sim::SimError>(())
 /// ```
 ///
-/// With a taught program, and a person at the machine: a part comes (X010), and the gripper closes (Y010).
+/// With a taught program, and an operator at the machine: a part comes (X010), and the gripper closes (Y010).
 ///
 /// ```
 /// use r6_controller::io::OutputPoint;
@@ -57,7 +58,8 @@ use crate::state::StateError;
 ///     on = true
 /// "#;
 /// let gripper = Program::read("gripper", text)?;
-/// let robot = VirtualController::builder().program(gripper)?.clock(Clock::AsFastAsPossible).start_blocking()?;
+/// let robot =
+///     VirtualController::builder().program(gripper)?.clock(Clock::AsFastAsPossible).start_blocking()?;
 /// let closed = || robot.handle().snapshot().io.is_set(OutputPoint::Y(0, 0));
 /// assert!(!closed());
 /// robot.handle().operate(&PanelAction::SetInput { board: 0, point: 0, on: true })?;
@@ -70,17 +72,17 @@ pub struct VirtualController {
     running: Running,
 }
 
-/// What runs it.
+/// What runs the controller.
 #[derive(Debug)]
 enum Running {
     /// Tasks of the caller's runtime.
     Here(Simulation),
-    /// A thread with a runtime of its own, which ends when its sender goes.
+    /// A thread with its own runtime, which ends when its sender is dropped.
     Apart { end: Option<oneshot::Sender<()>>, thread: Option<thread::JoinHandle<Result<(), StateError>>> },
 }
 
 impl VirtualController {
-    /// Starts one on the runtime that this is called on: `hc1` with a BRTIRUS0707A, waiting for remote commands.
+    /// Starts a controller on the current runtime: `hc1` with a BRTIRUS0707A, waiting for remote commands.
     ///
     /// # Errors
     /// [`SimError`]: nothing is left running.
@@ -88,7 +90,7 @@ impl VirtualController {
         Self::builder().start().await
     }
 
-    /// Starts one on a thread of its own, for a test that has no runtime.
+    /// Starts a controller on its own thread, for a test without a runtime.
     ///
     /// # Errors
     /// [`SimError`]: nothing is left running.
@@ -96,24 +98,25 @@ impl VirtualController {
         Self::builder().start_blocking()
     }
 
-    /// One with settings of its own.
+    /// A builder for a controller with other settings.
     pub fn builder() -> Builder {
         Builder { settings: SimSettings::default() }
     }
 
-    /// Where it listens.
+    /// The address that it listens on.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.handle.address()
     }
 
-    /// What a person at the machine can do and see.
+    /// The handle for everything that an operator at the machine can do and see.
     #[must_use]
     pub fn handle(&self) -> &ControllerHandle {
         &self.handle
     }
 
-    /// Ends it and its connections; when this returns, nothing listens, and what survives a power cut is on the disk.
+    /// Ends the controller and its connections. When this returns, nothing listens, and the state that
+    /// survives a power cut is on the disk.
     ///
     /// # Errors
     /// The state could not be written.
@@ -122,14 +125,14 @@ impl VirtualController {
         match std::mem::replace(&mut self.running, gone) {
             Running::Here(simulation) => simulation.shutdown().await,
             mut apart @ Running::Apart { .. } => {
-                // It fails only where the runtime ends.
+                // It fails only if the runtime ends.
                 tokio::task::spawn_blocking(move || apart.end()).await.unwrap_or(Ok(()))
             }
         }
     }
 
-    /// The same for one that [`Self::start_blocking`] or [`Builder::start_blocking`] started. One of a runtime ends there, and nothing of it
-    /// is written any more.
+    /// The same for a controller that [`Self::start_blocking`] or [`Builder::start_blocking`] started. On any
+    /// other controller it only drops it, without writing its state.
     ///
     /// # Errors
     /// The state could not be written.
@@ -142,19 +145,19 @@ impl Running {
     fn end(&mut self) -> Result<(), StateError> {
         let Self::Apart { end, thread } = self else { return Ok(()) };
         drop(end.take());
-        // A panic of that thread was already reported by it.
+        // That thread has already reported its panic.
         thread.take().map_or(Ok(()), |thread| thread.join().unwrap_or(Ok(())))
     }
 }
 
 impl Drop for VirtualController {
     fn drop(&mut self) {
-        // The log tells what was not kept.
+        // The log says what was not saved.
         let _ = self.running.end();
     }
 }
 
-/// What a [`VirtualController`] is started with.
+/// The settings of a new [`VirtualController`].
 #[derive(Clone, Debug)]
 #[must_use]
 pub struct Builder {
@@ -162,7 +165,7 @@ pub struct Builder {
 }
 
 impl Builder {
-    /// The firmware it plays.
+    /// The profile of its firmware.
     pub fn profile(mut self, profile: Profile) -> Self {
         self.settings.profile = profile;
         self
@@ -174,59 +177,60 @@ impl Builder {
         self
     }
 
-    /// The taught program that it runs, besides those that every controller has; the last one that is given.
+    /// Adds a taught program to those of every controller, and runs it. If there are several, the last one
+    /// runs.
     ///
     /// # Errors
-    /// [`LibraryError`] where it has too many programs.
+    /// [`LibraryError`] if there are too many programs.
     pub fn program(mut self, program: Program) -> Result<Self, LibraryError> {
         program.name().clone_into(&mut self.settings.mold);
         self.settings.library.insert(program)?;
         Ok(self)
     }
 
-    /// How it stands when it is switched on.
+    /// Its state when it is switched on.
     pub fn stands(mut self, start: StartState) -> Self {
         self.settings.start = start;
         self
     }
 
-    /// How fast time goes for it.
+    /// The speed of its time.
     pub fn clock(mut self, clock: Clock) -> Self {
         self.settings.clock = clock;
         self
     }
 
-    /// The seed of whatever is random.
+    /// The seed of all random values.
     pub fn seed(mut self, seed: u64) -> Self {
         self.settings.seed = seed;
         self
     }
 
-    /// A camera that it dials.
+    /// Adds a camera that it dials.
     pub fn camera(mut self, camera: Camera) -> Self {
         self.settings.cameras.push(camera);
         self
     }
 
-    /// What happens to it by itself.
+    /// Its scenario: the events and faults that happen to it.
     pub fn scenario(mut self, scenario: Scenario) -> Self {
         self.settings.scenario = Some(Arc::new(scenario));
         self
     }
 
-    /// The folder that keeps what survives a power cut.
+    /// The folder for the state that survives a power cut.
     pub fn state(mut self, folder: impl Into<PathBuf>) -> Self {
         self.settings.state = Some(folder.into());
         self
     }
 
-    /// The disk that this folder is on, where it is not the computer's.
+    /// The disk of this folder, if it is not this computer's.
     pub fn disk(mut self, disk: Arc<dyn Disk>) -> Self {
         self.settings.disk = Some(disk);
         self
     }
 
-    /// Starts it on the runtime that this is called on.
+    /// Starts it on the current runtime.
     ///
     /// # Errors
     /// [`SimError`]: nothing is left running.
@@ -236,7 +240,7 @@ impl Builder {
         Ok(VirtualController { handle, running: Running::Here(simulation) })
     }
 
-    /// Starts it on the runtime that this is called on, without a network: [`ControllerHandle::dial`] reaches it.
+    /// Starts it on the current runtime, without a network: [`ControllerHandle::dial`] reaches it.
     ///
     /// # Errors
     /// [`SimError`]: nothing is left running.
@@ -246,7 +250,7 @@ impl Builder {
         Ok(VirtualController { handle, running: Running::Here(simulation) })
     }
 
-    /// Starts it on a thread of its own.
+    /// Starts it on its own thread.
     ///
     /// # Errors
     /// [`SimError`]: nothing is left running.
@@ -262,14 +266,14 @@ impl Builder {
     }
 }
 
-/// Runs a controller until the other end of `ended` goes.
+/// Runs a controller until the other end of `ended` is dropped.
 fn run(
     settings: SimSettings,
     started: &mpsc::SyncSender<Result<ControllerHandle, SimError>>,
     ended: oneshot::Receiver<()>,
 ) -> Result<(), StateError> {
     let tell = |result| {
-        // Whoever started this waits for it.
+        // The caller that started this waits for it.
         let _ = started.send(result);
         Ok(())
     };
@@ -283,7 +287,7 @@ fn run(
             Err(error) => return tell(Err(error)),
         };
         tell(only(&simulation))?;
-        // The sender sends nothing: it goes.
+        // The sender sends nothing; it is dropped.
         let _ = ended.await;
         simulation.shutdown().await
     })

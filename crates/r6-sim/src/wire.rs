@@ -1,4 +1,4 @@
-//! What carries the bytes of a connection.
+//! The transport of a connection's bytes.
 
 use std::time::Duration;
 
@@ -6,11 +6,12 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tracing::debug;
 
-/// What carries the bytes of a connection, in order, both ways: a TCP stream, or whatever stands for one.
+/// The transport of a connection's bytes, in order and in both directions: a TCP stream, or a substitute.
 ///
 /// Dropping it ends the connection in good order, unless [`Self::reset`] was called before.
 pub trait Wire: AsyncRead + AsyncWrite + Unpin + Send + 'static {
-    /// Has the connection end with a reset once this is dropped: the peer then gets an error instead of an end.
+    /// Makes the connection end with a reset when this is dropped: the peer then gets an error instead of an
+    /// end.
     fn reset(&mut self);
 }
 

@@ -1,4 +1,4 @@
-//! Time that goes as fast as it can, over TCP: the same bytes as without any socket.
+//! Time as fast as possible, over TCP: the same bytes as without a socket.
 
 use r6_controller::Event;
 use std::io::{Read, Write};
@@ -14,7 +14,8 @@ const SEED: u64 = 11;
 /// Long enough for a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Motion, registers, a photo, an alarm, mistakes; `Some` is the number of frames that come back.
+/// A conversation with motion, registers, a photo, an alarm and mistakes; the number is that of the frames
+/// that come back.
 fn conversation() -> Vec<(String, usize)> {
     let query = |addresses: &str| {
         format!(
@@ -41,7 +42,8 @@ fn conversation() -> Vec<(String, usize)> {
     let mut frames = Vec::new();
     for round in 0..20 {
         frames.push((add(&[step(1, round * 4), step(1, -round * 3)]), 1));
-        // It sets out, one step is left, and it is over: a list that is replaced before that raises an alarm.
+        // It begins to move, one step is left, and it is over. A list that is replaced before that raises an
+        // alarm.
         frames.extend((0..3).map(|_| (query(state), 1)));
     }
     frames.push((add(&[step(0, 10), step(0, -10)]), 1));
@@ -49,19 +51,19 @@ fn conversation() -> Vec<(String, usize)> {
     frames.push((command(r#""actionStop""#), 1));
     frames.push((command(r#""startButton""#), 1));
     frames.push((add(&[step(1, 300)]), 1));
-    // It sets out, and ends with an alarm.
+    // It begins to move, and ends with an alarm.
     frames.extend((0..2).map(|_| (query(state), 1)));
     frames.push((command(r#""clearAlarm""#), 1));
     frames.push((command(r#""switchMold","register-move""#), 1));
     frames.push((command(r#""startButton""#), 1));
     frames.push((command(r#""rewriteDataList","800","6","0","9000","1000","0","0","0","0""#), 1));
-    // The reply, and the photo that is pushed once the arm is there.
+    // The reply, and the photo request once the arm has arrived.
     frames.push((command(r#""modifyOutput","4","1","1""#), 2));
     frames.push((query(r#""axis-0","axis-1","counter-0""#), 1));
     frames
 }
 
-/// What answers it without any socket or clock.
+/// The answers to it without a socket or clock.
 fn pure() -> String {
     let settings =
         ControllerSettings { seed: SEED, ..ControllerSettings::new(Profile::hc1(), RobotModel::default()) };
@@ -78,14 +80,14 @@ fn pure() -> String {
     answers
 }
 
-/// As many bytes as were expected.
+/// Reads this many bytes.
 fn read(stream: &mut TcpStream, length: usize) -> String {
     let mut bytes = vec![0; length];
     stream.read_exact(&mut bytes).unwrap();
     String::from_utf8(bytes).unwrap()
 }
 
-/// How long the first so many objects of a text are.
+/// The length of the first objects of a text.
 fn length_of(text: &str, objects: usize) -> usize {
     let mut values = serde_json::Deserializer::from_str(text).into_iter::<serde::de::IgnoredAny>();
     for _ in 0..objects {
@@ -119,7 +121,7 @@ fn the_same_frames_give_the_same_bytes_with_and_without_sockets() {
         }
         assert_eq!(rest, "");
     }
-    // All at once.
+    // All at the same time.
     let (_robot, mut stream) = robot();
     let all: String = conversation().into_iter().map(|(frame, _)| frame).collect();
     stream.write_all(all.as_bytes()).unwrap();
@@ -132,7 +134,7 @@ async fn a_list_that_nobody_asks_about_goes_on_by_itself() {
     let robot = builder.start().await.unwrap();
     let mut log = robot.handle().log();
     let stream = tokio::net::TcpStream::connect(robot.address()).await.unwrap();
-    // A wait for a signal that nobody gives: its limit is real time, a tenth of a second.
+    // A wait for a signal that never comes: its limit is real time, a tenth of a second.
     let frame = br#"{"reqType":"AddRCC","emptyList":"1","instructions":[{"oneshot":"1","action":"100","type":"0","point":"3","io_status":"1","limit":"0.1","isUnlimit":"0"}]}"#;
     stream.writable().await.unwrap();
     assert_eq!(stream.try_write(frame).unwrap(), frame.len());

@@ -1,4 +1,4 @@
-//! What a controller says and does whose state cannot be written, on a disk without room.
+//! A controller whose state cannot be written, on a disk without room.
 
 use r6_controller::event::ShellEvent;
 use r6_controller::{Event, LogEntry};
@@ -75,7 +75,7 @@ async fn a_full_disk_is_told_in_the_log_and_so_is_its_end() {
     assert!(told.contains("cell") && told.contains("acknowledged"), "{told}");
     let mut reply = [0; 512];
     assert!(timeout(Duration::from_secs(5), stream.read(&mut reply)).await.is_err(), "it is not on the disk");
-    // It is told again, not each second.
+    // The log repeats it, but not each second.
     let begun = tokio::time::Instant::now();
     line(&mut log, not_written).await;
     assert!((30..=120).contains(&begun.elapsed().as_secs()), "{:?}", begun.elapsed());
@@ -91,7 +91,7 @@ async fn a_disk_that_does_not_answer_is_told_in_the_log() {
     let robot = robot(&disk).await;
     let mut log = robot.handle().log_from_start();
     let mut stream = robot.handle().dial().await.unwrap();
-    // What came of switching it on is on the disk before it sticks.
+    // The state after switching on is on the disk before the disk hangs.
     tokio::time::sleep(Duration::from_secs(1)).await;
     disk.stuck.store(true, Ordering::SeqCst);
     let begun = tokio::time::Instant::now();

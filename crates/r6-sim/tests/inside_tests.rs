@@ -1,4 +1,4 @@
-//! A virtual controller inside a test, as a user of this crate writes it.
+//! A virtual controller in tests, as a user of this crate writes them.
 
 use r6_controller::scenario::Happening;
 use r6_controller::{Event, PanelAction};
@@ -41,7 +41,7 @@ fn what_cannot_be_started_is_an_error() {
     assert!(error.contains(folder.path().to_str().unwrap()) && error.contains("opened"), "{error}");
 }
 
-/// Whoever reads the log first misses nothing, however late it comes.
+/// The first reader of the log misses nothing, however late it comes.
 #[tokio::test]
 async fn the_first_reader_of_the_log_misses_nothing() {
     let text = "[[at]]\ntime = 0\ndo = \"alarm\"\nnumber = 5001";
@@ -52,7 +52,7 @@ async fn the_first_reader_of_the_log_misses_nothing() {
     let line = tokio::time::timeout(std::time::Duration::from_secs(20), log.recv()).await.unwrap().unwrap();
     let what = Happening::Panel(PanelAction::RaiseAlarm(5001));
     assert_eq!(line.event, Event::Happens { what });
-    // The second reader hears what comes.
+    // The second reader gets only new lines.
     let mut second = robot.handle().log_from_start();
     assert!(second.try_recv().is_err());
 }

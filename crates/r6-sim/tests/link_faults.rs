@@ -1,4 +1,4 @@
-//! What is broken on purpose on the link, over real sockets: what happens, that it stays on its link, and that everything works
+//! Link faults over real sockets: their effects, that other links are not affected, and that everything works
 //! again afterwards.
 
 use r6_controller::Event;
@@ -25,7 +25,7 @@ const REPLY: &str = r#"{"dsID":"www.hc-system.com.RemoteMonitor","packID":"0","q
 /// Long enough for a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// How long is waited for what must not happen.
+/// How long a test waits for something that must not happen.
 const SHORT: Duration = Duration::from_millis(300);
 
 const HOUR: Duration = Duration::from_secs(3600);
@@ -38,7 +38,7 @@ async fn soon<T>(what: impl Future<Output = T>) -> T {
     timeout(PATIENCE, what).await.expect("it never happened")
 }
 
-/// Two controllers: one whose link is broken, and one that must not notice.
+/// Two controllers: the first has link faults, and the second must not notice them.
 struct Cell(Simulation);
 
 impl Cell {
@@ -58,7 +58,7 @@ impl Cell {
         TcpStream::connect(self.broken().address()).await
     }
 
-    /// A connection that has been served.
+    /// A connection that has already been served once.
     async fn connect(&self) -> TcpStream {
         let mut stream = soon(self.try_connect()).await.unwrap();
         assert_answered(&mut stream).await;
@@ -70,13 +70,13 @@ impl Cell {
         self.broken().set_link_faults(faults.iter().copied().map(always).collect());
     }
 
-    /// The other controller answers.
+    /// Checks that the other controller answers.
     async fn assert_others_are_served(&self) {
         let mut other = soon(TcpStream::connect(self.0.controllers()[1].address())).await.unwrap();
         assert_answered(&mut other).await;
     }
 
-    /// The fault is over: new connections are served.
+    /// Checks that new connections are served after the fault.
     async fn assert_works_again(&self) {
         self.set(&[]);
         self.connect().await;
@@ -115,7 +115,7 @@ async fn assert_silent(stream: &mut TcpStream) {
     assert!(read.is_err(), "{read:?}");
 }
 
-/// Waits until the log tells something.
+/// Waits for an event of the log.
 async fn told(log: &mut Receiver<LogEntry>, what: impl Fn(&Event) -> bool) {
     soon(async { while !what(&log.recv().await.unwrap().event) {} }).await;
 }
@@ -177,7 +177,7 @@ async fn t2_an_attempt_to_connect_gets_no_answer_until_it_is_over() {
     cell.assert_others_are_served().await;
     cell.set(&[]);
     told(&mut log, of(ShellEvent::TakesAgain)).await;
-    // Those who were patient are served: their systems ask again.
+    // Those that waited are served, because their systems retry.
     for attempt in attempts {
         assert_answered(&mut soon(attempt).await.unwrap()).await;
     }
@@ -203,7 +203,7 @@ async fn t1_and_t2_follow_one_another() {
     cell.assert_works_again().await;
 }
 
-/// The log tells what struck a connection, once for as long as the fault is in force.
+/// The log says what struck a connection, once while the fault is in force.
 #[tokio::test]
 async fn a_strike_is_told_once_for_each_connection() {
     let cell = Cell::start().await;
@@ -233,7 +233,7 @@ async fn t3_a_connection_that_comes_is_accepted_and_never_answered() {
     cell.assert_others_are_served().await;
     cell.assert_works_again().await;
     assert_silent(&mut during).await;
-    // Its end is noticed.
+    // The controller notices its end.
     drop(during);
     soon(async {
         while cell.broken().snapshot().connections > 1 {
@@ -273,7 +273,7 @@ async fn t5_the_connection_is_closed_in_good_order_in_place_of_a_reply() {
     let mut stream = cell.connect().await;
     let mut other = cell.connect().await;
     cell.set(&[LinkFault::CloseBeforeReply]);
-    // More is on its way than is read before the first answer: that must not make a reset of it.
+    // More bytes are on their way than are read before the first answer. This must not cause a reset.
     soon(stream.write_all(&QUERY.repeat(100))).await.unwrap();
     let mut came = Vec::new();
     soon(stream.read_to_end(&mut came)).await.unwrap();
@@ -291,12 +291,12 @@ async fn t6_connections_go_deaf_and_keep_their_places() {
     for stream in &mut deaf {
         assert_silent(stream).await;
     }
-    // One that comes now is not struck.
+    // A connection that comes now is not struck.
     let mut served = cell.connect().await;
     cell.set(&[]);
     for mut stream in deaf {
         assert_silent(&mut stream).await;
-        // Our end goes, and so does the socket at the other one; the controller knows of nothing.
+        // Our end closes, and so does the socket at the other end; the controller does not notice.
         stream.shutdown().await.unwrap();
         assert_eq!(soon(stream.read(&mut [0; 16])).await.unwrap(), 0);
     }
@@ -360,7 +360,7 @@ async fn t7_frames_are_gathered_until_there_are_enough_or_it_is_time() {
     assert_answered(&mut stream).await;
 }
 
-/// How long, in real time, a reply takes under that latency.
+/// How long a reply takes with that latency, in real time.
 async fn latency(clock: Clock, latency: LinkFault) -> Duration {
     let cell = Cell::with(SimSettings { clock, ..SimSettings::default() }).await;
     let mut stream = cell.connect().await;
@@ -384,7 +384,7 @@ async fn t8_bytes_take_their_time_in_both_directions() {
     assert!(latency(Clock::Real, of(ms(60), ms(0))).await >= ms(60));
     assert!(latency(Clock::Real, of(ms(0), ms(60))).await >= ms(60));
     assert!(latency(Clock::Real, of(ms(60), ms(60))).await >= ms(120));
-    // It is the controller's time.
+    // The latency is in the controller's time.
     let scaled = latency(Clock::Times(100.0), of(ms(6000), ms(6000))).await;
     assert!(scaled >= ms(120) && scaled < ms(6000), "{scaled:?}");
     assert!(latency(Clock::AsFastAsPossible, of(HOUR, HOUR)).await < PATIENCE);
@@ -418,10 +418,10 @@ async fn t9_a_slow_line_takes_time_and_holds_back_its_peer() {
     cell.set(&[LinkFault::Slow { bytes_per_second: 1500 }]);
     let begun = Instant::now();
     assert_answered(&mut stream).await;
-    // All but the first slices, of 20 ms each.
+    // All bytes except the first slices, of 20 ms each.
     let bytes = u32::try_from(QUERY.len() + REPLY.len()).unwrap();
     assert!(begun.elapsed() >= Duration::from_secs(1) * bytes / 1500 - ms(60), "{:?}", begun.elapsed());
-    // What the line does not carry stays in the buffers of the systems, which are bounded.
+    // The rest stays in the buffers of the systems, which are bounded.
     cell.set(&[LinkFault::Slow { bytes_per_second: 1 }]);
     let block = [b' '; 65_536];
     let mut written = 0;
@@ -436,22 +436,22 @@ async fn t9_a_slow_line_takes_time_and_holds_back_its_peer() {
     cell.assert_works_again().await;
 }
 
-/// So many bytes of 200 replies came while the line was noisy, whenever that ended.
+/// This many bytes of 200 replies came while the line was noisy, whenever that ended.
 const NOISY_BYTES: usize = REPLY.len() * 190;
 
-/// What came of 200 replies over a noisy line; the last three came when it was quiet again.
+/// The bytes of 200 replies over a noisy line; the last three came after the noise.
 async fn over_noise(seed: u64) -> Vec<u8> {
     let cell = Cell::with(SimSettings { seed, ..SimSettings::default() }).await;
     let mut stream = cell.connect().await;
     cell.broken().set_link_faults(vec![LinkFaultNow { fault: LinkFault::Noise, chance: 0.01 }]);
-    // Together, so that all of them are answered before the line is quiet again.
+    // Together, so that all of them are answered before the noise ends.
     soon(stream.write_all(&QUERY.repeat(200))).await.unwrap();
     let mut came = Vec::new();
     while came.len() < NOISY_BYTES {
         soon(stream.read_buf(&mut came)).await.unwrap();
     }
     cell.set(&[]);
-    // What noise made of the frame before costs at most one more.
+    // Noise in the frame before costs at most one more.
     for _ in 0..3 {
         ask(&mut stream).await;
     }
@@ -467,7 +467,7 @@ async fn t11_noise_disturbs_frames_and_not_the_connection() {
     let came = over_noise(1).await;
     let found = frames(&came);
     let whole = found.iter().filter(|frame| *frame == REPLY.as_bytes()).count();
-    // 1 % of 170 bytes: four frames of five are disturbed, each in its own way.
+    // 1 % of 170 bytes: four of five frames are disturbed, each differently.
     assert!((3..150).contains(&whole), "{whole} of {}", found.len());
     assert_eq!(found.last().unwrap(), REPLY.as_bytes(), "the reader finds its way back");
     let noisy = |came: &[u8]| came[..NOISY_BYTES].to_vec();
@@ -520,7 +520,8 @@ async fn a_scenario_begins_and_ends_them() {
     assert_eq!(soon(closed).await, b"");
 }
 
-/// The mains fail: who is connected hears nothing and is reset when they are back; what is savable is there again, and nothing runs.
+/// The mains fail: connected clients hear nothing and are reset when the mains are back. Savable values are
+/// there again, and nothing runs.
 #[tokio::test]
 async fn a_scenario_cuts_the_power() {
     let text = "[[at]]\ntime = 1\ndo = \"power-cut\"\nfor = 1";

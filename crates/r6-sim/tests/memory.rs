@@ -1,4 +1,5 @@
-//! Controllers without a network: the same door and the same links, on a clock that nothing but the controllers and their peers drive.
+//! Controllers without a network: the same door and the same links, on a clock that only the controllers and
+//! their peers drive.
 
 use std::io::ErrorKind;
 use std::sync::{Arc, Mutex};
@@ -17,7 +18,7 @@ fn set(controller: &ControllerHandle, faults: &[LinkFault]) {
     controller.set_link_faults(faults.iter().copied().map(always).collect());
 }
 
-/// Sends a query and reads what comes within a second.
+/// Sends a query and returns what comes within a second.
 async fn ask(stream: &mut MemoryStream) -> Result<String, ErrorKind> {
     stream.write_all(QUERY).await.map_err(|error| error.kind())?;
     let mut bytes = vec![0; 4096];
@@ -107,10 +108,10 @@ async fn what_needs_a_network_says_so() {
     assert_eq!(on_tcp.handle().dial().await.unwrap_err().kind(), ErrorKind::Unsupported);
 }
 
-/// When which client got what.
+/// When each client got which bytes.
 type Got = Vec<(Duration, u8, Vec<u8>)>;
 
-/// All that two clients got, and the log.
+/// Everything that two clients got, and the log.
 fn day(seed: u64) -> (Got, Vec<String>) {
     const SCENARIO: &str = r#"
         [[fault]]

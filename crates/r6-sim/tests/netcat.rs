@@ -1,4 +1,4 @@
-//! The captured exchanges, sent with `nc` as a person would.
+//! The captured exchanges, sent with `nc` as on a command line.
 
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use r6_controller::Profile;
 use r6_sim::VirtualController;
 
-/// What `nc` prints when it is given these bytes.
+/// The output of `nc` for these bytes.
 fn nc(port: u16, bytes: &str) -> String {
     let mut nc = Command::new("nc")
         .args(["-N", "-w", "10", "127.0.0.1", &port.to_string()])
@@ -20,7 +20,7 @@ fn nc(port: u16, bytes: &str) -> String {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_captured_replies_come_back_byte_for_byte() {
-    // Unit C's version, and its counters 4 and 8 are not there: absent counters are left out.
+    // This is unit C's version. Its counters 4 and 8 do not exist: missing counters are left out.
     let profile = Profile::from_toml("version = \"HC-QC-RX-7.8.07-master-F5\"").unwrap();
     let robot = VirtualController::builder().profile(profile).start().await.unwrap();
     let port = robot.address().port();

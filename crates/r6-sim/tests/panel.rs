@@ -16,7 +16,7 @@ async fn start() -> Simulation {
     Simulation::start(settings).await.unwrap()
 }
 
-/// Sends bytes and reads what comes until the panel closes: status and body.
+/// Sends bytes and reads until the panel closes: status and body.
 async fn raw(simulation: &Simulation, request: &str) -> (u16, Value) {
     let mut stream = TcpStream::connect(simulation.panel().unwrap()).await.unwrap();
     stream.write_all(request.as_bytes()).await.unwrap();
@@ -70,9 +70,33 @@ async fn controllers_are_numbered_and_shown() {
 }
 
 #[tokio::test]
+async fn the_state_tells_whether_it_takes_instructions_and_what_it_waits_for() {
+    let simulation = start().await;
+    let (_, state) = get(&simulation, "/v1/controllers/1").await;
+    assert_eq!((&state["ready"], &state["not_ready"]), (&json!(true), &json!([])));
+    let remote = json!({"program": "remote", "number": 1, "steps": 1, "text": "wait for remote commands"});
+    assert_eq!(state["step"], remote);
+    let (_, state) = act(&simulation, &json!({"do": "emergency_stop"})).await;
+    assert_eq!(state["ready"], json!(false));
+    let reason = state["not_ready"][0].as_str().unwrap();
+    assert!(reason.contains("emergency stop"), "{reason}");
+    for action in [
+        json!({"do": "release_emergency_stop"}),
+        json!({"do": "clear_alarm"}),
+        json!({"do": "switch_program", "program": "register-move"}),
+        json!({"do": "press", "button": "start"}),
+    ] {
+        assert_eq!(act(&simulation, &action).await.0, 200, "{action}");
+    }
+    let (_, state) = get(&simulation, "/v1/controllers/1").await;
+    assert_eq!(state["ready"], json!(false), "a program that waits for registers takes no list: {state}");
+    assert!(state["step"]["text"].as_str().unwrap().starts_with("wait until"), "{state}");
+}
+
+#[tokio::test]
 async fn every_action_does_something() {
     let simulation = start().await;
-    // What is done, and what the machine shows right after it.
+    // An action, and what the machine shows right after it.
     let steps = [
         (json!({"do": "set_input", "point": "X1.011", "on": true}), "inputs_on", json!(["X1.011"])),
         (json!({"do": "set_input", "point": "eux010", "on": true}), "inputs_on", json!(["X1.011", "EUX010"])),
@@ -91,6 +115,7 @@ async fn every_action_does_something() {
         (json!({"do": "emergency_stop"}), "emergency_stop", json!(true)),
         (json!({"do": "release_emergency_stop"}), "emergency_stop", json!(false)),
         (json!({"do": "clear_alarm"}), "alarm", json!(0)),
+        (json!({"do": "clear_points"}), "camera_points", json!([])),
         (json!({"do": "jog", "axis": "J1", "by": 150.0, "speed_percent": 1.0}), "moving", json!(true)),
     ];
     for (action, field, wanted) in steps {
@@ -100,7 +125,7 @@ async fn every_action_does_something() {
     let (status, problem) = act(&simulation, &json!({"do": "home"})).await;
     assert_eq!((status, &problem["code"]), (409, &json!("moving")));
     assert_eq!(act(&simulation, &json!({"do": "press", "button": "stop"})).await.0, 200);
-    // The other controller saw nothing of it.
+    // The other controller is not affected.
     let (_, other) = get(&simulation, "/v1/controllers/2").await;
     assert_eq!((&other["mode"], &other["inputs_on"]), (&json!(7), &json!([])));
 }
@@ -178,7 +203,7 @@ async fn pages_of_a_browser_stop_nothing() {
         let (status, problem) = raw(&simulation, &request).await;
         assert_eq!((status, &problem["code"]), (403, &json!(code)), "{request}");
     }
-    // A question before a foreign request gets no permission either.
+    // A preflight for a foreign request gets no permission either.
     let preflight = format!(
         "OPTIONS {ACTIONS} HTTP/1.1\r\nHost: localhost:{port}\r\nConnection: close\r\nOrigin: http://evil.example\r\n\
          Access-Control-Request-Method: POST\r\n\r\n"
@@ -224,7 +249,7 @@ const COUNT: &str =
 
 async fn put(simulation: &Simulation, name: &str, text: &str) -> (u16, Value) {
     let path = format!("/v1/controllers/1/programs/{name}");
-    // As `curl -T` sends it: without a word of what it is.
+    // As `curl -T` sends it: without a `Content-Type`.
     request(simulation, "PUT", &path, "", text).await
 }
 
@@ -259,7 +284,7 @@ async fn a_program_is_loaded_chosen_and_replaced() {
         assert_eq!((found, &problem["code"]), (status, &json!(code)), "{name}: {problem}");
         assert!(problem["message"].as_str().unwrap().contains(part), "{problem}");
     }
-    // The longest text that is possible has room, and no other body has grown by that.
+    // The longest possible text fits, and the limit of other bodies stays the same.
     assert_eq!(put(&simulation, "new", &long[1..]).await.0, 200);
     let (status, _) = request(&simulation, "PUT", "/v1/controllers/9/programs/x", "", COUNT).await;
     assert_eq!(status, 404);
@@ -267,7 +292,7 @@ async fn a_program_is_loaded_chosen_and_replaced() {
     assert!(!other["programs"].as_array().unwrap().contains(&json!("cell")));
     act(&simulation, &json!({"do": "turn_key", "key": "stop"})).await;
     assert_eq!(put(&simulation, "cell", COUNT).await.0, 200);
-    // No page of a browser can do it.
+    // A web page cannot do it.
     let own = "Origin: http://evil.example\r\n";
     let (status, _) = request(&simulation, "PUT", "/v1/controllers/1/programs/evil", own, COUNT).await;
     assert_eq!(status, 403);
@@ -283,7 +308,7 @@ async fn a_program_that_was_acknowledged_survives_a_power_cut() {
     };
     let simulation = Simulation::start(settings.clone()).await.unwrap();
     assert_eq!(put(&simulation, "cell", COUNT).await.0, 200);
-    // What is on the disk at this moment is all that a cut leaves.
+    // A power cut leaves exactly what is on the disk at this moment.
     let text = std::fs::read_to_string(folder.path().join("controller-1.json")).unwrap();
     assert!(r6_controller::SavedState::from_json(&text).is_ok());
     simulation.shutdown().await.unwrap();
@@ -293,7 +318,7 @@ async fn a_program_that_was_acknowledged_survives_a_power_cut() {
     assert_eq!(state["program"], "cell");
 }
 
-/// Time passes at once where nobody has anything to do.
+/// Time passes at once if no task has anything to do.
 #[tokio::test(start_paused = true)]
 async fn a_connection_that_says_nothing_is_not_kept() {
     let simulation = start().await;
@@ -310,7 +335,7 @@ async fn a_connection_that_says_nothing_is_not_kept() {
     assert!(begun.elapsed() < Duration::from_secs(60), "{:?}", begun.elapsed());
 }
 
-/// `UPDATE_OPENAPI=1 cargo test -p r6-sim --test panel` writes it anew.
+/// `UPDATE_OPENAPI=1 cargo test -p r6-sim --test panel` writes the file again.
 #[test]
 fn the_committed_description_is_up_to_date() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../openapi/panel.json");

@@ -1,4 +1,4 @@
-//! The panel while others hold its connections: whoever presses the emergency stop waits for nobody.
+//! The panel while other clients hold its connections: an emergency stop never waits for them.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use tokio::time::timeout;
 
 const ESTOP: &str = r#"{"do":"emergency_stop"}"#;
 
-/// Far below the times after which the panel gives up what is half-sent, and long for a loaded machine.
+/// Far below the times after which the panel gives up incomplete requests, and long for a loaded machine.
 const AT_ONCE: Duration = Duration::from_millis(1_500);
 
 async fn start() -> Simulation {
@@ -25,7 +25,7 @@ fn head(simulation: &Simulation) -> String {
     )
 }
 
-/// A connection that has sent this and says no more.
+/// A connection that has sent this and sends no more.
 async fn silent(simulation: &Simulation, said: &str) -> TcpStream {
     let mut stream = TcpStream::connect(simulation.panel().unwrap()).await.unwrap();
     stream.write_all(said.as_bytes()).await.unwrap();
@@ -42,7 +42,7 @@ async fn answer(stream: &mut TcpStream) -> (u16, Value) {
     (status, serde_json::from_str(body).unwrap_or_else(|error| panic!("{error}: {reply}")))
 }
 
-/// 193 requests that never came to their end kept it waiting for 29 s.
+/// 193 incomplete requests once kept it waiting for 29 s.
 #[tokio::test]
 async fn an_emergency_stop_waits_for_no_half_sent_request() {
     let simulation = start().await;
@@ -62,7 +62,7 @@ async fn an_emergency_stop_waits_for_no_half_sent_request() {
     }
 }
 
-/// What one address holds open takes nothing from another, however much of it there is.
+/// However many connections one address holds open, another address still gets one.
 #[tokio::test]
 async fn a_crowd_takes_no_connection_of_another_address() {
     let simulation = start().await;
@@ -85,7 +85,7 @@ async fn a_crowd_takes_no_connection_of_another_address() {
     assert!(simulation.controllers()[0].snapshot().emergency_stop);
 }
 
-/// Time passes at once where nobody has anything to do.
+/// Time passes at once if no task has anything to do.
 #[tokio::test(start_paused = true)]
 async fn half_a_head_is_given_up_after_two_seconds() {
     let simulation = start().await;
@@ -99,7 +99,7 @@ async fn half_a_head_is_given_up_after_two_seconds() {
     }
 }
 
-/// What is no HTTP at all is refused in JSON as everything else is.
+/// Bytes that are not HTTP are refused in JSON like any other request.
 #[tokio::test]
 async fn what_is_no_request_is_refused_in_json() {
     let simulation = start().await;

@@ -1,4 +1,4 @@
-//! What survives a power cut, on a disk.
+//! The state that survives a power cut, on a disk.
 
 use std::fs;
 use std::io::{Read, Write};
@@ -17,7 +17,7 @@ fn robot(folder: &Path) -> VirtualController {
     VirtualController::builder().state(folder).start_blocking().unwrap()
 }
 
-/// Sends a frame on a connection of its own, and reads the one reply.
+/// Sends a frame on a new connection, and returns the one reply.
 fn ask(robot: &VirtualController, frame: &str) -> String {
     let mut stream = TcpStream::connect(robot.address()).unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
@@ -48,7 +48,7 @@ fn what_was_acknowledged_is_on_the_disk() {
     let robot = robot(folder.path());
     for value in 1..20 {
         command(&robot, &format!(r#""rewriteData","800","{value}","1""#));
-        // No more than the reply was waited for.
+        // The test waited only for the reply.
         let state = SavedState::from_json(&fs::read_to_string(file(&folder)).unwrap()).unwrap();
         assert!(state.to_json().contains(&format!("\"800\": {value}")), "{}", state.to_json());
     }
@@ -113,7 +113,7 @@ fn a_damaged_file_is_kept_aside_and_named() {
         let text = format!("{{\"version\": 1, \"mode\": \"{number}\"");
         fs::write(file(&folder), &text).unwrap();
         let robot = robot(folder.path());
-        // The controller says so as a real one would: its storage cannot be read.
+        // The controller shows it as a real one does: its storage cannot be read.
         assert_eq!(value(&robot, "curAlarm"), "14");
         let aside = folder.path().join(format!("controller-1.damaged-{number}.json"));
         assert_eq!(fs::read_to_string(aside).unwrap(), text);
@@ -138,13 +138,13 @@ fn while_the_disk_refuses_nothing_is_acknowledged_and_others_are_answered() {
     let folder = TempDir::new().unwrap();
     let robot = robot(folder.path());
     command(&robot, r#""rewriteData","800","1","1""#);
-    // Where the new file would go there is a folder: it cannot be written.
+    // A folder is where the new file would go, so it cannot be written.
     let beside = folder.path().join("controller-1.json.new");
     fs::create_dir(&beside).unwrap();
     let mut writer = TcpStream::connect(robot.address()).unwrap();
     writer.set_read_timeout(Some(PATIENCE)).unwrap();
     writer.write_all(br#"{"reqType":"command","cmdData":["rewriteData","800","2","1"]}"#).unwrap();
-    // Others see it, and are not held up.
+    // Others see it, and do not wait.
     let seen = std::iter::repeat_with(|| value(&robot, "Addr-800")).take(1000).any(|value| value == "2");
     assert!(seen);
     for _ in 0..20 {

@@ -38,7 +38,7 @@ async fn a_query_is_answered_byte_for_byte() {
     stream.write_all(QUERY).await.unwrap();
     assert_eq!(read(&mut stream, REPLY).await, REPLY);
     simulation.shutdown().await.unwrap();
-    // Nothing came behind the closing brace.
+    // Nothing came after the closing brace.
     assert_eq!(stream.read(&mut [0; 16]).await.unwrap_or(0), 0);
 }
 
@@ -106,7 +106,7 @@ async fn a_connection_beyond_the_limit_is_accepted_and_never_answered() {
     read(&mut first, REPLY).await;
     let mut second = connect(&simulation).await;
     second.write_all(QUERY).await.unwrap();
-    // Whatever the second one would get must have come before the answer to a later question on the first.
+    // A frame for the second one would come before the answer to a later query on the first.
     for _ in 0..20 {
         first.write_all(QUERY).await.unwrap();
         read(&mut first, REPLY).await;
@@ -141,8 +141,8 @@ async fn two_hundred_controllers_each_have_their_own_port_and_state() {
     simulation.shutdown().await.unwrap();
 }
 
-/// A port that is free on every loopback address, and that the system gives to nobody else while this lives: the socket
-/// is bound everywhere and does not listen, which lets others bind only by that number.
+/// A port that is free on every loopback address, and that the system gives to no other program while this
+/// lives. The socket is bound everywhere but does not listen, so others can bind only by that number.
 fn reserved_port() -> (socket2::Socket, u16) {
     let socket = socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::STREAM, None).unwrap();
     socket.set_reuse_address(true).unwrap();
@@ -151,7 +151,7 @@ fn reserved_port() -> (socket2::Socket, u16) {
     (socket, port)
 }
 
-/// Writes a register of whatever answers there.
+/// Writes a register of the controller at this address.
 async fn write_800(address: SocketAddr, value: u8) {
     let mut stream = TcpStream::connect(address).await.unwrap();
     let write = format!(r#"{{"reqType":"command","cmdData":["rewriteData","800","{value}","0"]}}"#);
@@ -183,7 +183,7 @@ async fn each_loopback_address_has_a_controller_of_its_own_on_one_port() {
     for (address, value) in listen.iter().zip(2..) {
         assert_800(*address, value).await;
     }
-    assert!(TcpStream::connect((Ipv4Addr::LOCALHOST, port)).await.is_err(), "nobody asked for that one");
+    assert!(TcpStream::connect((Ipv4Addr::LOCALHOST, port)).await.is_err(), "it was not asked for");
 }
 
 #[tokio::test]

@@ -11,7 +11,8 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::broadcast;
 
-/// Long enough for a loaded machine; what is waited for takes milliseconds, and the wait before a new attempt.
+/// Long enough for a loaded machine; the events themselves take milliseconds, plus the wait before a new
+/// attempt.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 const CLOCKS: [Clock; 3] = [Clock::Real, Clock::Times(10.0), Clock::AsFastAsPossible];
@@ -20,7 +21,8 @@ async fn in_time<T>(what: impl Future<Output = T>) -> T {
     tokio::time::timeout(PATIENCE, what).await.expect("it happens in time")
 }
 
-/// An address of our own, at which a camera listens now and then. It is bound all the time, so that nobody else gets it.
+/// An address of our own, at which a camera listens from time to time. It is always bound, so that no other
+/// program gets it.
 struct Place {
     address: SocketAddr,
     _bound: TcpSocket,
@@ -76,7 +78,7 @@ impl Eye {
         }
     }
 
-    /// Waits for a photo request, and tells for which camera it is.
+    /// Waits for a photo request, and returns its `camID`.
     async fn requested(&mut self) -> i64 {
         let frame = self.frame().await.expect("a photo request");
         assert_eq!(frame["reqType"], "photo", "{frame}");
@@ -87,7 +89,7 @@ impl Eye {
         self.stream.write_all(frame.to_string().as_bytes()).await.unwrap();
     }
 
-    /// Answers a request, and sends parts at these places along Y.
+    /// Answers a request, and sends parts at these positions along Y.
     async fn find(&mut self, camera: i64, parts: &[f64]) {
         let dialect = "www.hc-system.com.cam";
         self.say(&json!({"dsID": dialect, "reqType": "photo", "camID": camera, "ret": 1})).await;
@@ -104,8 +106,8 @@ impl Eye {
     }
 }
 
-/// Asks each of these cameras for a photo and takes a point of it, over and over: the next request of a camera shows that the point
-/// of the last one was used. A request that is lost is made again after half a second of real time.
+/// Asks each of these cameras for a photo and takes a point of it, again and again. So the next request to a
+/// camera shows that its last point was used. A lost request is repeated after half a second of real time.
 fn looking_at(cameras: &[i64], clock: Clock) -> String {
     let limit = match clock {
         Clock::Real | Clock::AsFastAsPossible => 0.5,
@@ -126,7 +128,7 @@ fn settings(cameras: Vec<Camera>, clock: Clock, ids: &[i64]) -> SimSettings {
     SimSettings { mold: "test".to_owned(), ..settings }
 }
 
-/// The next event of the log that is this one, and how many before it were another.
+/// The next matching event of the log, and how many of the other kind came before it.
 async fn event(
     log: &mut broadcast::Receiver<LogEntry>,
     is_it: impl Fn(&Event) -> bool,
@@ -171,9 +173,9 @@ async fn a_program_picks_what_a_dialled_camera_found() {
     controller.operate(&PanelAction::SetInput { board: 0, point: 0, on: true }).unwrap();
     assert_eq!(eye.requested().await, 0);
     eye.find(0, &[-40.0, 0.0, 40.0]).await;
-    // It asks again once it has picked them all.
+    // It asks again after it has picked them all.
     assert_eq!(eye.requested().await, 0);
-    // What a camera asks is answered as on any connection.
+    // A query from a camera is answered as on any connection.
     eye.say(&json!({"reqType": "query", "queryAddr": ["counter-0", "curAlarm"]})).await;
     let reply = eye.frame().await.unwrap();
     assert_eq!(reply["queryData"], json!([[0, 0, 3], "0"]));
@@ -194,14 +196,14 @@ async fn a_camera_that_goes_away_is_dialled_again_and_the_program_goes_on() {
             eye.requested().await;
             eye.find(0, &[1.0]).await;
         }
-        // It hangs up with a request unanswered, and takes the next call.
+        // The camera hangs up with a request unanswered, and takes the next connection.
         eye.requested().await;
         drop(eye);
         let mut eye = Eye::accept(&listener).await;
         eye.requested().await;
         eye.find(0, &[2.0]).await;
         eye.requested().await;
-        // Its program ends, and is started again later.
+        // The camera program ends, and is started again later.
         drop((eye, listener));
         let (Event::Shell(ShellEvent::CameraUnreachable { camera, .. }), _) =
             event(&mut log, unreachable, nothing).await
@@ -233,7 +235,7 @@ async fn a_camera_may_come_later_than_the_controller() {
         event(&mut log, |event| *event == lost, nothing).await;
         let listener = place.listen();
         let mut eye = Eye::accept(&listener).await;
-        // The failures in between were not told each by itself.
+        // The failures in between were not logged one by one.
         let (camera, told) = event(&mut log, connected, unreachable).await;
         assert!(told == 0, "{clock}: {camera}");
         assert_eq!(eye.requested().await, 7);
@@ -257,7 +259,7 @@ async fn each_of_two_cameras_gets_its_own_requests() {
         assert_eq!(first.requested().await, 1);
         first.find(1, &[1.0]).await;
     }
-    // One of them goes: the other one gets nothing of what is meant for it, and both go on once it is back.
+    // One of them disconnects: the other gets none of its requests, and both continue once it is back.
     drop(second);
     let mut second = Eye::accept(&listeners[1]).await;
     assert_eq!(second.requested().await, 2);
@@ -275,7 +277,7 @@ async fn every_controller_dials() {
     let (mut replies, mut eyes) = (Vec::new(), Vec::new());
     for _ in 0..3 {
         let mut eye = Eye::accept(&listener).await;
-        // Each is a connection of its own to a controller of its own.
+        // Each has its own connection to its own controller.
         eye.say(&json!({"reqType": "command", "cmdData": ["rewriteData", "800", "1", "0"], "packID": "1"}))
             .await;
         replies.push(eye.frame().await.unwrap()["cmdReply"].clone());

@@ -1,24 +1,25 @@
-//! Many controllers in one process, and one that has just been started: what they cost.
+//! What many controllers in one process cost, and how fast one starts.
 //!
-//! Figures of the real binary, read from `/proc` (Linux): processor time and resident memory of 1,000 idle controllers,
-//! and the time from the start of the process to the first reply, beside the time that a process takes that only tells its version.
+//! Measures the real binary, from `/proc` (Linux): processor time and resident memory of 1,000 idle
+//! controllers, and the time from the start of the process to the first reply. The time of a process that
+//! only prints its version is shown for comparison.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// How many controllers are idle together, and for how long they are watched.
+/// How many controllers are idle together, and how long they are measured.
 const CONTROLLERS: usize = 1000;
 const WATCHED: Duration = Duration::from_secs(5);
 
-/// How often the start is measured; the median is told.
+/// How often the start is measured; the median is printed.
 const STARTS: usize = 21;
 
 const QUERY: &[u8] =
     br#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"0","queryAddr":["version"]}"#;
 
-/// A running `r6 sim`, ended with this.
+/// A running `r6 sim`. Dropping this ends it.
 struct Sim {
     child: Child,
     addresses: Vec<String>,
@@ -76,7 +77,7 @@ fn median(mut times: Vec<Duration>) -> Duration {
 
 fn main() {
     let sim = Sim::start(CONTROLLERS);
-    // Each has been talked to once.
+    // Each controller has answered one query.
     sim.addresses.iter().for_each(|address| ask(address));
     let (before, _) = sim.costs();
     std::thread::sleep(WATCHED);

@@ -26,7 +26,8 @@ pub fn block_on(work: impl Future<Output = Result<Exit, Failure>>) -> Result<Exi
         .build()
         .map_err(|error| Failure::usage(format!("the system gives no threads or timers: {error}")))?;
     let ended = runtime.block_on(work);
-    // A thread that waits for a disk which does not answer must not keep the process.
+    // Does not wait for blocking threads: a thread that waits for a disk without an answer would keep the
+    // process alive.
     runtime.shutdown_background();
     ended
 }

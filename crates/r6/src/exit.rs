@@ -1,4 +1,5 @@
-//! How a run of r6 ends: the exit code, and for a failure one or two lines that say what, where, and what to do.
+//! How a run of r6 ends: an exit code, and for a failure one or two lines. They say what failed, where, and
+//! what to do.
 
 use std::fmt;
 use std::process::ExitCode;
@@ -48,14 +49,14 @@ Exit codes:
 /// How a run ends, as the shell sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Exit {
-    /// 0: it is done.
+    /// 0: done.
     #[default]
     Done,
-    /// 1: the controller said no, or a condition was not met.
+    /// 1: the controller refused, or a condition was not met.
     Refused,
     /// 2: the command line or a file is wrong; nothing was sent.
     Usage,
-    /// 3: no connection, or no reply to a question.
+    /// 3: no connection, or no reply to a query.
     NoReply,
     /// 4: a request left and may have acted.
     Unknown,
@@ -79,25 +80,25 @@ impl Exit {
     }
 }
 
-/// Why a run failed, in the words that are printed.
+/// Why a run failed, with the text that is printed.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Failure {
     exit: Exit,
     code: Code,
     what: String,
     advice: Option<String>,
-    /// The lines for people, where a file is wrong.
+    /// The lines for people, if a file is wrong.
     mistakes: Option<String>,
-    /// What programs are told besides.
+    /// Further members of the JSON object for programs.
     members: Map<String, Value>,
-    /// Whether programs were told already.
+    /// Whether stdout already reported the failure to programs.
     told: bool,
-    /// Whether people were told already.
+    /// Whether stderr already reported the failure to people.
     said: bool,
 }
 
 impl Failure {
-    /// Something was said no to.
+    /// The controller or a guard refused, or a condition is not met.
     pub fn refused(what: impl fmt::Display) -> Self {
         Self::new(Exit::Refused, Code::Refused, what)
     }
@@ -107,7 +108,8 @@ impl Failure {
         Self::new(Exit::Usage, Code::Usage, what)
     }
 
-    /// A file is wrong: each mistake has a line `FILE:LINE:COLUMN: …`, which editors read, and below it what to do.
+    /// A file is wrong. Each mistake has a line `FILE:LINE:COLUMN: …`, which editors can parse, and below it
+    /// the advice.
     pub fn in_file(file: &str, mistakes: &Mistakes) -> Self {
         let lines: Vec<_> = mistakes.lines(file).map(|line| printable(&line).to_string()).collect();
         let listed: Vec<_> = mistakes
@@ -124,12 +126,12 @@ impl Failure {
         Self { advice: first.advice.clone(), mistakes: Some(lines.join("\n")), ..failure }
     }
 
-    /// Nobody knows what became of a request.
+    /// The outcome of a request is unknown.
     pub fn unknown(what: impl fmt::Display) -> Self {
         Self::new(Exit::Unknown, Code::OutcomeUnknown, what)
     }
 
-    /// There is no connection, or no reply to a question.
+    /// There is no connection, or no reply to a query.
     pub fn no_reply(what: impl fmt::Display) -> Self {
         Self::new(Exit::NoReply, Code::NoReply, what)
     }
@@ -147,61 +149,62 @@ impl Failure {
         }
     }
 
-    /// The same failure with another code for programs.
+    /// Replaces the code for programs.
     pub fn with_code(mut self, code: Code) -> Self {
         self.code = code;
         self
     }
 
-    /// Adds what programs are told besides.
+    /// Adds a member to the JSON object for programs.
     pub fn member(mut self, name: &str, value: impl Into<Value>) -> Self {
         self.members.insert(name.to_owned(), value.into());
         self
     }
 
-    /// The same failure, of which stderr has told people already.
+    /// Marks the failure as already reported to people on stderr.
     pub fn said(mut self) -> Self {
         self.said = true;
         self
     }
 
-    /// The same failure, of which stdout has told programs already.
+    /// Marks the failure as already reported to programs on stdout.
     pub fn told(mut self) -> Self {
         self.told = true;
         self
     }
 
-    /// Adds a second line: what to do.
+    /// Sets the second line: what to do.
     pub fn advise(mut self, advice: impl Into<String>) -> Self {
         self.advice = Some(advice.into());
         self
     }
 
-    /// Puts what was being done before the message.
+    /// Puts the action that failed before the message.
     pub fn while_doing(mut self, what: impl fmt::Display) -> Self {
         self.what = format!("{what}: {}", self.what);
         self
     }
 
-    /// Puts something before the message that has to be read first.
+    /// Puts more important text before the message.
     pub fn lead(mut self, first: impl fmt::Display) -> Self {
         self.what = format!("{first}; {}", self.what);
         self
     }
 
-    /// Adds more to the first line.
+    /// Appends text to the first line.
     pub fn add(mut self, more: impl fmt::Display) -> Self {
         self.what = format!("{}; {more}", self.what);
         self
     }
 
-    /// The same failure with another exit code.
+    /// Replaces the exit code.
     pub fn with_exit(mut self, exit: Exit) -> Self {
         self.exit = exit;
         self
     }
 
-    /// The same failure where the controller took the connection and answered nothing on it: sending it again does not help.
+    /// Changes the advice for a controller that accepted the connection and never answered on it: sending
+    /// again does not help.
     pub fn unanswered(mut self) -> Self {
         for again in ["; it only reads, so ask again", "; send it again until the arm is seen to stand"] {
             if let Some(what) = self.what.strip_suffix(again) {
@@ -214,7 +217,7 @@ impl Failure {
         )
     }
 
-    /// The same failure without its second line.
+    /// Removes the second line.
     pub fn without_advice(self) -> Self {
         Self { advice: None, ..self }
     }
@@ -229,27 +232,27 @@ impl Failure {
         &self.what
     }
 
-    /// What to do.
+    /// What to do about it.
     pub fn advice(&self) -> Option<&str> {
         self.advice.as_deref()
     }
 
-    /// What kind of failure it is.
+    /// The kind of failure, for programs.
     pub fn code(&self) -> Code {
         self.code
     }
 
-    /// What programs are told besides.
+    /// Further members of the JSON object for programs.
     pub fn members(&self) -> &Map<String, Value> {
         &self.members
     }
 
-    /// Whether people were told already.
+    /// Whether stderr already reported the failure to people.
     pub fn is_said(&self) -> bool {
         self.said
     }
 
-    /// Whether programs were told already.
+    /// Whether stdout already reported the failure to programs.
     pub fn is_told(&self) -> bool {
         self.told
     }
@@ -260,7 +263,7 @@ impl fmt::Display for Failure {
         if let Some(mistakes) = &self.mistakes {
             return f.write_str(mistakes);
         }
-        // A peer's words are among them: two lines are two lines.
+        // The text may quote the peer. Escaping control characters keeps the output at these two lines.
         write!(f, "r6: {}", printable(&self.what))?;
         match &self.advice {
             Some(advice) => write!(f, "\n    {}", printable(advice)),
@@ -312,7 +315,7 @@ impl From<RequestError> for Failure {
     }
 }
 
-/// Whether it says that another robot answered.
+/// Whether the error says that another robot answered.
 pub fn is_another_robot(error: &RequestError) -> bool {
     match error {
         RequestError::NotSent(NotSent::NotStopped(why)) => matches!(**why, NotSent::AnotherRobot { .. }),
@@ -325,7 +328,7 @@ pub fn is_another_robot(error: &RequestError) -> bool {
     }
 }
 
-/// What to do where another robot answers.
+/// Advice for the case that another robot answers.
 fn who_answers() -> String {
     format!(
         "`{}` shows who answers now; run the command again only if that robot is meant, and look at the other one, which may \
@@ -334,8 +337,9 @@ fn who_answers() -> String {
     )
 }
 
-/// Something of a motion left, and then the state could not be read, or the rest could not be sent. The error's own words are
-/// about one request: that nothing was sent, or that it can be sent again, is not true of the motion.
+/// The failure when a part of a motion was sent, and then the state could not be read or the rest could not
+/// be sent. The text of the error is not used, because it is about one request. It may say that nothing was
+/// sent, or that sending again is safe, and neither is true of the motion.
 pub fn after_a_part_left(doing: &str, error: &RequestError) -> Failure {
     let failure = Failure::unknown(format!("{doing}: {}", why_not(error)));
     if is_another_robot(error) {
@@ -347,7 +351,7 @@ pub fn after_a_part_left(doing: &str, error: &RequestError) -> Failure {
     ))
 }
 
-/// Why there was no answer, in words that are not about one request.
+/// Says why there was no answer, without statements about one request.
 pub fn why_not(error: &RequestError) -> String {
     match error {
         RequestError::NotSent(why) => why_not_sent(why),
@@ -398,7 +402,7 @@ fn another_robot(expected: &Identity, found: &Identity) -> String {
     )
 }
 
-/// What the caller has to change stands on the command line or in a file; only a guard is a no.
+/// Only an envelope violation is a refusal. All other errors are in the command line or in a file.
 fn of_invalid(invalid: &Invalid) -> Exit {
     match invalid {
         Invalid::OutsideEnvelope(_) => Exit::Refused,
@@ -409,7 +413,7 @@ fn of_invalid(invalid: &Invalid) -> Exit {
     }
 }
 
-/// The word for programs.
+/// The code for programs.
 fn code_of(error: &RequestError) -> Code {
     match error {
         RequestError::Invalid(invalid) => code_of_invalid(invalid),
@@ -450,7 +454,7 @@ fn is_local(address: &str) -> bool {
     ["127.", "localhost", "[::1]"].iter().any(|start| address.starts_with(start))
 }
 
-/// The controller was switched off and on in the middle of a motion.
+/// The controller was switched off and on during a motion.
 pub fn restarted(restart: &r6_client::Restart) -> Failure {
     Failure::refused(restart).with_code(Code::Restarted).advise(format!(
         "look at the machine first, then at `{}`: it has to be started, and perhaps homed, before it moves again",

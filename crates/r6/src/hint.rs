@@ -1,22 +1,23 @@
-//! Commands in advice: for the robot that was asked, so that what is typed as advised acts on no other one.
+//! Commands in advice. They name the robot that was asked, so that a copied command acts on no other robot.
 
 use std::sync::OnceLock;
 
-/// Where `r6 up` offers the panel, and `r6 panel` looks for it unless told otherwise.
+/// The default address of the panel: `r6 up` offers it there, and `r6 panel` looks for it there.
 pub const DEFAULT_PANEL: &str = "127.0.0.1:9770";
 
-/// Where `r6 up` and the usual `r6 sim` listen: the panel of this one is where `r6 panel` looks.
+/// The default addresses of `r6 up` and `r6 sim`. `r6 panel` without options reaches the panel of this robot.
 const USUAL_ROBOTS: [&str; 4] = ["127.0.0.1", "127.0.0.1:9760", "localhost", "localhost:9760"];
 
-/// How this run was told which robot it is for. There is one for each run of r6.
+/// The robot that this run is for. It is set once per run of r6.
 static GIVEN: OnceLock<Given> = OnceLock::new();
 
-/// Which robot a run is for, as far as advice has to repeat it.
+/// The robot that this run is for: the part that advice has to repeat.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Given {
-    /// `--robot` as it was typed; what the environment says is there for the next command, too.
+    /// `--robot` as it was typed. `None` if the robot came from the environment, which the next command reads
+    /// too.
     typed: Option<String>,
-    /// Whether `r6 panel`, as it is, acts on the same machine.
+    /// Whether `r6 panel` without options acts on the same machine.
     own_panel: bool,
 }
 
@@ -38,19 +39,20 @@ impl Given {
     }
 }
 
-/// Remembers which robot this run is for; `typed`: by `--robot`, and not by the environment.
+/// Remembers which robot this run is for. `typed`: whether it came from `--robot`, not from the environment.
 pub fn remember(robot: &str, typed: bool) {
     let panel = std::env::var("R6_PANEL").unwrap_or_else(|_| DEFAULT_PANEL.to_owned());
-    // The first one counts, and there is no second.
+    // This is called once; a second value would be ignored.
     let _ = GIVEN.set(Given::of(robot, typed, &panel));
 }
 
-/// A command as it has to be typed: `r6 --robot 192.168.1.10 stop`.
+/// A command to type, with the robot: `r6 --robot 192.168.1.10 stop`.
 pub fn r6(words: &str) -> String {
     GIVEN.get().cloned().unwrap_or_default().r6(words)
 }
 
-/// What is done at the panel of a virtual machine: the command, where it acts on the same machine, else by hand.
+/// How to do something at the panel of a virtual machine: the `r6 panel` command if it acts on the same
+/// machine, else the action by hand.
 pub fn at_panel(words: &str, by_hand: &str) -> String {
     GIVEN.get().cloned().unwrap_or_default().at_panel(words, by_hand)
 }

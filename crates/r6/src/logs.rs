@@ -9,7 +9,7 @@ use tracing_subscriber::EnvFilter;
 use crate::output;
 use crate::output::queue::LineQueue;
 
-/// How much the program tells about itself.
+/// How much the program logs.
 #[derive(Debug, Args)]
 pub struct LogArgs {
     /// Log to stderr: -v what happens, -vv more, -vvv every frame
@@ -17,11 +17,12 @@ pub struct LogArgs {
     verbose: u8,
 }
 
-/// Begins to log. With a full screen on the terminal nothing is logged, for it would be written across the screen.
-/// The lines go through a queue, so that nothing waits where nobody reads stderr; flush it at the end.
+/// Starts the log. While a full screen is on the terminal nothing is logged, because the lines would destroy
+/// the screen. The lines go through a queue, so that the program does not wait for a slow reader of stderr.
+/// Flush the queue at the end.
 pub fn begin(args: &LogArgs, has_screen: bool) -> std::io::Result<LineQueue> {
     let level = match args.verbose {
-        // What a virtual controller says is printed by `r6 sim` and `r6 up` themselves.
+        // `r6 sim` and `r6 up` print the log of a virtual controller themselves.
         0 => "warn,r6_sim=error",
         1 => "info",
         2 => "debug",
@@ -29,7 +30,7 @@ pub fn begin(args: &LogArgs, has_screen: bool) -> std::io::Result<LineQueue> {
     };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
     let filter = if has_screen { EnvFilter::new("off") } else { filter };
-    // A log that cannot be written is no reason to end.
+    // A log line that cannot be written does not end the program.
     let queue = LineQueue::start(|bytes| std::io::stderr().write_all(bytes))?;
     let colours = output::has_colours(&std::io::stderr());
     let records = Records { queue: queue.clone(), colours };
@@ -41,7 +42,8 @@ pub fn begin(args: &LogArgs, has_screen: bool) -> std::io::Result<LineQueue> {
     Ok(queue)
 }
 
-/// Takes records, each of them in one piece, and makes a line of each: what a peer said in it cannot begin another one.
+/// Receives whole log records and writes each as one line. Text of a peer in a record cannot begin another
+/// line.
 #[derive(Clone, Debug)]
 struct Records {
     queue: LineQueue,
@@ -60,7 +62,8 @@ impl Write for Records {
     }
 }
 
-/// The record without control characters, but for the end of the line behind it and, where there are colours, what switches them.
+/// Escapes the control characters of a record, except the final end of line and, with colours, the colour
+/// sequences.
 fn one_line(record: &[u8], colours: bool) -> Vec<u8> {
     let text = String::from_utf8_lossy(record);
     let (text, end) = text.strip_suffix('\n').map_or((&*text, ""), |text| (text, "\n"));
@@ -74,7 +77,7 @@ fn one_line(record: &[u8], colours: bool) -> Vec<u8> {
     line.into_bytes()
 }
 
-/// Whether an escape character before this makes it a change of the colour: `[`, digits and semicolons, `m`.
+/// Whether the text, after an escape character, is a colour sequence: `[`, digits and semicolons, `m`.
 fn switches_colour(text: &str) -> bool {
     let numbers =
         text.strip_prefix('[').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';'));

@@ -1,6 +1,6 @@
 //! The command line of r6: virtual controllers, queries, commands and motion.
 //!
-//! This file is a table of contents. Every subcommand is one file in `cmd`; what people see is laid out in `output`.
+//! This file is a table of contents. Every subcommand is one file in `cmd`; `output` lays out what users see.
 
 mod cmd;
 mod exit;
@@ -64,24 +64,27 @@ enum Subcommands {
     Completions(cmd::completions::CompletionsArgs),
 }
 
-/// Subcommands that ask no robot, or none that `--robot` names: their help does not offer `--robot`.
+/// Subcommands that do not use `--robot`: their help hides it.
 const OFFLINE: [&str; 8] = ["up", "sim", "discover", "plot", "panel", "alarm", "inspect", "completions"];
 
-/// The whole command line, as the parser and the completions want it.
+/// The whole command line, for the parser and for the completions.
 fn command_line() -> clap::Command {
     let mut command = Cli::command();
-    let robot = command.get_arguments().find(|argument| argument.get_id() == "robot").cloned();
-    for (name, robot) in OFFLINE.into_iter().zip(std::iter::repeat(robot)) {
-        if let Some(robot) = robot {
-            command = command.mut_subcommand(name, |subcommand| subcommand.arg(robot.hide(true)));
-        }
+    let of_robots =
+        |argument: &&clap::Arg| ["robot", "type_key", "ds_id"].contains(&argument.get_id().as_str());
+    let of_robots: Vec<_> = command.get_arguments().filter(of_robots).cloned().collect();
+    for name in OFFLINE {
+        // `discover` asks robots, but not the robot of --robot.
+        let hidden = of_robots.iter().filter(|argument| name != "discover" || argument.get_id() == "robot");
+        let hidden: Vec<_> = hidden.map(|argument| argument.clone().hide(true)).collect();
+        command = command.mut_subcommand(name, |subcommand| subcommand.args(hidden));
     }
     command
 }
 
 fn main() -> ExitCode {
     if output::begin().is_err() {
-        // Nothing can be said without a thread that writes.
+        // Without the threads that write, there is no way to report the error.
         return Exit::Usage.code();
     }
     let (ended, as_json) = match parse() {
@@ -97,11 +100,12 @@ fn parse() -> Result<(Cli, ArgMatches), Box<clap::Error>> {
     Ok((Cli::from_arg_matches(&matches)?, matches))
 }
 
-/// Begins to log, and does what the command line asks for.
+/// Starts the log and runs the subcommand.
 fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     hint::remember(cli.robot.address(), robot_typed);
-    if robot_typed && matches!(cli.subcommand, Subcommands::Panel(_)) {
-        return Err(cmd::panel::no_robot(cli.robot.address()));
+    cli.robot.remember();
+    if robot_typed && let Some(refused) = asks_no_robot(&cli.subcommand, cli.robot.address()) {
+        return Err(refused);
     }
     let has_screen = matches!(&cli.subcommand, Subcommands::Up(args) if args.has_screen());
     let logs = logs::begin(&cli.logs, has_screen)
@@ -111,7 +115,43 @@ fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     ended
 }
 
-/// What the parser has to say: help on stdout, or what is wrong with the command line.
+/// Why `--robot` on the command line makes no sense for this subcommand. `None` where it does.
+///
+/// A person who writes `r6 -r ADDR up` may think that the screen is about the robot at ADDR.
+fn asks_no_robot(subcommand: &Subcommands, robot: &str) -> Option<Failure> {
+    let (name, advice) = match subcommand {
+        Subcommands::Panel(_) => return Some(cmd::panel::no_robot(robot)),
+        Subcommands::Up(_) => (
+            "up",
+            format!(
+                "`r6 up --listen {robot}` starts it there; `r6 -r {robot} status` shows a robot that is there"
+            ),
+        ),
+        Subcommands::Sim(_) => {
+            ("sim", format!("`r6 sim --listen {robot}` starts a virtual controller there"))
+        }
+        Subcommands::Discover(_) => {
+            ("discover", format!("write the addresses as arguments: `r6 discover {robot}`"))
+        }
+        Subcommands::Plot(_) => ("plot", "leave --robot out".to_owned()),
+        Subcommands::Alarm(_) => ("alarm", "leave --robot out".to_owned()),
+        Subcommands::Inspect(_) => ("inspect", "leave --robot out".to_owned()),
+        Subcommands::Completions(_) => ("completions", "leave --robot out".to_owned()),
+        Subcommands::Status(_)
+        | Subcommands::Query(_)
+        | Subcommands::Watch(_)
+        | Subcommands::Command(_)
+        | Subcommands::Move(_)
+        | Subcommands::Run(_)
+        | Subcommands::Stop(_) => return None,
+    };
+    Some(
+        Failure::usage(format!("`r6 {name}` asks no robot, so --robot {robot} means nothing here"))
+            .advise(advice),
+    )
+}
+
+/// Prints what the parser reports: help on stdout, or an error of the command line on stderr.
 fn refuse(error: &clap::Error) -> Result<Exit, Failure> {
     let text = error.render();
     if !error.use_stderr() {
@@ -122,7 +162,8 @@ fn refuse(error: &clap::Error) -> Result<Exit, Failure> {
     let plain = text.to_string();
     let is_coloured = output::has_colours(&std::io::stderr());
     output::note_as_it_is(&if is_coloured { text.ansi().to_string() } else { plain.clone() });
-    // The first paragraph says what is wrong, the second may say what was meant; usage and a hint at the help follow.
+    // The first paragraph is the error, the second may be a suggestion. Usage and a pointer to the help
+    // follow.
     let mut paragraphs =
         plain.split("\n\n").map(|part| part.split_whitespace().collect::<Vec<_>>().join(" "));
     let wrong = paragraphs.next().unwrap_or_default();
@@ -133,26 +174,26 @@ fn refuse(error: &clap::Error) -> Result<Exit, Failure> {
     }
 }
 
-/// Whether stdout is for programs.
+/// Whether `--json` was given.
 fn wants_json(matches: &ArgMatches) -> bool {
     let own = matches.try_get_one::<bool>("json").ok().flatten().copied().unwrap_or_default();
     own || matches.subcommand().is_some_and(|(_, matches)| wants_json(matches))
 }
 
-/// The same of a command line that the parser refused.
+/// Whether `--json` is on a command line that the parser refused.
 fn asks_for_json(arguments: impl Iterator<Item = OsString>) -> bool {
     arguments.skip(1).take_while(|argument| argument != "--").any(|argument| argument == "--json")
 }
 
-/// Whether an option stands on the command line itself.
+/// Whether an option is on the command line itself, not from a default or the environment.
 fn is_typed(matches: &ArgMatches, option: &str) -> bool {
     matches.value_source(option) == Some(ValueSource::CommandLine)
 }
 
-/// Subcommands that move an arm: never the guess for a word that is none.
+/// Subcommands that move an arm. They are never suggested for an unknown word.
 const MOVING: [&str; 2] = ["move", "run"];
 
-/// The same error, without the advice to type a subcommand that moves the arm.
+/// Removes suggestions of subcommands that move the arm.
 fn without_moves(mut error: clap::Error) -> Box<clap::Error> {
     let moves = |word: &String| MOVING.contains(&word.as_str());
     match error.remove(ContextKind::SuggestedSubcommand) {

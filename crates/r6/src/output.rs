@@ -1,7 +1,7 @@
 //! What people and programs see: lines, tables, JSON.
 //!
-//! Threads write to stdout and stderr (`queue.rs`), and output that cannot be written is a value that they keep. Nothing here
-//! ends the program or panics, because a motion may be under way; `ending.rs` makes an exit code of that value.
+//! Threads write to stdout and stderr (`queue.rs`) and keep the error if a write fails. Nothing here ends the
+//! program or panics, because a motion may be under way; `ending.rs` turns the error into an exit code.
 
 pub mod action;
 pub mod alarm;
@@ -26,36 +26,36 @@ use serde::Serialize;
 
 use self::queue::{LineQueue, WhenFull};
 
-/// How long a line for one of stdout and stderr waits for the lines of the other, so that a terminal shows both in their
-/// order. Longer than a reader who reads takes, and too short to keep a stop waiting.
+/// How long a line for stdout waits for the lines of stderr, or the other way round, so that a terminal shows
+/// both in order. It is longer than an active reader takes, and too short to delay a stop.
 const IN_ORDER_WITHIN: Duration = Duration::from_millis(50);
 
-/// Where stdout and stderr are written; there is one pair for each run of r6.
+/// The queues of stdout and stderr. There is one pair for each run of r6.
 static OUTPUT: OnceLock<Output> = OnceLock::new();
 
 struct Output {
     out: LineQueue,
     err: LineQueue,
-    /// Whether something left that can change the machine.
+    /// Whether a request that can change the machine may have left.
     acts: AtomicBool,
 }
 
 /// Starts the threads that write.
 ///
 /// # Errors
-/// The system gives no thread.
+/// The system cannot start a thread.
 pub fn begin() -> io::Result<()> {
     let out = LineQueue::start(|bytes| {
         let mut out = io::stdout().lock();
         out.write_all(bytes).and_then(|()| out.flush())
     })?;
     let err = LineQueue::start(|bytes| io::stderr().write_all(bytes))?;
-    // The first one counts, and there is no second.
+    // This is called once; a second value would be ignored.
     let _ = OUTPUT.set(Output { out, err, acts: AtomicBool::new(false) });
     Ok(())
 }
 
-/// The queue of stdout, for lines that are dropped where nobody reads them in time.
+/// The queue of stdout, for lines that are dropped if the reader is too slow.
 pub fn lines() -> LineQueue {
     OUTPUT.get().map(|output| output.out.clone()).unwrap_or_default()
 }
@@ -65,8 +65,9 @@ pub fn line(text: impl std::fmt::Display) {
     bytes(format!("{}\n", clean(&text.to_string())).as_bytes());
 }
 
-/// The text without control characters other than the end of a line: what a peer or a file says must not steer the
-/// terminal. A text of a peer is escaped before it becomes a part of a line ([`printable`]), so that it cannot end that line.
+/// Escapes all control characters except the end of a line, so that the text of a peer or a file cannot
+/// control the terminal. Text of a peer must be escaped before it becomes part of a line ([`printable`]), so
+/// that it cannot end that line.
 pub fn clean(text: &str) -> String {
     text.split('\n').map(|line| printable(line).to_string()).collect::<Vec<_>>().join("\n")
 }
@@ -75,7 +76,7 @@ pub fn clean(text: &str) -> String {
 pub fn bytes(bytes: &[u8]) {
     let Some(output) = OUTPUT.get() else { return };
     output.err.flush_within(IN_ORDER_WITHIN);
-    // Nothing that supervises an arm waits for a reader.
+    // Code that supervises an arm must not wait for a reader.
     let when_full = if has_acted() { WhenFull::Exceed } else { WhenFull::Wait };
     output.out.push(bytes.to_vec(), when_full);
 }
@@ -90,7 +91,8 @@ pub fn json_pretty(value: &impl Serialize) {
     print_json(serde_json::to_string_pretty(value));
 }
 
-/// Prints a value as one line of JSON that other lines make up for: where many wait already, it is dropped and counted.
+/// Prints a value as one line of JSON that a later line replaces. If many lines wait already, it is dropped
+/// and counted.
 pub fn passing_json(value: &impl Serialize) {
     let Some(output) = OUTPUT.get() else { return };
     match serde_json::to_string(value) {
@@ -106,8 +108,8 @@ fn print_json(text: serde_json::Result<String>) {
     }
 }
 
-/// The same JSON without characters that steer a terminal. Those that JSON does not escape itself stand only inside strings, and
-/// there an escape means the same.
+/// Escapes the characters in JSON text that can control a terminal. Those that JSON itself does not escape
+/// occur only in strings, where `\u` escapes keep the meaning.
 fn escaped_json(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {
@@ -115,7 +117,7 @@ fn escaped_json(text: &str) -> String {
         if character == '\n' || shown.chars().eq([character]) {
             escaped.push(character);
         } else {
-            // All of them are in the first plane: one unit of UTF-16.
+            // All of these are in the basic multilingual plane: one UTF-16 unit.
             escaped.push_str(&format!("\\u{:04x}", u32::from(character)));
         }
     }
@@ -127,7 +129,7 @@ pub fn counted(count: usize, word: &str) -> String {
     if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") }
 }
 
-/// What stands in the place of lines that nobody read in time.
+/// The line printed in place of lines that were dropped.
 pub fn lost_lines(lost: u64) -> String {
     if lost == 1 { "(1 line was lost)".to_owned() } else { format!("({lost} lines were lost)") }
 }
@@ -137,26 +139,27 @@ pub fn is_terminal() -> bool {
     io::stdout().is_terminal()
 }
 
-/// Whether a stream shows colours: a terminal does, unless they are not wanted there (<https://no-color.org>).
+/// Whether a stream shows colours: it is a terminal, and `NO_COLOR` is not set (<https://no-color.org>).
 pub fn has_colours(stream: &impl IsTerminal) -> bool {
     let unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     stream.is_terminal() && !unwanted
 }
 
-/// Prints a text of this program on stderr as it is laid out, colours included.
+/// Prints a text of this program on stderr unchanged, colours included.
 pub fn note_as_it_is(text: &str) {
     let Some(output) = OUTPUT.get() else { return };
     output.err.push(text.as_bytes().to_vec(), WhenFull::Exceed);
 }
 
-/// Prints a line for the person at the terminal, on stderr, so that it never mixes with what programs read.
+/// Prints a line for people on stderr, so that it never mixes with what programs read.
 pub fn note(text: impl std::fmt::Display) {
     let Some(output) = OUTPUT.get() else { return };
     output.out.flush_within(IN_ORDER_WITHIN);
     output.err.push(format!("{}\n", clean(&text.to_string())).into_bytes(), WhenFull::Exceed);
 }
 
-/// Writes over the present line of stderr, a terminal; not where something waits there already.
+/// Overwrites the current line of stderr, which must be a terminal. Does nothing if stderr still has text to
+/// write.
 pub fn rewrite_line(text: impl std::fmt::Display) {
     let Some(output) = OUTPUT.get() else { return };
     if output.err.flush_within(Duration::ZERO) {
@@ -164,7 +167,7 @@ pub fn rewrite_line(text: impl std::fmt::Display) {
     }
 }
 
-/// Takes what was shown on the present line of stderr away, where that is a terminal.
+/// Clears the current line of stderr if that is a terminal.
 pub fn clear_line() {
     let Some(output) = OUTPUT.get() else { return };
     if io::stderr().is_terminal() {
@@ -176,27 +179,28 @@ pub fn clear_line() {
     }
 }
 
-/// From now on something may have left that changes or moves the machine: no line waits for a reader any more, and where
-/// stdout cannot be written, the outcome is unknown to whoever reads it.
+/// Notes that a request that changes or moves the machine may have left. From now on no line waits for a
+/// reader. If stdout cannot be written, the run ends with "outcome unknown".
 pub fn acts() {
     if let Some(output) = OUTPUT.get() {
         output.acts.store(true, Ordering::Relaxed);
     }
 }
 
-/// Whether something may have left that changes or moves the machine.
+/// Whether a request that changes or moves the machine may have left.
 pub fn has_acted() -> bool {
     OUTPUT.get().is_some_and(|output| output.acts.load(Ordering::Relaxed))
 }
 
-/// Whether everything so far is written, or on its way to a slow reader: what waits gets [`queue::FLUSH_WITHIN`] to be written.
+/// Whether everything so far is written, or still going to a slow reader. Waits up to
+/// [`queue::FLUSH_WITHIN`].
 pub fn is_written() -> bool {
     let Some(output) = OUTPUT.get() else { return true };
     output.out.flush();
     output.out.failure().is_none()
 }
 
-/// Waits until everything so far is written or cannot be written, as long as a slow reader takes.
+/// Waits until everything so far is written, however slow the reader is, or cannot be written.
 pub async fn settled() {
     let Some(output) = OUTPUT.get() else { return };
     if !output.out.flush_within(IN_ORDER_WITHIN) {
@@ -206,7 +210,7 @@ pub async fn settled() {
     }
 }
 
-/// Waits until stdout cannot be written: for ever, where it can.
+/// Waits until stdout cannot be written. Never returns while it can.
 pub async fn fails() {
     match OUTPUT.get() {
         Some(output) => output.out.fails().await,

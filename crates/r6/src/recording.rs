@@ -1,4 +1,4 @@
-//! What a program did: positions and speeds over time, and what follows from them.
+//! What an arm did during a program: positions and speeds over time, and figures derived from them.
 
 use std::time::Duration;
 
@@ -6,14 +6,14 @@ use r6_controller::RobotModel;
 use r6_controller::machine::Machine;
 use r6_proto::time::Instant;
 
-/// How often the arm is looked at while it moves, at first: finer than any picture shows.
+/// The first time between two samples of a moving arm: finer than any picture shows.
 const FIRST_STEP: Duration = Duration::from_millis(2);
 
-/// How many samples are kept: where there are more, every other one goes and the step doubles. 50 000 are 100 s of
-/// motion at 2 ms, and far more than a picture has columns.
+/// How many samples are kept. Above this, every other sample is removed and the step doubles. 50 000 samples
+/// are 100 s of motion at 2 ms, and far more than a picture has columns.
 pub const MAX_SAMPLES: usize = 50_000;
 
-/// Below this share of its full speed an axis stands: a rounding error, no motion.
+/// An axis below this share of its full speed stands: such a speed is a rounding error.
 const STANDS: f64 = 1e-6;
 
 /// The arm at one instant.
@@ -23,40 +23,40 @@ pub struct Sample {
     pub at: f64,
     /// J1 to J6, degrees or mm.
     pub axes: [f64; 6],
-    /// Their speeds, degrees or mm per second.
+    /// Speeds of J1 to J6, degrees or mm per second.
     pub speeds: [f64; 6],
     /// X, Y, Z of the tool, mm.
     pub tool: [f64; 3],
-    /// Something begins or ends here: it is never thinned out.
+    /// Whether something begins or ends here. Such a sample is never removed.
     is_event: bool,
 }
 
 /// What one axis did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisSummary {
-    /// Where it began and ended.
+    /// First and last position.
     pub ends: (f64, f64),
     /// The smallest and largest position.
     pub range: (f64, f64),
-    /// How far it went, both ways added.
+    /// Total distance travelled, both directions added.
     pub way: f64,
     /// Its highest speed, per second.
     pub top_speed: f64,
 }
 
-/// When an instruction was under way, seconds.
+/// When an instruction ran, seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turn {
-    /// When the one before was done.
+    /// When the previous instruction was done.
     pub begin: f64,
-    /// When it was done itself; `None` if it never was.
+    /// When this instruction was done; `None` if it never was.
     pub end: Option<f64>,
-    /// The sample of its end.
+    /// Tool position at the end.
     tool: [f64; 3],
 }
 
 impl Turn {
-    /// Where the tool was when it was done.
+    /// The tool position when the instruction was done.
     pub fn tool(&self) -> Option<[f64; 3]> {
         self.end.map(|_| self.tool)
     }
@@ -67,11 +67,11 @@ impl Turn {
 pub struct Alarm {
     /// Its number.
     pub code: i64,
-    /// Why it came, in the controller's words.
+    /// Its cause, in the controller's words.
     pub why: String,
     /// When it came.
     pub at: Instant,
-    /// The instruction whose turn it was, counted from 1.
+    /// The instruction that was running, counted from 1.
     pub instruction: usize,
 }
 
@@ -82,9 +82,9 @@ pub enum Ending {
     Done,
     /// An alarm ended it.
     Alarm(Alarm),
-    /// It waits for something that never comes.
+    /// It waits for a signal that never comes.
     Waiting,
-    /// It is longer than anybody looks.
+    /// It is longer than the time that is simulated.
     TooLong,
 }
 
@@ -93,26 +93,26 @@ pub enum Ending {
 pub struct Recording {
     /// The arm over time.
     pub samples: Vec<Sample>,
-    /// What each axis did, J1 first, as many as the arm has.
+    /// What each axis did, J1 first, one entry per axis of the arm.
     pub axes: Vec<AxisSummary>,
-    /// One turn for each instruction that was begun.
+    /// One turn for each instruction that began.
     pub turns: Vec<Turn>,
     /// How many instructions the program has.
     pub instructions: usize,
-    /// The way of the tool, mm.
+    /// Length of the tool's path, mm.
     pub tool_path: f64,
     /// How often the arm came to rest between two motions.
     pub stops: usize,
     /// How long it took, seconds.
     pub duration: f64,
-    /// When the alarm came, seconds.
+    /// When the alarm was raised, seconds.
     pub alarm_at: Option<f64>,
     /// How it ended.
     pub ending: Ending,
 }
 
 impl Recording {
-    /// The instruction at which it ended before its end, counted from 1.
+    /// The instruction at which the program ended early, counted from 1; `None` if it ran to its end.
     pub fn ended_at(&self) -> Option<usize> {
         match &self.ending {
             Ending::Done => None,
@@ -122,7 +122,7 @@ impl Recording {
     }
 }
 
-/// Takes a recording.
+/// Records what an arm does.
 pub struct Recorder {
     full_speeds: Vec<f64>,
     begin: Instant,
@@ -138,7 +138,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// A recorder that begins now.
+    /// A recorder that starts now.
     pub fn new(model: &RobotModel, begin: Instant, machine: &Machine) -> Self {
         let full_speeds: Vec<_> = model.drives().map(|axis| axis.max_speed).collect();
         let axes = machine.motion().axes;
@@ -163,12 +163,12 @@ impl Recorder {
         }
     }
 
-    /// Seconds of the program.
+    /// Seconds since the program began.
     pub fn seconds(&self, now: Instant) -> f64 {
         now.since(self.begin).as_secs_f64()
     }
 
-    /// When to look next at an arm that moves.
+    /// When to take the next sample of a moving arm.
     pub fn next_look(&self, now: Instant) -> Instant {
         now + self.step
     }
@@ -198,7 +198,7 @@ impl Recorder {
         }
     }
 
-    /// Notes the instructions that are done since the last look.
+    /// Notes the instructions that ended since the last sample.
     fn finish_turns(&mut self, sample: &Sample, machine: &Machine) -> bool {
         let done = machine.list().completed().saturating_sub(self.done_before);
         let done = usize::try_from(done).unwrap_or(usize::MAX);
@@ -232,7 +232,7 @@ impl Recorder {
         self.moved = moves;
     }
 
-    /// Takes every other sample away that marks nothing.
+    /// Removes every other sample, but keeps those that mark an event.
     fn thin(&mut self) {
         let mut keep = false;
         self.samples.retain(|sample| {
@@ -242,7 +242,7 @@ impl Recorder {
         self.step *= 2;
     }
 
-    /// The recording of a program of so many instructions.
+    /// Ends the recording of a program of so many instructions.
     pub fn finish(mut self, instructions: usize, ending: Ending) -> Recording {
         let duration = self.samples.last().map_or(0.0, |sample| sample.at);
         if self.turns.len() < instructions {
@@ -259,7 +259,7 @@ impl Recorder {
             turns: self.turns,
             instructions,
             tool_path: self.tool_path,
-            // The last rest is the end.
+            // The last stop is the end of the program.
             stops: self.rests.saturating_sub(1),
             duration,
             alarm_at,
@@ -268,7 +268,7 @@ impl Recorder {
     }
 }
 
-/// The distance of two points.
+/// The distance between two points.
 pub fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::exit::Failure;
 
-/// Whether one of the signals came.
+/// Whether a signal that ends the run was received.
 static ASKED: AtomicBool = AtomicBool::new(false);
 
 /// Whether a signal has asked this run to end.
@@ -12,9 +12,11 @@ pub fn asked_to_end() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
 
-/// The signals that end a program: interrupt, terminate, and hangup (the terminal is gone), unless the program was started to
-/// survive that one (`nohup`). From the moment it is made they no longer kill it: make it before anything that has
-/// to be ended in order, and before telling anybody that it can be ended.
+/// The signals that end a program: interrupt, terminate and hangup (the terminal is gone). Hangup is left
+/// alone if the program was started to survive it (`nohup`).
+///
+/// Once the value exists, the signals no longer kill the process. Create it before anything that has to end
+/// in order, and before telling users how to end the program.
 #[derive(Debug)]
 pub struct Ending {
     #[cfg(unix)]
@@ -45,7 +47,7 @@ impl Ending {
         Ok(Self {})
     }
 
-    /// Waits for one of them.
+    /// Waits for one of the signals.
     #[cfg(unix)]
     pub async fn signalled(&mut self) {
         let hangup = async {
@@ -62,7 +64,7 @@ impl Ending {
         ASKED.store(true, Ordering::Relaxed);
     }
 
-    /// Waits for one of them.
+    /// Waits for Ctrl-C.
     #[cfg(not(unix))]
     pub async fn signalled(&mut self) {
         if tokio::signal::ctrl_c().await.is_err() {
@@ -72,7 +74,7 @@ impl Ending {
     }
 }
 
-/// Whether this program was started with hangups ignored, as Linux tells it; elsewhere it counts as not.
+/// Whether the process was started with hangups ignored. Known on Linux only; elsewhere `false`.
 #[cfg(unix)]
 fn hangup_is_ignored() -> bool {
     std::fs::read_to_string("/proc/self/status").is_ok_and(|status| ignores_hangup(&status))

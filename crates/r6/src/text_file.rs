@@ -1,18 +1,18 @@
-//! Files that a user names, and stdin: read as text, up to a length. What is longer is never held in memory as a whole: a device may have
-//! no end.
+//! Reads files that a user names, and stdin, as text of a limited length. A source that is longer is never
+//! held in memory as a whole, because a device may have no end.
 
 use std::io::Read;
 use std::path::Path;
 
-/// The text of a file of at most so many bytes; `what` it is stands in the complaint.
+/// Reads a text file of at most `most` bytes. `what` names its content in the error.
 pub fn read(path: &Path, what: &str, most: usize) -> Result<String, String> {
     let file = std::fs::File::open(path).map_err(|error| format!("the file cannot be read: {error}"))?;
     read_from(file, "the file", what, most)
 }
 
-/// The text of a source of at most so many bytes; `source` and `what` it is stand in the complaint.
+/// Reads text of at most `most` bytes. `source` and `what` name the source and its content in the error.
 pub fn read_from(from: impl Read, source: &str, what: &str, most: usize) -> Result<String, String> {
-    // One byte more than is possible tells that it is too long.
+    // Reading one byte more than allowed shows that the source is too long.
     let limit = u64::try_from(most).unwrap_or(u64::MAX).saturating_add(1);
     let mut bytes = Vec::new();
     let read = from.take(limit).read_to_end(&mut bytes);
@@ -22,7 +22,7 @@ pub fn read_from(from: impl Read, source: &str, what: &str, most: usize) -> Resu
     }
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
-        format!("{source} cannot be read: {what} is UTF-8 text, and byte {at} is none")
+        format!("{source} cannot be read: {what} is UTF-8 text, and byte {at} is not")
     })
 }
 
@@ -34,11 +34,11 @@ mod tests {
     fn a_source_without_an_end_is_read_up_to_the_limit() {
         let read = read_from(std::io::repeat(b'0'), "stdin", "a program", 10);
         assert_eq!(read, Err("stdin is too long: a program has 10 bytes at most".to_owned()));
-        // The limit cuts a character in two: it is too long all the same.
+        // The limit cuts a character in two; the error is still "too long".
         let read = read_from("字字".as_bytes(), "stdin", "a program", 4);
         assert_eq!(read, Err("stdin is too long: a program has 4 bytes at most".to_owned()));
         assert_eq!(read_from("字字".as_bytes(), "stdin", "a program", 6), Ok("字字".to_owned()));
         let read = read_from(&b"ab\xffc"[..], "stdin", "a program", 6);
-        assert_eq!(read, Err("stdin cannot be read: a program is UTF-8 text, and byte 2 is none".to_owned()));
+        assert_eq!(read, Err("stdin cannot be read: a program is UTF-8 text, and byte 2 is not".to_owned()));
     }
 }

@@ -8,7 +8,7 @@ use r6_proto::message::instruction::BlendLevel;
 
 pub use r6_program::axis_mask;
 
-/// A time such as `100ms`, `1.5s`, `2m`; a bare number is seconds.
+/// Reads a time such as `100ms`, `1.5s`, `2m`; a bare number is seconds. Above 0, at most a day.
 pub fn duration(text: &str) -> Result<Duration, String> {
     let (number, scale) = match text {
         _ if text.ends_with("ms") => (text.trim_end_matches("ms"), 0.001),
@@ -18,49 +18,49 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     };
     let seconds = number.trim().parse::<f64>().map(|number| number * scale);
     match seconds {
-        // A day is longer than anything that is waited for at a terminal.
+        // A day is longer than any wait at a terminal.
         Ok(seconds) if seconds > 0.0 && seconds <= 86_400.0 => Ok(Duration::from_secs_f64(seconds)),
         Ok(_) => Err("a time has to be above 0 and at most a day".to_owned()),
         Err(_) => Err("write a time as 100ms, 1.5s or 2m".to_owned()),
     }
 }
 
-/// Where a controller listens.
+/// Reads the address where a controller listens, `IP:PORT`.
 pub fn listen_address(text: &str) -> Result<SocketAddr, String> {
     let wanted = "write IP:PORT, as 127.0.0.1:9760 for this machine alone, 0.0.0.0:9760 for every network of it, or 127.0.0.1:0 for any \
                   free port";
     text.parse().map_err(|_| wanted.to_owned())
 }
 
-/// Where a panel is offered.
+/// Reads the address where a panel is offered, `IP:PORT`.
 pub fn panel_address(text: &str) -> Result<SocketAddr, String> {
     text.parse().map_err(|_| "write IP:PORT, as 127.0.0.1:9770, or 127.0.0.1:0 for any free port".to_owned())
 }
 
-/// A coordinate in mm or degrees.
+/// Reads a coordinate in mm or degrees.
 pub fn coordinate(text: &str) -> Result<f64, String> {
     finite(text, -1e6..=1e6, "a number of mm or degrees")
 }
 
-/// A speed in percent, in steps of 0.1.
+/// Reads a speed in percent, 0.1 to 100 in steps of 0.1.
 pub fn speed_percent(text: &str) -> Result<f64, String> {
     let speed = finite(text, 0.1..=100.0, "percent from 0.1 to 100")?;
     on_grid(Grid::PERCENT, speed)
 }
 
-/// The most that an axis turns in one move, degrees.
+/// Reads the most that an axis may turn in one move, 0.001 to 10000 degrees.
 pub fn largest_step(text: &str) -> Result<f64, String> {
     let wanted = "degrees from 0.001 to 10000";
     finite(text, 0.001..=10_000.0, wanted)
 }
 
-/// Seconds from 0, in the controller's steps of 0.1.
+/// Reads seconds from 0 to 86400, in the controller's steps of 0.1.
 pub fn delay_seconds(text: &str) -> Result<f64, String> {
     let delay = finite(text, 0.0..=86_400.0, "seconds from 0 to 86400")?;
     on_grid(Grid::TENTHS_OF_A_SECOND, delay)
 }
 
-/// A blend level from 0 to 9.
+/// Reads a blend level from 0 to 9.
 pub fn blend_level(text: &str) -> Result<BlendLevel, String> {
     text.parse()
         .ok()
@@ -68,7 +68,7 @@ pub fn blend_level(text: &str) -> Result<BlendLevel, String> {
         .ok_or_else(|| "a blend level is a whole number from 0 to 9".to_owned())
 }
 
-/// The value, if the wire can carry it as it is.
+/// Returns the value if the wire can carry it exactly.
 pub fn on_grid(grid: Grid, value: f64) -> Result<f64, String> {
     match grid.step(value) {
         Ok(_) => Ok(value),

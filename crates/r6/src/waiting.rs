@@ -1,4 +1,4 @@
-//! Says on stderr what is waited for, where that takes longer than a person expects.
+//! Says on stderr what r6 waits for, if that takes longer than a user expects.
 
 use std::future::Future;
 use std::io::IsTerminal;
@@ -9,13 +9,14 @@ use tokio::time::{Instant, interval_at, timeout};
 
 use crate::output;
 
-/// What takes less time than this needs no words: controllers answer within 26 ms.
+/// Work that is faster than this is not announced: controllers answer within 26 ms.
 const SAID_AFTER: Duration = Duration::from_secs(1);
 
-/// How often the seconds on a terminal go on.
+/// How often the seconds on a terminal are refreshed.
 const REFRESH_EVERY: Duration = Duration::from_secs(1);
 
-/// Does this work. Once it takes longer than a second, stderr says what is waited for: a terminal shows the seconds, everything else gets one line.
+/// Runs `work`. After a second, stderr says what it waits for: a terminal shows the seconds, everything else
+/// gets one line.
 pub async fn told<T>(what: &str, work: impl Future<Output = T>) -> T {
     let begun = Instant::now();
     let mut work = pin!(work);

@@ -1,4 +1,5 @@
-//! Words of the protocol as arguments: read with the protocol's own tables, and offered to the shell's completion.
+//! Words of the protocol as arguments: parsed with the protocol's own tables, and offered to the shell's
+//! completion.
 
 use std::ffi::OsStr;
 
@@ -7,8 +8,8 @@ use clap::{Arg, Command, Error};
 use r6_proto::message::command::COMMANDS;
 use r6_proto::{ADDRESSES, Address};
 
-/// An address with more indices than this is offered by its first one alone: nobody reads a thousand registers off a
-/// terminal.
+/// An address with more indices than this is offered with its first index only, because a list of a thousand
+/// registers does not help at a terminal.
 const MOST_OFFERED: u32 = 8;
 
 /// Reads a query address.
@@ -43,7 +44,7 @@ impl TypedValueParser for AddressWord {
     }
 }
 
-/// Takes the name of a command as it is written: one that does not exist is answered with the nearest one.
+/// Takes the name of a command unchecked. The caller answers an unknown name with the nearest known one.
 #[derive(Clone, Copy, Debug)]
 pub struct CommandWord;
 

@@ -1,9 +1,9 @@
-//! The pain that the command line answers, by its number in docs/PAINS.md.
+//! A problem of users that the command line solves, by its number in docs/PAINS.md.
 
 use std::io::Write;
 use std::process::{Command, Stdio};
 
-/// Words that were sent to real controllers, and the ones that were meant.
+/// Words that were sent to real controllers, and the words that were meant.
 const GUESSES: [(&str, &str); 6] = [
     (r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","queryAddrr":["version"]}"#, "queryAddr"),
     (

@@ -1,16 +1,17 @@
-//! How time passes: from one thing that is due to the next, of the machine and of its scenario.
+//! How time passes: the controller goes from one due event to the next, of the machine and of its scenario.
 
 use r6_proto::time::Instant;
 
 use super::Controller;
 use crate::event::Event;
 
-/// How many turns of a scenario one call carries out. A timeline has at most a thousand a second (`scenario/file.rs`): whoever
-/// was away for longer than a minute and a half misses repetitions, and does not hold everybody up to make up for them.
+/// How many turns of a scenario one call carries out. A timeline has at most a thousand a second
+/// (`scenario/file.rs`). After a gap of more than a minute and a half, repetitions are left out, because
+/// catching up would block every peer.
 const MAX_TURNS: usize = 100_000;
 
 impl Controller {
-    /// Brings the machine to a point in time, with whatever the scenario has happen on the way.
+    /// Brings the machine to a point in time, with everything that the scenario does on the way.
     pub(super) fn advance(&mut self, now: Instant) {
         let mut turns = 0;
         while let Some(at) = self.next_turn().filter(|at| *at <= now) {
@@ -31,7 +32,7 @@ impl Controller {
         self.react(now);
     }
 
-    /// Repetitions of the timeline up to now are left out: there were too many.
+    /// Leaves out the repetitions of the timeline up to now, because there were too many.
     fn catch_up(&mut self, at: Instant, now: Instant) {
         let Some(breakage) = &mut self.breakage else { return };
         let skipped = breakage.run.catch_up(now);
@@ -40,24 +41,24 @@ impl Controller {
         }
     }
 
-    /// When the scenario has its next turn: something is due, or an output may change that an input reacts to.
+    /// When the scenario has its next turn: an event is due, or an output may change that an input reacts to.
     fn next_turn(&self) -> Option<Instant> {
         let run = &self.breakage.as_ref()?.run;
         let machine = if run.reacts() { self.machine.next_event() } else { None };
         run.next_due().into_iter().chain(machine).min()
     }
 
-    /// When something of the scenario is due next.
+    /// When the next event of the scenario is due.
     pub(crate) fn next_of_scenario(&self) -> Option<Instant> {
         self.breakage.as_ref()?.run.next_due()
     }
 
-    /// When an input follows that is on its way already.
+    /// When the next reaction of an input that has already begun is due.
     pub(super) fn next_reaction(&self) -> Option<Instant> {
         self.breakage.as_ref()?.run.next_under_way()
     }
 
-    /// Inputs follow what has changed of the outputs.
+    /// Starts the reactions of inputs to outputs that have changed.
     pub(super) fn react(&mut self, now: Instant) {
         let Some(breakage) = &mut self.breakage else { return };
         if breakage.run.reacts() && !breakage.run.react(now, self.machine.io()) {

@@ -1,25 +1,27 @@
-//! Which connection is which camera's: those that the controller itself opened to a camera, and those that spoke as one.
+//! Which connection belongs to which camera: the connections that the controller opened to a camera, and
+//! those that spoke as one.
 //!
-//! The manual calls `camID` the unique number of a camera (5.2) and puts it into each photo request (5.1), but does not say over which
-//! connection a request goes. What is chosen here stands in `docs/PROTOCOL.md`, section 13.
+//! The manual calls `camID` the unique number of a camera (5.2) and puts it into each photo request (5.1),
+//! but does not say over which connection a request goes. `docs/PROTOCOL.md`, section 13, says what we chose.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use super::ConnectionId;
 use crate::event::Event;
 
-/// How many cameras that have spoken are remembered; beyond, the one that was silent for longest is forgotten. A cell has a few,
-/// and a peer can name as many as it likes.
+/// How many `camID`s that have spoken are remembered. Beyond that, the longest silent one is forgotten. A
+/// cell has a few cameras, but a peer can send any number of `camID`s.
 const MAX_SPEAKERS: usize = 64;
 
 /// The cameras of one controller.
 #[derive(Debug, Default)]
 pub(super) struct Cameras {
-    /// The cameras that the shell dials, connected or not: a `camID`, or `None` for every one. The shell bounds them.
+    /// The cameras that the shell dials, connected or not: a `camID`, or `None` for every camera. The shell
+    /// bounds their number.
     dialled: Vec<Option<i64>>,
-    /// The connections that were opened to them.
+    /// The connections that were opened to these cameras.
     links: BTreeMap<ConnectionId, Option<i64>>,
-    /// Who last spoke as which `camID`, the last one last.
+    /// Which connection last spoke as which `camID`; the most recent is last.
     speakers: VecDeque<(i64, ConnectionId)>,
 }
 
@@ -28,33 +30,34 @@ pub(super) struct Cameras {
 pub(super) enum Route {
     /// To this connection.
     To(ConnectionId),
-    /// To all connections that are not another camera's: nobody has said which of them is the camera.
+    /// To all connections that do not belong to another camera: none has said that it is this camera.
     ToAll,
-    /// To nobody: the camera is dialled, and away.
+    /// Nowhere: the shell dials the camera, and it is not connected.
     Away,
 }
 
 impl Cameras {
-    /// A camera is dialled from now on.
+    /// Adds a camera that the shell dials from now on.
     pub fn expect(&mut self, cam_id: Option<i64>) {
         if !self.dialled.contains(&cam_id) {
             self.dialled.push(cam_id);
         }
     }
 
-    /// A connection was opened to a camera that is dialled.
+    /// Adds a connection that was opened to a camera.
     pub fn connect(&mut self, id: ConnectionId, cam_id: Option<i64>) {
         self.expect(cam_id);
         self.links.insert(id, cam_id);
     }
 
-    /// A connection has ended.
+    /// Removes a connection that has ended.
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.links.remove(&id);
         self.speakers.retain(|(_, speaker)| *speaker != id);
     }
 
-    /// A connection has spoken as a camera. What is odd about it, the first time.
+    /// Notes that a connection has spoken as a camera. Returns a warning the first time it speaks as another
+    /// camera than the one dialled.
     pub fn spoke(&mut self, id: ConnectionId, cam_id: i64) -> Option<Event> {
         let known = self.speakers.iter().any(|speaker| *speaker == (cam_id, id));
         self.speakers.retain(|(camera, _)| *camera != cam_id);
@@ -70,13 +73,14 @@ impl Cameras {
         }
     }
 
-    /// Whether a connection was opened to another camera than this.
+    /// Whether a connection was opened to a camera other than this.
     pub fn is_of_another(&self, id: ConnectionId, cam_id: i64) -> bool {
         self.links.get(&id).is_some_and(|dialled| dialled.is_some_and(|dialled| dialled != cam_id))
     }
 
-    /// Where a request for this camera goes: to the connection that was opened to it; else to the one that last spoke as it; else,
-    /// unless it is dialled and away, to the one that last spoke as any camera.
+    /// Where a request for this camera goes: to the connection that was opened to it; else to the connection
+    /// that last spoke as it; else to the connection that last spoke as any camera, unless the shell dials
+    /// this camera and it is not connected.
     pub fn route(&self, cam_id: i64) -> Route {
         let link = |wanted: Option<i64>| self.links.iter().find(|(_, dialled)| **dialled == wanted);
         if let Some((id, _)) = link(Some(cam_id)) {

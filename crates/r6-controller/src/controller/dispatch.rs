@@ -1,4 +1,4 @@
-//! Where the messages of one connection are dealt with.
+//! Handles the messages of one connection.
 
 use std::borrow::Cow;
 
@@ -22,13 +22,13 @@ use crate::machine::{Machine, NotTaken};
 use crate::profile::{MissingOneshot, PathSpeedAnswer, Profile};
 use crate::scenario::LateList;
 
-/// How many oddities of one message are explained, each with its nearest right word.
+/// How many oddities of one message are explained, each with the nearest known word.
 const MAX_EXPLAINED: usize = 8;
 
-/// How many arguments of a command the log keeps: no command has more, and a line has no room for them.
+/// How many arguments of a command the log keeps. No command has more, and a line has no room for more.
 const MAX_ARGUMENTS: usize = 104;
 
-/// Where the messages of one connection are dealt with.
+/// Handles the messages of one connection.
 pub(super) struct Dispatcher<'c> {
     pub now: Instant,
     pub id: ConnectionId,
@@ -37,18 +37,18 @@ pub(super) struct Dispatcher<'c> {
     pub cameras: &'c mut Cameras,
     /// The connection has to be reset.
     pub reset: bool,
-    /// What is wrong with this request.
+    /// The faults that strike this request.
     pub strikes: RequestFaults,
-    /// Whose values queries get, while they are frozen.
+    /// The frozen machine that queries read from, while the values are frozen.
     pub frozen: Option<&'c Machine>,
-    /// Where the request is noted down, for whoever wants to know it.
+    /// Where to note the request, if the caller needs it.
     pub asked: Option<Asked>,
-    /// A list that is taken later, and when.
+    /// A list that is taken later, and the time when it is taken.
     pub late: Option<(Instant, LateList)>,
 }
 
 impl<'c> Dispatcher<'c> {
-    /// A dispatcher where nothing is wrong.
+    /// A dispatcher without faults.
     pub fn new(
         now: Instant,
         id: ConnectionId,
@@ -70,7 +70,7 @@ impl<'c> Dispatcher<'c> {
         }
     }
 
-    /// Deals with the next message that is complete; false if there is none.
+    /// Handles the next complete message. Returns false if no message is complete.
     pub fn serve_next(&mut self, inbox: &mut Inbox, outbox: &mut Outbox) -> bool {
         match inbox.next_message() {
             Some(Ok(message)) => self.handle(&message, outbox),
@@ -80,8 +80,9 @@ impl<'c> Dispatcher<'c> {
         true
     }
 
-    /// Logs what is odd about a message: the first few with the nearest right word, the rest by their number. A hostile
-    /// peer can put thousands of wrong words into one frame, and each explanation costs a search.
+    /// Logs the oddities of a message: the first few with the nearest known word, then only how many more
+    /// there are. A hostile peer can put thousands of wrong words into one frame, and each explanation costs
+    /// a search.
     fn explain(&mut self, oddities: impl Iterator<Item = impl std::fmt::Display>) {
         let mut oddities = oddities;
         for oddity in oddities.by_ref().take(MAX_EXPLAINED) {
@@ -104,7 +105,7 @@ impl<'c> Dispatcher<'c> {
         self.log.warn(self.now, self.id, event);
     }
 
-    /// Malformed input gets silence and a log line.
+    /// Logs malformed input. It gets no reply.
     fn malformed(&mut self, error: &InputError) {
         self.warn(Event::NotUnderstood { problem: Detail::of(error) });
     }
@@ -144,8 +145,8 @@ impl<'c> Dispatcher<'c> {
         }
     }
 
-    /// Tells of a `dsID` that is not the one of such a request, once for each connection. What real controllers do with it is not known:
-    /// the request is dealt with as any other.
+    /// Warns of a `dsID` that does not belong to such a request, once per connection. How real controllers
+    /// treat it is unknown, so the request is handled like any other.
     fn check_ds_id(&mut self, header: &Header<'_>, request: RequestType) {
         let right = [DsIdForm::Long, DsIdForm::Short].map(|form| form.ds_id(request));
         let sent = header.ds_id.map(|sent| sent.text());
@@ -159,8 +160,9 @@ impl<'c> Dispatcher<'c> {
         self.warn(Event::WrongDsId { request, sent, right });
     }
 
-    /// Lets `write` append a reply, unless the request had no type (manual 5.2, 6: no reply without it). Then the log says so, and
-    /// with `done` that the request was carried out all the same.
+    /// Lets `write` append a reply, unless the request had no type (manual 5.2, 6: no reply without it).
+    /// Without a type it logs a warning instead; `done` says whether the request was carried out all the
+    /// same.
     fn reply(
         &mut self,
         header: &Header<'_>,
@@ -238,7 +240,7 @@ impl<'c> Dispatcher<'c> {
         }
     }
 
-    /// A stop is answered, and the arm goes on.
+    /// Answers a stop without carrying it out: the arm keeps moving.
     fn ignore(
         &mut self,
         header: &Header<'_>,
@@ -262,7 +264,7 @@ impl<'c> Dispatcher<'c> {
         }
     }
 
-    /// This connection is a camera's.
+    /// Notes that this connection belongs to a camera.
     fn speaks_as(&mut self, cam_id: i64) {
         if let Some(oddity) = self.cameras.spoke(self.id, cam_id) {
             self.warn(oddity);
@@ -325,7 +327,7 @@ impl<'c> Dispatcher<'c> {
         self.verdict(&message.header, RequestType::AddRcc, "AddRCC", verdict, outbox);
     }
 
-    /// The instructions, with what this firmware takes one without `oneshot` for.
+    /// The instructions, with the `oneshot` that this firmware assumes where it is missing.
     fn with_oneshot<'l>(&mut self, list: &AddRcc<'l>) -> Cow<'l, [Instruction]> {
         let mut steps = Cow::Borrowed(list.instructions);
         let numbers = list.without_oneshot.iter().map(|index| index + 1);
@@ -347,7 +349,7 @@ impl<'c> Dispatcher<'c> {
         steps
     }
 
-    /// Whether a list that was taken is answered with `err` all the same.
+    /// Whether a list that was taken is answered with `err` nevertheless.
     fn answers_err_to(&self, steps: &[Instruction]) -> bool {
         let is_line = |step: &Instruction| matches!(step.action, Action::LinearMove(_));
         let has_line_behind_path_speed = || {
@@ -377,7 +379,7 @@ impl<'c> Dispatcher<'c> {
         self.machine.add_instructions(replace, steps)
     }
 
-    /// Whether an AddRCC is short enough to be looked at at all.
+    /// Whether an AddRCC is short enough to be handled.
     fn fits(&mut self, message: &Message<'_>) -> bool {
         let bytes = message.frame().len();
         let profile = &self.machine.profile;
@@ -394,7 +396,7 @@ impl<'c> Dispatcher<'c> {
         true
     }
 
-    /// A known type with a wrong field: what the protocol lets us say is `err`.
+    /// Refuses a request of a known type with a wrong field. The protocol only allows the answer `err`.
     fn rejected(&mut self, message: &Message<'_>, rejection: &Rejection<'_>, outbox: &mut Outbox) {
         let reason = rejection.error.to_string();
         self.warn(Event::Refused { request: rejection.request, why: Detail::of(&reason) });
@@ -418,7 +420,7 @@ impl<'c> Dispatcher<'c> {
     }
 }
 
-/// What a message asks for; `None` for what is no request.
+/// The type of request of a message; `None` if it is not a request.
 fn request_of(body: &Body<'_>) -> Option<RequestType> {
     match body {
         Body::Query(_) => Some(RequestType::Query),

@@ -1,10 +1,10 @@
-//! What a clock has to know that does not go at the pace of real time.
+//! What a clock that does not follow real time has to know about the controller.
 
 use r6_proto::time::Instant;
 
 use super::Controller;
 
-/// How far a controller has come with what a peer may want to react to.
+/// How far a controller has come, in the terms that a peer may want to react to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Progress {
     pushes: u64,
@@ -20,24 +20,25 @@ impl Progress {
 }
 
 impl Controller {
-    /// When the controller does something next: its machine (`Machine::next_own_event`), an input follows an output,
-    /// or a reply leaves that is held back.
+    /// When the controller does something next: its machine acts (`Machine::next_own_event`), an input
+    /// follows an output, or a delayed reply is sent.
     #[must_use]
     pub fn next_own_event(&self) -> Option<Instant> {
-        // An input that follows too late for a step that waits for it leaves that step its time.
+        // If a reaction comes too late for the step that waits for it, that step keeps its full time limit.
         let limit = self.machine.signal_limit();
         let reaction = self.next_reaction().filter(|due| limit.is_none_or(|limit| *due <= limit));
         self.next_reply().into_iter().chain(self.machine.next_own_event()).chain(reaction).min()
     }
 
-    /// When the next reply leaves, on any connection, that is held back now.
+    /// When the next delayed reply is sent, on any connection.
     #[must_use]
     pub fn next_reply(&self) -> Option<Instant> {
         self.connections.values().filter_map(|connection| connection.session.next_transmit()).min()
     }
 
-    /// When somebody has been silent for too long: a heartbreak or a signal is missed, a frame stays incomplete. What a
-    /// scenario has happen at a time of its own counts too, and what the log has to tell then: nobody waits for them.
+    /// When a peer has been silent for too long: a heartbreak or a signal is missed, or a frame stays
+    /// incomplete. Timed events of a scenario and deadlines of the log count too, because no peer waits for
+    /// them.
     #[must_use]
     pub fn next_silence(&self) -> Option<Instant> {
         let sessions = self.connections.values().filter_map(|connection| connection.session.poll_timeout());
@@ -45,8 +46,8 @@ impl Controller {
         sessions.chain(rest.into_iter().flatten()).min()
     }
 
-    /// Brings the controller to a point in time at once: nobody had the time to say anything in between, so nobody's
-    /// silence counts.
+    /// Jumps to a point in time. No peer could send anything in between, so their deadlines move by the same
+    /// amount.
     pub(crate) fn jump(&mut self, to: Instant) {
         let over = to.since(self.machine.now());
         self.machine.watchdog.postpone(over);
@@ -66,23 +67,23 @@ impl Controller {
         Progress { pushes: self.pushes, cycles: self.machine.cycles(), list_length }
     }
 
-    /// Whether the arm is on its way, by a list that came since then and found none before it.
+    /// Whether the arm moves, and began with a list that came since `before`, when the list was empty.
     pub(crate) fn has_set_out_since(&self, before: Progress) -> bool {
         before.list_length == 0 && !self.machine.list().is_empty() && self.machine.tells_moving()
     }
 
-    /// Whether a third of its list is carried out since then, and not all of it.
+    /// Whether a third of the list was carried out since `before`, but not all of it.
     pub(crate) fn has_done_a_third_since(&self, before: Progress) -> bool {
         let left = self.machine.list().len();
         left > 0 && left <= before.list_length * 2 / 3
     }
 
-    /// Whether it sent a frame that nobody had asked for, since then.
+    /// Whether the controller sent an unrequested frame since `before`.
     pub(crate) fn has_pushed_since(&self, before: Progress) -> bool {
         self.pushes != before.pushes
     }
 
-    /// Whether a cycle of its program has ended since then.
+    /// Whether a cycle of the program has ended since `before`.
     pub(crate) fn has_ended_a_cycle_since(&self, before: Progress) -> bool {
         self.machine.cycles() != before.cycles
     }

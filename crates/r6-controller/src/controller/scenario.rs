@@ -18,21 +18,21 @@ use crate::settings::ControllerSettings;
 
 pub(super) use broken::{Asked, RequestFaults};
 
-/// The scenario of a controller, and what is broken now.
+/// The scenario of a controller, and the faults in force.
 #[derive(Debug)]
 pub(super) struct Breakage {
     pub run: ScenarioRun,
-    /// What the machine is built from anew when the mains are back.
+    /// The settings from which the machine is rebuilt at a power cut.
     settings: ControllerSettings,
     /// The numbers of the faults in force.
     in_force: Vec<usize>,
     replies: Vec<(ReplyFault, f64)>,
     tasks: Vec<(TaskFault, f64)>,
-    /// The values that queries get while they are frozen.
+    /// The frozen machine that queries read from, while the values are frozen.
     frozen: Option<Box<Machine>>,
-    /// Replies that come after the next one: those to one request for each connection at most.
+    /// Replies that are sent after the next one: per connection at most those to one request.
     held: Vec<(ConnectionId, Vec<u8>)>,
-    /// The list begins nothing: drawn when that fault began.
+    /// The list starts no instruction. This is drawn when that fault begins.
     list_frozen: bool,
     off: bool,
 }
@@ -52,19 +52,19 @@ impl Breakage {
         }
     }
 
-    /// A connection has ended.
+    /// Drops the held replies of a connection that has ended.
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.held.retain(|(holder, _)| *holder != id);
     }
 
-    /// Whether requests are to be dealt with by [`Controller::serve_broken`].
+    /// Whether [`Controller::serve_broken`] has to handle the requests.
     pub fn is_in_the_way(&self) -> bool {
         !(self.replies.is_empty() && self.tasks.is_empty() && self.held.is_empty())
     }
 }
 
 impl Controller {
-    /// Something of the scenario is due.
+    /// Carries out a due event of the scenario.
     pub(super) fn happen(&mut self, now: Instant, turn: Turn) {
         match turn {
             Turn::FaultsChange => self.change_faults(now),
@@ -121,7 +121,7 @@ impl Controller {
         }
     }
 
-    /// A list is taken long after it came.
+    /// Takes a list long after it came.
     fn take_late(&mut self, now: Instant, list: &LateList) {
         let event = match self.machine.add_instructions(list.replace, &list.steps) {
             Ok(()) => Event::LateListTaken { instructions: list.steps.len() },
@@ -130,7 +130,7 @@ impl Controller {
         self.log.add(now, None, event);
     }
 
-    /// Notes what the scenario did.
+    /// Logs what the scenario did.
     pub(super) fn tell(&mut self, now: Instant, event: Event) {
         self.log.add(now, None, event);
     }
@@ -139,7 +139,7 @@ impl Controller {
         self.tell(now, Event::DidNotHappen { what: what.for_the_log(), why });
     }
 
-    /// Another master comes, says this, and goes.
+    /// Plays another master, which connects, sends this frame and disconnects.
     fn hear_another_master(&mut self, now: Instant, frame: &[u8]) {
         let id = self.next_id();
         self.insert(id, Service::Served, true);
@@ -155,7 +155,7 @@ impl Controller {
         self.disconnect(id);
     }
 
-    /// A fault begins or ends.
+    /// Applies the faults that are in force now, after one began or ended.
     fn change_faults(&mut self, now: Instant) {
         let begun = self.tell_of_faults(now);
         let Some(breakage) = &mut self.breakage else { return };
@@ -199,7 +199,7 @@ impl Controller {
         self.machine.dwell_at_points(rest.max());
         breakage.replies = replies;
         breakage.tasks = tasks;
-        // What waited for a next reply waits no more.
+        // Replies that were held back for the next one are sent now.
         for (id, frame) in std::mem::take(&mut breakage.held) {
             if let Some(connection) = self.connections.get_mut(&id) {
                 connection.session.split().1.send(|out| out.extend_from_slice(&frame));
@@ -212,7 +212,8 @@ impl Controller {
         }
     }
 
-    /// Notes down which faults are in force now, and tells which begin and end; the numbers of those that begin.
+    /// Notes which faults are in force now, logs which begin and end, and returns the numbers of those that
+    /// begin.
     fn tell_of_faults(&mut self, now: Instant) -> Vec<usize> {
         let Some(breakage) = &mut self.breakage else { return Vec::new() };
         let in_force = breakage.run.in_force(now);
@@ -235,7 +236,7 @@ impl Controller {
     }
 }
 
-/// Whether something happens without mains.
+/// Whether a happening needs no mains.
 fn needs_no_power(what: &Happening) -> bool {
     match what {
         Happening::Panel(action) => action.needs_no_power(),

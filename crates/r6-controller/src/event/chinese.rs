@@ -1,4 +1,5 @@
-//! Events in Simplified Chinese. The words of the wire and of scenario files stay as they are: people look for them.
+//! Events in Simplified Chinese. Words of the wire and of scenario files are not translated, because people
+//! search for them.
 
 use std::fmt;
 
@@ -99,6 +100,10 @@ impl fmt::Display for In<'_> {
             Event::CameraSpeaksAsAnother { dialled, speaks_as } => {
                 write!(f, "按相机 {dialled} 连接的相机自称相机 {speaks_as}")
             }
+            Event::PointsTaken { camera, points, waiting } => {
+                write!(f, "AddPoints：相机 {camera} 发来 {points} 个点，共有 {waiting} 个点等待程序取用")
+            }
+            Event::PointsCleared { points } => write!(f, "已清除相机点 {points} 个"),
             Event::PointsLost { limit } => {
                 write!(f, "从现在起旧的点会丢失：已有 {limit} 个点等待，程序取用的少于到来的")
             }
@@ -267,6 +272,7 @@ fn panel(f: &mut fmt::Formatter<'_>, action: &PanelAction) -> fmt::Result {
         PanelAction::RaiseAlarm(number) => write!(f, "报警 {number}"),
         PanelAction::Home => f.write_str("回原点"),
         PanelAction::Jog { axis, by, .. } => write!(f, "点动 {axis} {by}"),
+        PanelAction::ClearPoints => f.write_str("清除相机点"),
         PanelAction::SwitchProgram(name) => write!(f, "选择程序 `{name}`"),
         PanelAction::LoadProgram { name, .. } => write!(f, "装入程序 `{name}`"),
     }

@@ -1,4 +1,4 @@
-//! From a fault's word and fields to the fault.
+//! Reads a fault from its word and fields.
 
 use std::fmt;
 use std::time::Duration;
@@ -7,7 +7,7 @@ use r6_program::form::{Fields, Wrong};
 
 use super::{BadField, BadJson, BadList, Fault, IgnoredStop, LinkFault, PackIdFault, ReplyFault, TaskFault};
 
-/// Every fault that has a word: the word and its class (`docs/SCENARIOS.md`).
+/// The word and the class of every fault (`docs/SCENARIOS.md`).
 pub const FAULTS: [(&str, &str); 30] = [
     ("refuse", "T1"),
     ("black-hole", "T2"),
@@ -72,7 +72,7 @@ const LIST_KINDS: [(&str, BadList); 3] =
 const IGNORED_KINDS: [(&str, IgnoredStop); 3] =
     [("ok", IgnoredStop::Ok), ("err", IgnoredStop::Err), ("every", IgnoredStop::Every)];
 
-/// The longest that a fault delays anything, seconds: far beyond every time-out of a client.
+/// The longest delay of a fault, in seconds: far longer than every timeout of a client.
 const LONGEST_DELAY: f64 = 3600.0;
 
 pub(crate) fn read(fields: &Fields<'_>) -> Result<Fault, Wrong> {
@@ -143,7 +143,7 @@ pub(crate) fn read(fields: &Fields<'_>) -> Result<Fault, Wrong> {
 }
 
 impl Fault {
-    /// The word by which a scenario names it.
+    /// The word that scenarios use for it.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match self {
@@ -180,7 +180,7 @@ impl Fault {
         }
     }
 
-    /// The word of its kind, where it has kinds.
+    /// The word of its kind, if it has kinds.
     fn kind(&self) -> Option<&'static str> {
         fn word<T: PartialEq>(words: &[(&'static str, T)], kind: &T) -> Option<&'static str> {
             words.iter().find(|(_, other)| other == kind).map(|(word, _)| *word)

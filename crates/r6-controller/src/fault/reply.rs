@@ -1,4 +1,4 @@
-//! What becomes of a reply.
+//! Applies reply faults to a reply.
 
 use std::time::Duration;
 
@@ -8,33 +8,33 @@ use serde_json::{Map, Value, json};
 use super::{BadField, BadJson, BadList, OVERSIZED_BYTES, PackIdFault, ReplyFault};
 use r6_traffic::random::Random;
 
-/// How deep the lists of [`BadJson::Deep`] are: beyond every decoder's limit.
+/// How deep the lists of [`BadJson::Deep`] are nested: beyond every decoder's limit.
 const TOO_DEEP: usize = 1000;
 
-/// The lists that replies carry.
+/// The names of the lists in replies.
 const LISTS: [&str; 2] = ["queryData", "cmdReply"];
 
 /// One frame for the asker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Outgoing {
-    /// How much later than it would.
+    /// The additional delay.
     pub later: Duration,
     /// The frame, or what is left of it.
     pub bytes: Vec<u8>,
 }
 
-/// What becomes of one reply.
+/// The frames made from one reply.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Fate {
-    /// What the asker gets.
+    /// The frames for the asker.
     pub to_asker: Vec<Outgoing>,
-    /// What everybody else gets.
+    /// The frames for every other connection.
     pub to_others: Vec<Vec<u8>>,
-    /// What the asker gets after its next reply.
+    /// The frames that the asker gets after its next reply.
     pub held: Vec<Vec<u8>>,
 }
 
-/// The reply to `request`, with this wrong about it.
+/// The frames for the reply to `request` after this fault strikes it.
 pub(crate) fn strike(fault: &ReplyFault, request: &[u8], reply: Vec<u8>, random: &mut Random) -> Fate {
     let mut fate = Fate::default();
     let mut send = |bytes| fate.to_asker.push(Outgoing { later: Duration::ZERO, bytes });
@@ -64,7 +64,7 @@ pub(crate) fn strike(fault: &ReplyFault, request: &[u8], reply: Vec<u8>, random:
     fate
 }
 
-/// A reply whose object was changed; one that is no object stays.
+/// The reply with its object edited. A reply that is not an object is returned unchanged.
 fn edited(reply: Vec<u8>, edit: impl FnOnce(&mut Map<String, Value>)) -> Vec<u8> {
     match serde_json::from_slice(&reply) {
         Ok(Value::Object(mut object)) => {
@@ -75,7 +75,7 @@ fn edited(reply: Vec<u8>, edit: impl FnOnce(&mut Map<String, Value>)) -> Vec<u8>
     }
 }
 
-/// The reply with one more field, as text: what no JSON value could hold.
+/// The reply with one more field, given as text, because no JSON value can hold these fields.
 fn with_field(reply: &[u8], field: &[u8]) -> Vec<u8> {
     let rest = reply.strip_prefix(b"{").unwrap_or(reply);
     [b"{".as_slice(), field, b",", rest].concat()
@@ -132,7 +132,7 @@ fn bad_field(kind: BadField, object: &mut Map<String, Value>) {
 }
 
 fn wrong_pack_id(object: &mut Map<String, Value>, random: &mut Random) {
-    // Beyond every number that a client counts to.
+    // Larger than any number that a client counts to.
     let wrong = format!("{}", 4_000_000_000_u64 + u64::try_from(random.below(1_000_000)).unwrap_or(0));
     object.insert("packID".to_owned(), json!(wrong));
 }
@@ -149,7 +149,7 @@ fn bad_list(kind: BadList, object: &mut Map<String, Value>) {
     }
 }
 
-/// A frame that answers nothing.
+/// A frame that answers no request.
 fn unsolicited(random: &mut Random) -> Vec<u8> {
     match random.below(4) {
         0 => {

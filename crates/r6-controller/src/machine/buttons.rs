@@ -1,4 +1,4 @@
-//! What starts, stops and pauses the machine.
+//! Starts, stops and pauses the machine.
 
 use super::Machine;
 use super::execution::Activity;
@@ -10,7 +10,8 @@ use crate::profile::{StopButton, StopMode};
 use r6_proto::OperationMode;
 
 impl Machine {
-    /// The start button: in automatic the program runs, from where it was paused or from its first step.
+    /// Presses the start button: in automatic the program runs, from where it was paused or from its first
+    /// step.
     pub(crate) fn press_start(&mut self) -> Result<(), Refused> {
         self.start(true)
     }
@@ -32,7 +33,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Single cycle: the program runs to the end of its pass and stops there.
+    /// Presses single cycle: the program runs to the end of its pass and stops there.
     pub(crate) fn press_single_cycle(&mut self) -> Result<(), Refused> {
         self.ready_to_run()?;
         if !self.mode.may_run() {
@@ -46,7 +47,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Single step: the program runs one step, from where it stands, and rests there.
+    /// Presses single step: the program runs one step from where it stands, and rests there.
     pub(crate) fn press_single_step(&mut self) -> Result<(), Refused> {
         self.ready_to_run()?;
         self.mode = OperationMode::SingleStep;
@@ -62,7 +63,7 @@ impl Machine {
         self.may_start()
     }
 
-    /// Whether a program could run but for an alarm.
+    /// Whether a program could run if there were no alarm.
     fn may_start(&self) -> Result<(), Refused> {
         if self.emergency_stop {
             return Err(Refused::EmergencyStop);
@@ -90,7 +91,8 @@ impl Machine {
         self.run_list();
     }
 
-    /// The mode key, which only a person at the machine turns: what runs comes to rest, and nothing starts by itself.
+    /// Turns the mode key, which only an operator at the machine can do. A motion under way comes to rest,
+    /// and nothing starts on its own.
     pub(crate) fn turn_key(&mut self, key: Key) {
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
         self.cycle.started = None;
@@ -103,7 +105,7 @@ impl Machine {
         self.note(Event::ModeChanged { mode: self.mode, why: ModeReason::KeyTurned });
     }
 
-    /// The stop button.
+    /// Presses the stop button.
     pub(crate) fn press_stop(&mut self) {
         self.halt_hand(self.profile.action_stop_time);
         if !self.mode.may_run() {
@@ -123,7 +125,8 @@ impl Machine {
         }
     }
 
-    /// `actionStop`: the motion stops at once, and start begins from the first step. The list stays.
+    /// Carries out `actionStop`: the motion stops at once, and start begins from the first step. The list
+    /// stays.
     pub(crate) fn stop_action(&mut self) {
         let ran = self.mode.may_run();
         self.halt(self.profile.action_stop_time, AfterHalt::Rewind);
@@ -140,7 +143,7 @@ impl Machine {
         }
     }
 
-    /// The mode in which `actionStop` and the emergency stop leave a program that ran.
+    /// The mode of a program that ran, after `actionStop` or an emergency stop.
     pub(super) fn mode_after_stop(&self) -> OperationMode {
         match self.profile.action_stop_mode {
             StopMode::Auto => OperationMode::Auto,
@@ -148,7 +151,7 @@ impl Machine {
         }
     }
 
-    /// `actionPause`: the motion rests, and start goes on from there.
+    /// Carries out `actionPause`: the motion comes to rest, and start continues from there.
     pub(crate) fn pause_action(&mut self) {
         self.halt(self.profile.action_pause_time, AfterHalt::Keep);
         if self.mode.may_run() {
@@ -157,14 +160,15 @@ impl Machine {
         self.leave_running(ModeReason::ActionPause);
     }
 
-    /// An alarm has come: the motion ends, the program no longer runs, the list stays.
+    /// Stops for an alarm: the motion ends, the program no longer runs, the list stays.
     pub(crate) fn halt_for_alarm(&mut self) {
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
         self.cycle.started = None;
         self.leave_running(ModeReason::Alarm);
     }
 
-    /// `clearAlarm`: the alarm goes, unless the emergency stop is pressed; nothing runs by itself.
+    /// Carries out `clearAlarm`: clears the alarm, unless the emergency stop is pressed. Nothing starts to
+    /// run.
     pub(crate) fn clear_alarm(&mut self) -> Result<(), Refused> {
         if self.emergency_stop {
             return Err(Refused::EmergencyStop);
@@ -176,14 +180,15 @@ impl Machine {
         Ok(())
     }
 
-    /// `clearAlarmContinue`, `clearAlarmRunNext`: the alarm goes and the program goes on, with the next step if `skip`.
+    /// Carries out `clearAlarmContinue` and `clearAlarmRunNext`: clears the alarm and continues the program,
+    /// with the next step if `skip`.
     pub(crate) fn clear_alarm_and_run(&mut self, skip: bool) -> Result<(), Refused> {
         self.may_start()?;
         let skip = skip && self.alarm_is_of_a_step();
         self.clear_alarm()?;
         if skip {
             match &mut self.activity {
-                // It counts as done once the arm rests.
+                // The step counts as done once the arm rests.
                 Activity::Halting(_, after) if *after < AfterHalt::Rewind => *after = AfterHalt::NextStep,
                 Activity::Idle => self.skip_step(),
                 Activity::Halting(..)

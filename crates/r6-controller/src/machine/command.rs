@@ -1,4 +1,4 @@
-//! What each command does to the machine (manual 4.2.1).
+//! Carries out each command (manual 4.2.1).
 
 use r6_proto::message::command::CommandError;
 use r6_proto::message::{CommandWords, RequestType};
@@ -13,7 +13,7 @@ impl Machine {
     /// Carries out a command.
     ///
     /// # Errors
-    /// The reason in words, as it goes into the reply and the log.
+    /// The reason in words, for the reply and the log.
     pub(crate) fn execute(&mut self, words: &CommandWords<'_>) -> Result<(), String> {
         if self.profile.accepts_heartbreak_command && words.word() == RequestType::Heartbreak.word() {
             self.watchdog.feed(self.now);
@@ -36,7 +36,8 @@ impl Machine {
         }
     }
 
-    /// A request type sent as a command (heartbreak by one known client) is no command, but is worth a hint.
+    /// A hint for a request type that was sent as a command, as one known client does with heartbreak. It is
+    /// not a command.
     fn hint(&self, words: &CommandWords<'_>) -> Option<String> {
         let word = words.word();
         let request = RequestType::ALL.into_iter().find(|request| request.word() == word)?;
@@ -88,7 +89,8 @@ impl Machine {
                 self.frames.tools.insert(number, Placed { offset: *offset, frame });
             }
             Command::SwitchCoordinate { workbench } => self.frames.bench = frame_number(*workbench)?,
-            // What the arguments of the newest manual do besides is not known (reported, unit B): they are taken, and do nothing more.
+            // The other effects of the arguments in the newest manual are unknown (reported, unit B). They
+            // are accepted, and have no further effect.
             Command::ClearAlarm | Command::ClearAlarmWith { .. } => self.clear_alarm()?,
             #[allow(unreachable_patterns, reason = "a command may have its row before it is played here")]
             other => return Err(format!("the virtual controller does not play {}", other.name())),
@@ -96,7 +98,8 @@ impl Machine {
         Ok(())
     }
 
-    /// What is not savable does not reach what was saved: that comes back after a power cut.
+    /// Writes a register. A value that is not savable does not replace the saved one, which comes back after
+    /// a power cut.
     fn write_register(&mut self, register: RegisterIndex, value: i64, savable: bool) {
         self.registers.values.insert(register, value);
         if savable {
@@ -113,7 +116,7 @@ impl Machine {
         if self.is_moving() {
             return Err("the machine is moving".to_owned());
         }
-        // The other program begins at its beginning, with a list of its own.
+        // The other program starts from its first step, with a list of its own.
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
         self.clear_list();
         self.cycle.started = None;
@@ -125,7 +128,7 @@ impl Machine {
 
     fn modify_counter(&mut self, id: u32, current: Option<u32>, target: Option<u32>) -> Result<(), String> {
         let Some(counter) = self.counters.get_mut(&id) else {
-            // Captured, unit C: a counter that is not there is answered ok all the same.
+            // Captured, unit C: a missing counter is answered ok nevertheless.
             return if self.profile.checks_arguments {
                 Err(format!("there is no counter {id}"))
             } else {

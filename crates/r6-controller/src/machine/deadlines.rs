@@ -1,6 +1,8 @@
-//! What happens next by itself, in two kinds: what the machine does, and what only measures how long others are silent.
+//! The next event of the machine, in two kinds: its own actions, and the deadlines that measure how long
+//! others are silent.
 //!
-//! A clock that goes as fast as it can (`FastClock`) jumps over the first kind and leaves the second to real time.
+//! A clock that runs as fast as it can (`FastClock`) jumps over the first kind and leaves the second to real
+//! time.
 
 use r6_proto::message::instruction::WaitSource;
 use r6_proto::time::Instant;
@@ -9,15 +11,15 @@ use super::Machine;
 use super::execution::Activity;
 
 impl Machine {
-    /// When something happens next by itself.
+    /// When the next event of the machine is due.
     #[must_use]
     pub fn next_event(&self) -> Option<Instant> {
         let all = [self.activity.next_event(), self.by_hand(), self.next_pulse(), self.watchdog.due()];
         all.into_iter().flatten().min()
     }
 
-    /// When the machine does something next: a move ends or comes to a corner, a wait for time or a delay is over, an output
-    /// goes back. `None` where the end of a wait for a signal comes before that.
+    /// When the machine does something next: a move ends or reaches a corner, a wait for time or a delay is
+    /// over, an output is set back. `None` if a wait for a signal runs out before that.
     #[must_use]
     pub fn next_own_event(&self) -> Option<Instant> {
         match self.signal_limit() {
@@ -31,7 +33,8 @@ impl Machine {
         }
     }
 
-    /// When somebody has been silent for too long: a heartbreak is missed, or a signal that a step waits for does not come.
+    /// When a peer has been silent for too long: a heartbreak is missed, or a signal that a step waits for
+    /// does not come.
     #[must_use]
     pub fn next_silence(&self) -> Option<Instant> {
         [self.signal_limit(), self.watchdog.due()].into_iter().flatten().min()
@@ -52,7 +55,7 @@ impl Machine {
         self.hand.as_ref().map(|hand| hand.run.ends_at())
     }
 
-    /// Whether it waits for somebody else: a signal, a photo, points, registers.
+    /// Whether it waits for others: a signal, a photo, points, registers.
     fn awaits_signal(&self) -> bool {
         match &self.activity {
             Activity::Waiting { wait, .. } => wait.source != WaitSource::Time,
@@ -61,7 +64,7 @@ impl Machine {
         }
     }
 
-    /// Until when a step waits for a signal, where it has a limit.
+    /// When the wait of a step for a signal runs out, if it has a limit.
     pub(crate) fn signal_limit(&self) -> Option<Instant> {
         self.activity.next_event().filter(|_| self.awaits_signal())
     }

@@ -17,64 +17,65 @@ use crate::program::Photo;
 use r6_motion::{Blend, Movement, PlanError};
 use r6_proto::OperationMode;
 
-/// What a pass of the list takes at least, so that a list of steps that take no time cannot run endlessly often at
+/// The shortest duration of a pass, so that a list of steps that take no time cannot run endlessly often at
 /// one instant. Chosen: about the scan of a controller's program.
 pub const SHORTEST_PASS: Duration = Duration::from_millis(1);
 
-/// The longest activity that is timed, seconds: some thirty years, for a move that creeps.
+/// The longest activity that is timed, in seconds: some thirty years, for a very slow move.
 const LONGEST_ACTIVITY: f64 = 1e9;
 
 /// What the machine is doing.
 #[derive(Clone, Debug)]
 pub enum Activity {
-    /// Nothing: no step to run, or not running.
+    /// Nothing: there is no step to run, or no program runs.
     Idle,
     /// A move.
     Moving(Run),
     /// A move comes to rest before its end.
     Halting(Run, AfterHalt),
-    /// A move rests before its end, and goes on from there.
+    /// A move that rests before its end, and can continue from there.
     Paused(Run),
-    /// A wait or a delay that a pause interrupted: what it was, and how much of its time is left.
+    /// A wait or a delay that a pause interrupted: the activity, and how much of its time is left.
     Suspended(Box<Activity>, Option<Duration>),
-    /// A wait; with its end, unless it waits for ever.
+    /// A wait, with its end unless it has no limit.
     Waiting {
-        /// What for.
+        /// What it waits for.
         wait: Wait,
-        /// The level when it was last looked at.
+        /// The level when it was last checked.
         level: Option<bool>,
         /// When it runs out.
         until: Option<Instant>,
     },
-    /// An output is set once its delay is over.
+    /// An output that is set after a delay.
     Delaying {
         /// The output.
         output: Output,
-        /// When.
+        /// When it is set.
         until: Instant,
     },
-    /// The program waits for something that no point tells.
+    /// The program waits for something other than an input or M point.
     Awaiting {
-        /// What.
+        /// What it waits for.
         what: Awaited,
         /// When it runs out.
         until: Option<Instant>,
     },
-    /// A pass that took no time, or a point that the arm dwells at: what is next begins later.
+    /// A rest after a pass that took no time, or at a point where the arm dwells. The next step begins after
+    /// it.
     Resting {
-        /// When.
+        /// When it ends.
         until: Instant,
     },
 }
 
-/// What a program waits for, besides points.
+/// What a program can wait for, besides inputs and M points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Awaited {
-    /// The answer to a photo request, and how often it will have been asked for.
+    /// The answer to a photo request, and how many tries are left, this one included.
     Photo(Photo, u32),
     /// A point of a camera.
     Point,
-    /// Registers that are written.
+    /// A write to registers.
     Registers,
 }
 
@@ -83,11 +84,12 @@ pub enum Awaited {
 pub struct Run {
     pub(crate) movement: Box<Movement>,
     started: Instant,
-    /// How the corner after its last move is rounded.
+    /// The blending at the corner after its last move.
     pub(super) blend: Blend,
-    /// How many steps its second move's step comes after the present one, its first's; 0 while there is no second.
+    /// How many steps after the current one the step of its second move comes; 0 while there is no second
+    /// move.
     pub(super) joined: usize,
-    /// The corner has been reached: what is appended later joins at once.
+    /// The corner has been reached: an instruction that is appended later joins at once.
     pub(super) at_corner: bool,
 }
 
@@ -96,12 +98,12 @@ impl Run {
         Self { movement: Box::new(movement), started, blend, joined: 0, at_corner: false }
     }
 
-    /// The same, by a movement that takes over.
+    /// The same run with a movement that replaces its own.
     pub(super) fn by(self, movement: Movement, started: Instant) -> Self {
         Self { movement: Box::new(movement), started, ..self }
     }
 
-    /// The same with a second move, of the step so many ahead.
+    /// The same run with a second move, of the step `ahead` steps later.
     pub(super) fn joined_by(&self, movement: Movement, ahead: usize, blend: Blend) -> Self {
         Self { movement: Box::new(movement), joined: ahead, blend, ..self.clone() }
     }
@@ -110,7 +112,7 @@ impl Run {
         self.started + Duration::from_secs_f64(time.clamp(0.0, LONGEST_ACTIVITY))
     }
 
-    /// When something happens to it: the corner, the end of the first of two moves, the end.
+    /// When its next event is: the corner, the end of the first of two moves, or the end.
     fn next_event(&self) -> Instant {
         let first_ends = self.movement.first_ends();
         let corner = if self.at_corner { None } else { self.movement.corner(self.blend) };
@@ -127,14 +129,14 @@ impl Run {
         self.after(time) <= now
     }
 
-    /// Its own time at `now`.
+    /// The time of the movement at `now`, in seconds.
     pub(crate) fn seconds(&self, now: Instant) -> f64 {
         now.since(self.started).as_secs_f64()
     }
 }
 
 impl Activity {
-    /// When something happens by itself.
+    /// When its next event is.
     pub(crate) fn next_event(&self) -> Option<Instant> {
         match self {
             Self::Idle | Self::Paused(_) | Self::Suspended(..) => None,
@@ -161,19 +163,19 @@ impl Activity {
 }
 
 impl Machine {
-    /// Whether the list begins no instruction: a fault that somebody wants to see. What is under way goes on.
+    /// Sets the fault that the list starts no instruction. A step under way continues.
     pub(crate) fn freeze_list(&mut self, frozen: bool) {
         if std::mem::replace(&mut self.faults.list_frozen, frozen) && !frozen {
             self.run_list();
         }
     }
 
-    /// How long the arm stands at each point while more instructions wait, from now on: a fault that somebody wants to see.
+    /// Sets the fault that the arm rests at each point while more instructions wait, and for how long.
     pub(crate) fn dwell_at_points(&mut self, rest: Option<Duration>) {
         self.faults.dwell = rest;
     }
 
-    /// Stands at the end of a move, where that fault is in force and more instructions wait.
+    /// Rests at the end of a move, if that fault is in force and more instructions wait.
     fn dwell_here(&mut self) {
         let waits = matches!(self.activity, Activity::Idle) && self.runs() && self.is_remote();
         let Some(rest) = self.faults.dwell.filter(|_| waits && !self.list.is_empty()) else { return };
@@ -186,12 +188,12 @@ impl Machine {
         self.mode.may_run() && self.alarm == 0
     }
 
-    /// Whether remote instructions are executed: a program runs, and stands at a step that waits for them.
+    /// Whether remote instructions are executed: a program runs, and is at a step that waits for them.
     pub(crate) fn waits_for_remote(&self) -> bool {
         self.runs() && self.is_remote()
     }
 
-    /// Runs steps until one takes time, or none is left.
+    /// Runs steps until one takes time, or none are left.
     pub(crate) fn run_list(&mut self) {
         if self.faults.list_frozen && self.is_remote() {
             return;
@@ -206,7 +208,7 @@ impl Machine {
                 return;
             };
             if self.global_speed <= 0.0 && is_motion(&step) {
-                // It begins once there is a speed again.
+                // It begins once the global speed is above 0 again.
                 return;
             }
             if self.cycle.started.is_none() && self.is_remote() {
@@ -252,7 +254,7 @@ impl Machine {
         }
     }
 
-    /// What takes time has ended by itself.
+    /// Ends an activity whose time is over.
     pub(crate) fn finish_activity(&mut self) {
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
         match activity {
@@ -288,7 +290,7 @@ impl Machine {
         self.run_list();
     }
 
-    /// Begins a step; leaves the machine idle if the step took no time.
+    /// Begins a step. The machine stays idle if the step took no time.
     pub(super) fn begin(&mut self, step: &Instruction) -> Result<(), (u32, String)> {
         match &step.action {
             Action::CurveMove(_) if self.is_lone_curve(&step.action) => {
@@ -367,7 +369,7 @@ impl Machine {
         self.io_changed();
     }
 
-    /// Some point has changed: what waits for it, or stops at it, sees that now.
+    /// Reacts to a changed point: a step may wait for it, or a move may stop at it.
     pub(crate) fn io_changed(&mut self) {
         if let Activity::Waiting { wait, level, .. } = &mut self.activity {
             let present = self.io.level(wait.source);
@@ -380,7 +382,7 @@ impl Machine {
         self.check_signal_stop();
     }
 
-    /// The program stops running, without an alarm.
+    /// Stops the program, without an alarm.
     pub(crate) fn leave_running(&mut self, why: ModeReason) {
         self.cycle.last_pass = false;
         if self.mode.may_run() {
@@ -407,7 +409,7 @@ pub(super) fn plan_failed(error: PlanError) -> (u32, String) {
     (u32::from(error.alarm()), error.to_string())
 }
 
-/// A time of so many seconds.
+/// A duration from seconds.
 pub(super) fn duration(time: f64) -> Duration {
     Duration::from_secs_f64(time.clamp(0.0, LONGEST_ACTIVITY))
 }
@@ -437,8 +439,8 @@ fn fulfilled(condition: WaitCondition, before: bool, now: bool) -> bool {
     }
 }
 
-/// The alarm of a wait that ran out: 2048 + class × 256 + board × 32 + point (the pendant's bit fields; which class
-/// means what is chosen: 0 input, 1 M, 2 EU).
+/// The alarm of a wait that ran out: 2048 + class × 256 + board × 32 + point (the pendant's bit fields).
+/// Which class means what is chosen: 0 input, 1 M, 2 EU.
 fn wait_alarm(source: WaitSource) -> u32 {
     let (class, board, point) = match source {
         WaitSource::Input { board, point } => (0, board, point),

@@ -1,4 +1,4 @@
-//! Bringing the machine to rest, and letting it go on.
+//! Brings the machine to rest, and resumes it.
 
 use std::time::Duration;
 
@@ -8,23 +8,24 @@ use super::Machine;
 use super::execution::{Activity, Run, fulfilled_at_once, plan_failed};
 use crate::event::{AlarmCause, Detail};
 
-/// What follows once a move has come to rest before its end. Of two reasons to rest the stronger one counts.
+/// What follows after a move has come to rest before its end. If there are two reasons, the stronger one
+/// counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum AfterHalt {
-    /// The move waits to go on from there.
+    /// The move waits to continue from there.
     Keep,
     /// The step counts as done and the next one follows (stop on signal).
     NextStep,
-    /// Nothing: the move is over, its step begins anew with the next start.
+    /// The move is over. Its step begins again with the next start.
     Drop,
     /// The move is over, and the next start begins with the first step.
     Rewind,
-    /// The list was replaced meanwhile: it begins.
+    /// The list was replaced meanwhile: the new list begins.
     NewList,
 }
 
 impl Run {
-    /// The same at rest within `time`, or when it is at rest anyhow if that is sooner.
+    /// The same run, at rest within `time`, or at its own end if that is sooner.
     pub(super) fn sooner(self, time: Duration, now: Instant) -> Self {
         let movement = self.movement.halt(self.seconds(now), time.as_secs_f64());
         let halted = self.clone().by(movement, now);
@@ -33,7 +34,8 @@ impl Run {
 }
 
 impl Machine {
-    /// Brings what is under way to rest within `time`, then does what follows. No move to bring to rest: `false`.
+    /// Brings the motion to rest within `time`, then does what `after` says. Returns false if no move has to
+    /// come to rest.
     pub(crate) fn halt(&mut self, time: Duration, after: AfterHalt) -> bool {
         self.halt_hand(time);
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
@@ -89,7 +91,7 @@ impl Machine {
         }
     }
 
-    /// Of two moves that overlap the arm has left the first for the second, and will not go back.
+    /// Ends the first of two overlapping moves: the arm has left it for the second, and does not go back.
     fn leave_joined(&mut self, run: &mut Run, after: AfterHalt) {
         match after {
             AfterHalt::Keep => return,
@@ -99,7 +101,7 @@ impl Machine {
         run.joined = 0;
     }
 
-    /// What follows where nothing had to come to rest.
+    /// Does what `after` says when nothing had to come to rest.
     fn after_rest(&mut self, after: AfterHalt) {
         if after == AfterHalt::Rewind {
             self.list.rewind();
@@ -107,7 +109,7 @@ impl Machine {
         }
     }
 
-    /// A move has come to rest before its end.
+    /// Ends a halt: the move has come to rest before its end.
     pub(super) fn finish_halt(&mut self, run: Run, after: AfterHalt) {
         let reached = run.movement.reaches_end();
         self.axes = run.movement.state_at(run.movement.duration()).axes;
@@ -127,10 +129,10 @@ impl Machine {
         }
     }
 
-    /// Lets what rests before its end go on.
+    /// Resumes what was paused.
     pub(crate) fn resume(&mut self) {
         match &self.activity {
-            // The start button while it is still slowing down for a pause goes on as well.
+            // Pressing start while the arm still slows down for a pause also resumes.
             Activity::Paused(run) | Activity::Halting(run, AfterHalt::Keep) => {
                 let run = run.clone();
                 if self.global_speed <= 0.0 {
@@ -185,7 +187,8 @@ impl Machine {
         };
     }
 
-    /// Lets the move under way take a new global speed; at 0 the arm rests where it is until there is one again.
+    /// Applies a new global speed to the move under way. At 0 the arm rests where it is until the speed is
+    /// above 0 again.
     pub(crate) fn replan_for_global_speed(&mut self) {
         self.replan_hand();
         match &self.activity {

@@ -1,4 +1,4 @@
-//! Moves by hand: jogging one axis, and homing. They are no steps of a program, and need manual.
+//! Moves by hand: jogging one axis, and homing. They are not steps of a program, and need mode manual.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use super::halt::AfterHalt;
 use crate::event::{AlarmCause, Event};
 use crate::panel::Refused;
 
-/// How fast a machine homes, percent of the axes' full speed. Chosen: slow enough to be stopped by hand.
+/// The homing speed, in percent of the axes' full speed. Chosen: slow enough to be stopped by hand.
 const HOMING_PERCENT: f64 = 20.0;
 
 /// A move by hand that is under way.
@@ -21,19 +21,19 @@ pub(super) struct HandMove {
     arrival: Arrival,
 }
 
-/// What follows a move by hand that reaches its end.
+/// What follows after a move by hand reaches its end.
 #[derive(Clone, Copy, Debug)]
 enum Arrival {
     /// Nothing.
     Rest,
-    /// It has come to a soft limit, which has this alarm.
+    /// It has reached a soft limit, which raises this alarm.
     AtLimit(u32),
     /// The machine is homed.
     Homed,
 }
 
 impl Machine {
-    /// Moves one axis by so many degrees or mm, as far as its soft limits let it.
+    /// Moves one axis by this many degrees or mm, as far as its soft limits allow.
     pub(super) fn jog(&mut self, axis: AxisIndex, by: f64, percent: f64) -> Result<(), Refused> {
         let no_axis = Refused::NoSuchAxis { axis, axes: self.model.axis_count() };
         let limits = self.model.drives().nth(axis.index()).map(|drive| drive.soft).ok_or(no_axis)?;
@@ -46,7 +46,7 @@ impl Machine {
         self.ready_for_hand()?;
         let mut degrees: [f64; AXES] = *self.axes.degrees();
         let Some(slot) = degrees.get_mut(axis.index()) else { return Err(Refused::NoDistance) };
-        // An axis that stands outside its limits may come back, but not go farther out.
+        // An axis outside its limits may come back, but not go farther out.
         let told = *slot + by;
         *slot = told.clamp(limits.min.min(*slot), limits.max.max(*slot));
         let arrival = match told {
@@ -106,7 +106,7 @@ impl Machine {
         };
         let movement = Movement::plan(&self.model, &self.axes, &order, &conditions)
             .map_err(|error| Refused::NoPath { reason: error.to_string() })?;
-        // Whatever a program left unfinished began where the arm no longer is.
+        // Drop the unfinished step of a program, because the arm leaves the place where that step began.
         self.halt(Duration::ZERO, AfterHalt::Drop);
         let run = Run::new(movement, self.now, r6_motion::Blend::new(0));
         self.hand = Some(HandMove { run, arrival });
@@ -114,14 +114,14 @@ impl Machine {
         Ok(())
     }
 
-    /// Brings a move by hand to rest within `time`; it does not go on.
+    /// Brings a move by hand to rest within `time`. It does not continue.
     pub(super) fn halt_hand(&mut self, time: Duration) {
         if let Some(hand) = &mut self.hand {
             hand.run = hand.run.clone().sooner(time, self.now);
         }
     }
 
-    /// Lets a move by hand take a new global speed; at 0 it ends.
+    /// Applies a new global speed to a move by hand. At 0 it ends.
     pub(super) fn replan_hand(&mut self) {
         let Some(hand) = &mut self.hand else { return };
         let run = &hand.run;

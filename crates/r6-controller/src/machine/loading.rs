@@ -1,4 +1,4 @@
-//! Programs that a person loads at the machine, and what a power cut leaves of them.
+//! Programs that an operator loads at the machine, and how they come back after a power cut.
 
 use std::collections::BTreeMap;
 
@@ -8,8 +8,9 @@ use crate::panel::Refused;
 use crate::program::{Library, LibraryError, MAX_LOADED_BYTES, Program};
 
 impl Machine {
-    /// Takes a program, in place of one with the same name. A program that runs, or that the running one may call, stays as it is; one
-    /// that is in use at rest begins at its first step, as after `switchMold`.
+    /// Takes a program, and replaces one with the same name. It refuses to replace a program that runs, or
+    /// that the running one may call. If the program is in use but does not run, it begins at its first step,
+    /// as after `switchMold`.
     pub(super) fn load_program(&mut self, name: &str, text: &str) -> Result<(), Refused> {
         let bad = |reason: String| Refused::BadProgram { reason };
         let program =
@@ -53,8 +54,8 @@ impl Machine {
         Err(Refused::NoRoom { reason })
     }
 
-    /// Takes the programs that were loaded before a power cut. One that the controller was now given under the same name counts, and the
-    /// loaded one is kept for a start without it.
+    /// Takes the programs that were loaded before a power cut. If the controller was given one with the same
+    /// name at the start, that one is used; the loaded one is kept for a start without it.
     pub(crate) fn restore_programs(&mut self, loaded: &BTreeMap<String, String>) {
         (*self.programs.loaded).clone_from(loaded);
         for (name, text) in loaded {

@@ -1,10 +1,10 @@
-//! Looking one move ahead, so that the arm need not stop at a point.
+//! Looks one move ahead, so that the arm does not have to stop at a point.
 //!
-//! A move with a blend level reaches its corner some time before its end. If another move follows there, it begins
+//! A move with a blend level reaches its corner some time before its end. If another move follows, it begins
 //! at the corner; steps in between that take no time are carried out there. The first move still counts as
-//! finished only at its own end. A corner at which no move is waiting stays open until that end: what is appended
-//! meanwhile joins at once. The arm comes to rest before a wait, before a move with a delay, and at the end of a
-//! pass.
+//! finished only at its own end. If no move is waiting at the corner, the corner stays open until that end:
+//! instructions that are appended meanwhile join at once. The arm comes to rest before a wait, before a move
+//! with a delay, and at the end of a pass.
 
 use r6_proto::message::instruction::OutputKind;
 use r6_proto::message::{Action, Instruction};
@@ -17,7 +17,7 @@ use r6_motion::Axes;
 use r6_proto::OperationMode;
 
 impl Machine {
-    /// An instant within a run: its corner is reached, or the first of its two moves has ended.
+    /// Handles an instant within a run: its corner is reached, or the first of its two moves has ended.
     pub(super) fn pass_corner(&mut self, mut run: Run) -> Run {
         let first_is_over = run.movement.first_ends().is_some_and(|end| run.is_past(end, self.now));
         if first_is_over {
@@ -31,14 +31,14 @@ impl Machine {
         run
     }
 
-    /// Finishes the step of the first of two moves, and those that were carried out at the corner.
+    /// Finishes the step of the first of two moves, and the steps that were carried out at the corner.
     pub(super) fn finish_joined(&mut self, run: &Run) {
         for _ in 0..run.joined {
             self.finish_one();
         }
     }
 
-    /// Lets the next move begin while the present one is at its corner.
+    /// Begins the next move while the current one is at its corner.
     pub(super) fn join_next(&mut self) {
         let Activity::Moving(run) = &self.activity else { return };
         let single = self.mode == OperationMode::SingleStep;
@@ -50,7 +50,7 @@ impl Machine {
         let Some((ahead, order)) = self.next_move(1, &run.movement.end()) else { return };
         let seconds = run.seconds(self.now);
         let Ok(movement) = run.movement.join(seconds, &order.step, &order.conditions, run.blend) else {
-            // It raises its alarm when its turn comes, with the arm at rest.
+            // The next move raises its alarm at its turn, with the arm at rest.
             return;
         };
         if let Some(action) = self.steps().ahead(ahead).map(|step| step.action) {
@@ -63,7 +63,7 @@ impl Machine {
 
     /// Fetches steps of the program up to the next move.
     fn fetch_moves(&mut self) {
-        /// More steps than anybody teaches between two moves that follow one another.
+        /// More steps than anyone teaches between two successive moves.
         const MOST: usize = 16;
         for _ in 0..MOST {
             let length = self.steps().len();
@@ -79,8 +79,9 @@ impl Machine {
         }
     }
 
-    /// A new list takes the arm over in mid-move, without a stop. `false` where it has to stop first: its first move
-    /// does not follow at once, or cannot be gone to from here; that is found out, with its alarm, once the arm rests.
+    /// Lets a new list take over the arm in mid-move, without a stop. Returns false if the arm has to stop
+    /// first: the first move does not follow at once, or cannot be reached from here. Then the alarm comes
+    /// once the arm rests.
     pub(super) fn take_over(&mut self) -> bool {
         let Activity::Moving(run) = &self.activity else { return false };
         let seconds = run.seconds(self.now);
@@ -102,7 +103,7 @@ impl Machine {
         true
     }
 
-    /// Steps that take no time, while the arm moves on.
+    /// Carries out steps that take no time, while the arm keeps moving.
     fn begin_at_once(&mut self, steps: &[Instruction]) {
         for step in steps {
             if let Err((alarm, why)) = self.begin(step) {
@@ -113,8 +114,8 @@ impl Machine {
         self.check_signal_stop();
     }
 
-    /// The next move, if nothing but steps that take no time lies before it, and how many steps ahead it is; the first
-    /// step that counts is `first` ahead.
+    /// The next move and how many steps ahead it is, if only steps that take no time lie before it. The
+    /// search begins `first` steps ahead.
     fn next_move(&self, first: usize, from: &Axes) -> Option<(usize, Order)> {
         let mut told = EarlierSteps { path_speed: self.path_speed, bench: self.frames.bench };
         for ahead in first.. {
@@ -125,7 +126,7 @@ impl Machine {
                 Action::StopOnSignal(_) | Action::BoardOutput(_) => {}
                 Action::Output(output) if output.kind == OutputKind::TimedY || output.delay <= 0.0 => {}
                 Action::Output(_) | Action::Wait(_) | Action::Unknown(_) => return None,
-                // The arm stops before it, and then stays.
+                // The arm stops before it, and then does not move.
                 Action::CurveMove(_) if self.is_lone_curve(action) => return None,
                 Action::AxisMove(_) | Action::LinearMove(_) | Action::CurveMove(_) => {
                     let order = self.order(action, from, told).ok()??;

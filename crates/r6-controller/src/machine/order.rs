@@ -1,4 +1,4 @@
-//! From a step of the list to a move as the arm is told it.
+//! Turns a step of the list into a move of the arm.
 
 use r6_proto::alarm::AlarmCode;
 use r6_proto::message::Action;
@@ -11,7 +11,7 @@ use super::execution::plan_failed;
 use super::{MAX_FRAMES, Machine};
 use r6_motion::{Axes, Blend, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Pose, Turning};
 
-/// A move, what it is planned under, and how the corner after it is rounded.
+/// A move, the conditions for planning it, and the blending at the corner after it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Order {
     pub step: Move,
@@ -19,7 +19,7 @@ pub(super) struct Order {
     pub blend: Blend,
 }
 
-/// What earlier steps have told: the path speed (action 51) and the workbench (action 800).
+/// Settings from earlier steps: the path speed (action 51) and the workbench (action 800).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EarlierSteps {
     pub path_speed: Option<f64>,
@@ -27,7 +27,7 @@ pub(super) struct EarlierSteps {
 }
 
 impl Machine {
-    /// The move of a step that begins with the axes at `from`; `None` for a step that is no move.
+    /// The move of a step that begins with the axes at `from`; `None` if the step is not a move.
     ///
     /// # Errors
     /// The alarm that the step raises, and why.
@@ -64,7 +64,8 @@ impl Machine {
             ramps: self.ramps,
             frames: self
                 .frames_of(manner.tool.unwrap_or(self.frames.tool), manner.coord.unwrap_or(told.bench)),
-            // Reported of what a PC sends. The points of a taught program are taught by hand: they hold axes.
+            // Reported for moves that a PC sends. The points of a taught program are taught by hand: they
+            // hold axes.
             turning: if self.is_remote() { self.profile.turning } else { Turning::Shortest },
         };
         let blend = Blend::new(manner.smooth.map_or(0, |level| level.level()));
@@ -84,7 +85,7 @@ fn speed(target: &MoveTarget, manner: &Manner, path_speed: Option<f64>) -> Resul
     }
 }
 
-/// The target of an axis move; an axis that is left out stays where it is.
+/// The target of an axis move. An axis without a value stays where it is.
 fn axes_target(step: &MoveStep, from: &Axes) -> Result<Axes, (u32, String)> {
     let mut degrees: [f64; AXES] = *from.degrees();
     for (slot, axis) in degrees.iter_mut().zip(AxisIndex::ALL) {
@@ -101,8 +102,8 @@ fn pose_target(coordinates: &Coordinates) -> Pose {
     Pose::from_components(components)
 }
 
-/// The workbench that action 800 tells. It has to be one that can be defined, as for `switchCoordinate`: so what is in use can be
-/// saved and read again.
+/// The workbench of action 800. Its number has to be below the limit of `switchCoordinate`, so that the
+/// workbench in use can be saved and read again.
 pub(super) fn workbench(step: Workbench) -> Result<u32, (u32, String)> {
     let Workbench { id } = step;
     if id < MAX_FRAMES {
@@ -115,7 +116,7 @@ pub(super) fn workbench(step: Workbench) -> Result<u32, (u32, String)> {
     ))
 }
 
-/// The path speed that action 51 tells. It has to be a whole number of mm/s: a fraction raised alarm 219 on unit B.
+/// The path speed of action 51. It has to be a whole number of mm/s: a fraction raised alarm 219 on unit B.
 pub(super) fn path_speed(step: &PathSpeed) -> Result<Option<f64>, (u32, String)> {
     match (step.in_use, step.speed) {
         (false, _) => Ok(None),

@@ -1,4 +1,4 @@
-//! What a person does at the machine, carried out.
+//! Carries out the operator's actions at the machine.
 
 use super::Machine;
 use super::execution::Activity;
@@ -8,7 +8,7 @@ use crate::io::{BOARDS, POINTS};
 use crate::panel::{Button, EMERGENCY_STOP, LAST_ALARM, PanelAction, Refused};
 
 impl Machine {
-    /// Does what a person does at the machine. The machine has to stand at the present time.
+    /// Does what an operator does at the machine. The machine has to be at the present time.
     pub(crate) fn operate(&mut self, action: &PanelAction) -> Result<(), Refused> {
         match action {
             PanelAction::SetInput { board, point, on } => {
@@ -54,6 +54,7 @@ impl Machine {
             PanelAction::RaiseAlarm(alarm) => self.raise(*alarm, AlarmCause::Panel),
             PanelAction::Home => self.home_by_hand()?,
             PanelAction::Jog { axis, by, percent } => self.jog(*axis, *by, *percent)?,
+            PanelAction::ClearPoints => self.clear_points(),
             PanelAction::SwitchProgram(name) => {
                 self.switch_mold(name).map_err(|reason| Refused::Program { reason })?;
             }
@@ -62,8 +63,9 @@ impl Machine {
         Ok(())
     }
 
-    /// A person starts an arm that rests: one that slows down after a stop is refused. (Over the wire a start is taken at once and the
-    /// first step begins once the arm rests; after a pause, start goes on in any case.)
+    /// Refuses a start from the panel while the arm still slows down after a stop. (Over the wire a start is
+    /// accepted at once, and the first step begins once the arm rests. After a pause, start resumes in any
+    /// case.)
     fn rests_to_start(&self) -> Result<(), Refused> {
         let slows_down = matches!(self.activity, Activity::Halting(_, AfterHalt::Drop | AfterHalt::Rewind));
         if !slows_down || self.mode.may_run() {
@@ -73,8 +75,9 @@ impl Machine {
         Err(Refused::Moving)
     }
 
-    /// Alarm 7 whatever alarm was there, the arm at rest as fast as `actionStop` brings it there, the mode as after
-    /// `actionStop`. What was to go on later never does: the next start begins with the first step.
+    /// Presses the emergency stop. The alarm becomes 7, whatever it was. The arm comes to rest as fast as
+    /// with `actionStop`, and the mode is as after `actionStop`. Nothing resumes later: the next start begins
+    /// with the first step.
     fn press_emergency_stop(&mut self) {
         if self.emergency_stop {
             return;
@@ -99,7 +102,8 @@ impl Machine {
         }
     }
 
-    /// Whether a program that a fault interrupted was interrupted at a step: that of an emergency stop begins anew.
+    /// Whether an alarm interrupted the program at a step. After an emergency stop the program begins again
+    /// instead.
     pub(super) fn alarm_is_of_a_step(&self) -> bool {
         !matches!(self.alarm, 0 | EMERGENCY_STOP)
     }

@@ -1,10 +1,10 @@
-//! State that survives a power cut, and notices whenever it may have changed.
+//! State that survives a power cut and counts its possible changes.
 
 use std::ops::{Deref, DerefMut};
 
 use r6_motion::Frame;
 
-/// A value that counts how often somebody could have changed it: whoever borrows it for writing.
+/// A value that counts how often it may have changed. Every mutable borrow counts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Persistent<T> {
     value: T,
@@ -37,11 +37,11 @@ impl<T> DerefMut for Persistent<T> {
     }
 }
 
-/// A tool or workbench: as it was told, and as a transform.
+/// A tool or workbench, as it was given and as a transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Placed {
     /// X, Y, Z in mm, U, V, W in degrees.
     pub offset: [f64; 6],
-    /// The same.
+    /// The same as a transform.
     pub frame: Frame,
 }

@@ -1,7 +1,7 @@
-//! The taught program, step by step: where it is, and what its next step asks of the machine.
+//! The taught program, step by step: where it stands, and what its next step does.
 //!
-//! Steps that AddRCC could send too become instructions of the program's own list and run as those of a PC do,
-//! look-ahead and blending included. The others are carried out here.
+//! Steps that AddRCC could also send become instructions of the program's own list. They run like those of a
+//! PC, with look-ahead and blending. The others are carried out here.
 
 mod awaiting;
 mod places;
@@ -22,14 +22,15 @@ use crate::io::OutputPoint;
 use crate::profile::IdleSingleCycle;
 use crate::program::{Change, Condition, Program, Step};
 use crate::saved::MAX_COUNTERS;
+use crate::snapshot::ProgramStep;
 
-/// How deep programs may call one another.
+/// How deep programs may call each other.
 pub const MAX_CALLS: usize = 16;
 
-/// The alarm of a program that cannot go on: program error.
+/// The alarm of a program that cannot continue: program error.
 const PROGRAM_ERROR: u32 = 10;
 
-/// The alarm of a counter that is not there: counter not defined.
+/// The alarm of a counter that does not exist: counter not defined.
 const NO_COUNTER: u32 = 300;
 
 /// A step of a program.
@@ -39,40 +40,40 @@ struct Place {
     step: usize,
 }
 
-/// Where the program is.
+/// Where the program stands.
 #[derive(Clone, Debug, Default)]
 pub struct ProgramRun {
-    /// The programs that call one another, the innermost last; each with the step whose turn it is.
+    /// The call stack of programs, the innermost last, each with its current step.
     calls: Vec<Place>,
     /// The program's own instructions.
     own: InstructionList,
-    /// Where each of them stands in its program.
+    /// The place of each of these instructions in its program.
     places: VecDeque<Place>,
-    /// It waits for remote commands, or carries them out.
+    /// It waits for remote commands, or executes them.
     remote: bool,
-    /// Some were carried out since it began to wait for them.
+    /// Remote commands were executed since it began to wait for them.
     remote_ran: bool,
     /// It begins at its first step as soon as nothing is under way.
     begin_anew: bool,
-    /// It was paused: the next start goes on.
+    /// It was paused: the next start continues.
     paused: bool,
-    /// Where the point is that was taken last.
+    /// The position of the point that was taken last.
     point: Option<Coordinates>,
-    /// Registers that were written since a step waited for them.
+    /// Registers written since a step last waited for them.
     written: BTreeSet<RegisterIndex>,
-    /// While a step that waits is looked at again: until when it waits.
+    /// The deadline of a waiting step, while that step is checked again.
     awaiting: Option<Option<Instant>>,
-    /// When it last jumped back or began anew, so that it cannot do so endlessly often at one instant.
+    /// When it last jumped back or began again. This keeps it from doing so endlessly often at one instant.
     last_round: Option<Instant>,
 }
 
 impl ProgramRun {
-    /// At the first step of a program.
+    /// A run that is at the first step of a program.
     pub(super) fn of(program: Arc<Program>) -> Self {
         Self { calls: vec![Place { program, step: 0 }], ..Self::default() }
     }
 
-    /// The program and the step whose turn it is.
+    /// The current program and step.
     fn place(&self) -> Option<&Place> {
         self.calls.last()
     }
@@ -93,7 +94,7 @@ impl ProgramRun {
         }
     }
 
-    /// From the first step of the outermost program.
+    /// Goes back to the first step of the outermost program.
     fn restart(&mut self) {
         self.calls.truncate(1);
         self.go_to(0);
@@ -109,12 +110,12 @@ impl ProgramRun {
 }
 
 impl Machine {
-    /// The instructions that are being carried out: the remote list, or the program's own.
+    /// The instructions that are being executed: the remote list, or the program's own.
     pub(super) fn steps(&self) -> &InstructionList {
         if self.program.remote { &self.list } else { &self.program.own }
     }
 
-    /// Ends the present instruction.
+    /// Ends the current instruction.
     pub(super) fn finish_one(&mut self) -> After {
         if self.program.remote {
             return self.list.finish_current();
@@ -123,18 +124,18 @@ impl Machine {
         self.program.own.finish_current()
     }
 
-    /// Whether the program stands at a step that waits for remote commands, or carries them out.
+    /// Whether the program is at a step that waits for remote commands, or executes them.
     pub(crate) fn is_remote(&self) -> bool {
         self.program.remote
     }
 
-    /// Remote commands were carried out and none is left.
+    /// Notes that remote commands were executed and none are left.
     pub(super) fn remote_is_over(&mut self) {
         self.program.remote_ran = true;
         self.end_signal_watch_of_list();
     }
 
-    /// The program goes on from its first step once nothing is under way.
+    /// Lets the program begin again from its first step once nothing is under way.
     pub(super) fn begin_anew(&mut self) {
         self.program.begin_anew = true;
         self.program.paused = false;
@@ -144,7 +145,7 @@ impl Machine {
         self.program.paused = true;
     }
 
-    /// A start: from the first step, unless the program was paused.
+    /// Begins again from the first step, unless the program was paused.
     pub(super) fn restart_program(&mut self) {
         if !std::mem::take(&mut self.program.paused) {
             self.begin_anew();
@@ -158,7 +159,7 @@ impl Machine {
         }
     }
 
-    /// Another program, at its first step.
+    /// Uses another program, from its first step.
     pub(super) fn use_program(&mut self, program: Arc<Program>) {
         for (number, stack) in program.stacks() {
             if !self.stacks.contains_key(number) {
@@ -173,8 +174,8 @@ impl Machine {
         self.program = ProgramRun::of(program);
     }
 
-    /// Carries out program steps until one takes time, or an instruction is there to be carried out. `false`: there is
-    /// nothing to do now.
+    /// Carries out program steps until one takes time, or an instruction is ready to be executed. Returns
+    /// false if there is nothing to do now.
     pub(super) fn next_program_step(&mut self) -> bool {
         if self.program.remote {
             return self.next_after_remote();
@@ -185,7 +186,7 @@ impl Machine {
         };
         let own = self.program.own.len();
         match self.carry_out_step(step) {
-            // A single step is over with a step that is no instruction and takes no time.
+            // A single step ends with a step that is not an instruction and takes no time.
             Ok(())
                 if self.mode == OperationMode::SingleStep
                     && self.program.own.len() == own
@@ -204,7 +205,7 @@ impl Machine {
         }
     }
 
-    /// The remote list is empty.
+    /// Continues after the remote list is empty.
     fn next_after_remote(&mut self) -> bool {
         if self.program.remote_ran {
             self.program.remote = false;
@@ -220,7 +221,7 @@ impl Machine {
         false
     }
 
-    /// A single cycle that has to run a list first.
+    /// Whether a single cycle has to run a list first.
     fn awaits_list_of_single_cycle(&self) -> bool {
         self.mode == OperationMode::SingleCycle
             && match self.profile.idle_single_cycle {
@@ -229,14 +230,14 @@ impl Machine {
             }
     }
 
-    /// The last step of a program is over: back to the one that called it, or the cycle is over.
+    /// Ends a program after its last step: returns to the calling program, or ends the cycle.
     fn end_of_program(&mut self, place: &Place) -> bool {
         if self.program.calls.len() > 1 {
             self.program.calls.pop();
             self.program.next();
             return true;
         }
-        // A program without steps has nothing to do, and does it for ever.
+        // A program without steps never does anything.
         !place.program.steps().is_empty() && self.end_of_cycle()
     }
 
@@ -252,7 +253,7 @@ impl Machine {
         true
     }
 
-    /// The program goes round: not twice at one instant.
+    /// Begins another round of the program, but not twice at one instant.
     fn another_round(&mut self) {
         let mut begins = self.now;
         if self.program.last_round == Some(self.now) {
@@ -353,7 +354,7 @@ impl Machine {
         }
     }
 
-    /// An instruction for the step whose turn it is; the next step's turn comes.
+    /// Appends an instruction for the current step, and goes to the next step.
     fn append_own(&mut self, action: Action) {
         let Some(place) = self.program.place().cloned() else { return };
         if self.program.own.append(&[Instruction { oneshot: true, action }]).is_ok() {
@@ -362,7 +363,7 @@ impl Machine {
         self.program.next();
     }
 
-    /// Fetches the next step while the arm still moves, if it is a move or an output that only says what it does.
+    /// Fetches the next step while the arm still moves, if it is a move or another step that takes no time.
     pub(super) fn fetch_ahead(&mut self) {
         if self.program.remote {
             return;
@@ -384,7 +385,7 @@ impl Machine {
             Step::MoveToPoint { .. } if self.program.point.is_some() => self.instruction_of(&step),
             _ => return,
         };
-        // What is wrong with it is told when its turn comes.
+        // A faulty step raises its alarm at its turn.
         if let Ok(Some(action)) = fetched {
             self.append_own(action);
         }
@@ -427,7 +428,7 @@ impl Machine {
         }
     }
 
-    /// After an alarm, the step that raised it is left out.
+    /// Skips the step that raised an alarm.
     pub(super) fn skip_step(&mut self) {
         if self.steps().current().is_some() {
             self.finish_one();
@@ -441,7 +442,7 @@ impl Machine {
         self.raise(alarm, AlarmCause::Step { step, why: Detail::of(why) });
     }
 
-    /// The present instruction, as a complaint names it.
+    /// The name of the current instruction in a message.
     pub(super) fn said_of(&self, step: &Instruction) -> String {
         let action = step.action.number();
         match self.program.places.front().filter(|_| !self.program.remote) {
@@ -450,13 +451,27 @@ impl Machine {
         }
     }
 
-    /// A camera that a program asks for a photo.
+    /// The present step, for people. The controller fetches instructions of a program ahead of the arm. While
+    /// fetched instructions are left, the first of them is the present step.
+    pub(crate) fn present_step(&self) -> Option<ProgramStep> {
+        let fetched = self.program.places.front().filter(|_| !self.program.remote);
+        let place = fetched.or_else(|| self.program.place())?;
+        let step = place.program.steps().get(place.step)?;
+        Some(ProgramStep {
+            program: place.program.name().to_owned(),
+            number: place.step + 1,
+            steps: place.program.steps().len(),
+            text: step.to_string(),
+        })
+    }
+
+    /// The next camera that a program asks for a photo.
     pub(crate) fn poll_photo(&mut self) -> Option<i64> {
         self.cameras.photos.pop_front()
     }
 }
 
-/// A step, as a complaint names it.
+/// The name of a step in a message.
 fn said(place: &Place) -> String {
     format!("program `{}`, step {}", place.program.name(), place.step + 1)
 }

@@ -1,4 +1,4 @@
-//! AddRCC: what a PC sends goes into the remote list.
+//! AddRCC: puts the instructions of a PC into the remote list.
 
 use r6_proto::OperationMode;
 use r6_proto::alarm::AlarmCode;
@@ -11,17 +11,17 @@ use crate::event::{AlarmCause, ListRefusal};
 use crate::instruction_list::MAX_INSTRUCTIONS;
 use crate::profile::{ReplaceInMotion, Unarmed};
 
-/// Why AddRCC was not taken.
+/// Why an AddRCC was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NotTaken {
     /// It is answered with `err`; the reason is for the log.
     Refused(ListRefusal),
-    /// It is not even answered.
+    /// It gets no answer.
     Silent(ListRefusal),
 }
 
 impl Machine {
-    /// Takes an AddRCC: `replace` empties the list first.
+    /// Takes an AddRCC. With `replace` the list is emptied first.
     pub(crate) fn add_instructions(
         &mut self,
         replace: bool,
@@ -40,7 +40,8 @@ impl Machine {
             self.arm_by_itself()?;
         }
         if replace {
-            // An arm that already comes to rest for good is no longer in motion, and an empty list is none.
+            // An arm that is already stopping for good no longer counts as in motion, and clearing is not
+            // replacing.
             let in_motion = match self.activity {
                 Activity::Moving(_) => true,
                 Activity::Halting(_, after) => after < AfterHalt::Drop,
@@ -60,7 +61,7 @@ impl Machine {
             self.clear_list();
         }
         self.list.append(instructions).map_err(|_| NO_ROOM)?;
-        // What a program does meanwhile is no concern of the remote list.
+        // What a program does meanwhile does not affect the remote list.
         if replace && self.is_remote() {
             self.cycle.started = None;
             let takes_over = !clears && self.profile.replace_in_motion == ReplaceInMotion::TakeOver;
@@ -74,7 +75,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Empties the list for another one: a run of it is over.
+    /// Empties the list and ends its run.
     pub(super) fn clear_list(&mut self) {
         self.list.clear();
         self.begin_list_run();

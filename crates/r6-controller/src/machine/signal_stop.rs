@@ -11,12 +11,12 @@ use crate::profile::SignalStop;
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct SignalWatch {
     watched: Option<StopOnSignal>,
-    /// Its level when it was last looked at: every change of a point is looked at.
+    /// Its level at the last check. Every change of a point is checked.
     level: bool,
 }
 
 impl Machine {
-    /// Begins a watch, or ends the present one (`isUse` 0).
+    /// Begins a watch, or ends the current one (`isUse` 0).
     pub(super) fn watch_signal(&mut self, stop: &StopOnSignal) {
         self.signal_watch =
             SignalWatch { watched: stop.in_use.then_some(*stop), level: self.io.input(stop.input) };
@@ -27,14 +27,14 @@ impl Machine {
         self.signal_watch = SignalWatch::default();
     }
 
-    /// The list has ended, or another takes its place.
+    /// Ends the watch after the list has ended or was replaced, if the profile says so.
     pub(super) fn end_signal_watch_of_list(&mut self) {
         if !self.profile.signal_stop_outlives_list {
             self.end_signal_watch();
         }
     }
 
-    /// Stops the present move where the signal says so: called whenever a point has changed or a move has begun.
+    /// Stops the current move if the signal says so. Called whenever a point has changed or a move has begun.
     pub(super) fn check_signal_stop(&mut self) {
         let Some(StopOnSignal { input, on, .. }) = self.signal_watch.watched else { return };
         let level = self.io.input(input);

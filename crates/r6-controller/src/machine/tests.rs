@@ -1,4 +1,5 @@
-//! What no frame can bring about: no command defines a workbench, so every one that a client can name is the base.
+//! Cases that no frame can cause: no command defines a workbench, so every workbench that a client can name
+//! is the base.
 
 use r6_motion::Turning;
 use r6_motion::kinematics::forward;
@@ -23,7 +24,7 @@ fn machine() -> Machine {
     machine
 }
 
-/// Where the tool is in the base frame.
+/// The pose of the tool in the base frame.
 fn tool_at(machine: &Machine) -> Pose {
     forward(&machine.model, &machine.motion().axes, &Frame::identity())
 }
@@ -32,13 +33,13 @@ fn once(action: Action) -> Instruction {
     Instruction { oneshot: true, action }
 }
 
-/// A line to a pose, told in the work frame that it names, or in the one in use.
+/// A line to a pose, given in the work frame `coord`, or in the one in use.
 fn line(to: Pose, coord: Option<u32>, blend: u8) -> Instruction {
     let manner = Manner { speed: Some(5.0), smooth: BlendLevel::new(blend), coord, ..Manner::default() };
     once(Action::LinearMove(Move { target: Coordinates::from_slice(&to.components()), manner }))
 }
 
-/// A place of the base frame as workbench 2 tells it.
+/// A place of the base frame, in coordinates of workbench 2.
 fn on_bench_2(place: Pose) -> Pose {
     let [x, y, z] = BENCH;
     Pose { x: place.x - x, y: place.y - y, z: place.z - z, ..place }
@@ -91,12 +92,12 @@ fn a_workbench_between_two_lines_counts_for_the_second_round_the_corner() {
     assert_at(&machine, end);
 }
 
-/// A pass is timed from the take-over on, however long the list before it ran.
+/// A pass is timed from the take-over, however long the list before it ran.
 #[test]
 fn a_list_that_takes_over_begins_a_pass_of_its_own() {
     let mut machine = machine();
     machine.profile.replace_in_motion = ReplaceInMotion::TakeOver;
-    // W reads ±180 here. Which of the two is rounding, and told as it is the other one would be a whole turn.
+    // W reads ±180 here. Rounding decides the sign. With `AsTold`, the other sign would be a whole turn.
     machine.profile.turning = Turning::Shortest;
     let from = tool_at(&machine);
     machine.add_instructions(true, &[line(Pose { y: from.y + 100.0, ..from }, None, 0)]).unwrap();
@@ -106,7 +107,7 @@ fn a_list_that_takes_over_begins_a_pass_of_its_own() {
     assert_eq!((machine.cycle.started, machine.cycle.pass_started), (Some(machine.now), machine.now));
 }
 
-/// What a machine saves it has to be able to read: no step can put a workbench in use that nothing can define.
+/// A machine has to be able to read what it saves: no step can use a workbench that cannot be defined.
 #[test]
 fn a_workbench_that_cannot_be_defined_raises_an_alarm() {
     for (id, alarm) in [(MAX_FRAMES - 1, 0), (MAX_FRAMES, 27), (u32::MAX, 27)] {

@@ -1,4 +1,4 @@
-//! What a profile chooses between.
+//! The alternatives that a profile chooses from.
 
 /// What AddRCC does while no program waits for remote commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -7,17 +7,17 @@ pub enum Unarmed {
     Refuse,
     /// It is neither answered nor executed.
     Silent,
-    /// In automatic it starts by itself (reported, unit B); elsewhere it is refused.
+    /// In automatic AddRCC starts the program (reported, unit B); in other modes it is refused.
     Arm,
 }
 
-/// What an AddRCC that replaces the list in mid-motion does.
+/// What an AddRCC does that replaces the list in mid-motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReplaceInMotion {
-    /// Alarm 200; the arm stops.
+    /// It raises alarm 200, and the arm stops.
     Alarm200,
-    /// The arm goes over to the new list without a stop, where its first step is a move that can be gone to in mid-move;
-    /// else it stops and goes on with the new list.
+    /// The arm goes over to the new list without a stop, if its first step is a move that can be reached in
+    /// mid-move. Otherwise the arm stops and continues with the new list.
     TakeOver,
 }
 
@@ -39,46 +39,46 @@ pub enum StopButton {
     AtOnce,
 }
 
-/// What a curve (action 17) does that has no line (action 10) before it in its run of the remote list.
+/// What a curve (action 17) does without a line (action 10) before it in its run of the remote list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoneCurve {
     /// Nothing: AddRCC is answered ok, the step counts as done, and the arm stays where it is.
     Skip,
-    /// It moves the arm as any other curve.
+    /// It moves the arm like any other curve.
     Run,
 }
 
-/// What AddRCC answers to a list in which a line (action 10) stands behind a path speed (action 51).
+/// The answer to an AddRCC list with a line (action 10) after a path speed (action 51).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathSpeedAnswer {
-    /// `ok`, as to any other list.
+    /// `ok`, as for any other list.
     Ok,
-    /// `err`, although the list is taken and runs.
+    /// `err`, although the list is taken and executed.
     Err,
 }
 
 /// When the signal of action 52 stops a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignalStop {
-    /// While the signal is there: a move that begins then stops at once.
+    /// While the signal has the level: a move that begins then stops at once.
     Level,
-    /// When the signal comes during a move.
+    /// When the signal changes to the level during a move.
     Edge,
 }
 
-/// What an instruction without `oneshot` is.
+/// What an instruction without `oneshot` means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MissingOneshot {
-    /// As with `oneshot` 0: it stays, and the list runs again and again.
+    /// Like `oneshot` 0: it stays, and the list runs again and again.
     Keep,
-    /// As with `oneshot` 1: it is removed once it has run.
+    /// Like `oneshot` 1: it is removed after it has run.
     Remove,
 }
 
 /// What `actionSingleCycle` does while a program waits for remote commands and the list is empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IdleSingleCycle {
-    /// Mode 9: the program waits for a list, runs it once, and ends with its pass.
+    /// In mode 9 the program waits for a list, runs it once, and ends with its pass.
     Wait,
     /// The program ends at once.
     End,

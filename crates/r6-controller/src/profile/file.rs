@@ -1,4 +1,4 @@
-//! The file of a profile.
+//! Reads the file of a profile.
 
 use std::time::Duration;
 
@@ -55,14 +55,14 @@ const STOP_MODES: [(&str, StopMode); 2] = [("auto", StopMode::Auto), ("stop", St
 const STOP_BUTTONS: [(&str, StopButton); 2] =
     [("finish-cycle", StopButton::FinishCycle), ("at-once", StopButton::AtOnce)];
 
-/// Overwrites a setting where the file has one.
+/// Overwrites a setting if the file has it.
 fn set<T>(setting: &mut T, value: Option<T>) {
     if let Some(value) = value {
         *setting = value;
     }
 }
 
-/// The profile that a file describes: another one, with these settings changed.
+/// Reads a profile from a file: its base profile, with single settings changed.
 pub(super) fn read(text: &str) -> Result<Profile, Mistakes> {
     let (document, mut found) = form::parse(text);
     let fields = Fields::of(&document, &[], "");
@@ -71,7 +71,7 @@ pub(super) fn read(text: &str) -> Result<Profile, Mistakes> {
     let mut profile = base.unwrap_or_else(Profile::hc1);
     let text = |name| fields.text(name, "a text").map(str::to_owned);
     let ms = |name| fields.whole(name, u64::MAX >> 1).map(Duration::from_millis);
-    // 0: no limit.
+    // 0 means no limit.
     let limit = |name| fields.whole(name, usize::MAX >> 1).map(|bytes| (bytes > 0).then_some(bytes));
     set(&mut profile.name, text("name"));
     set(&mut profile.version, text("version"));
@@ -108,7 +108,7 @@ pub(super) fn read(text: &str) -> Result<Profile, Mistakes> {
     set(&mut profile.oneshot_missing, fields.word("oneshot_missing", &MISSING_ONESHOT));
     set(&mut profile.moving_in_delay, fields.flag("moving_in_delay"));
     set(&mut profile.idle_single_cycle, fields.word("idle_single_cycle", &IDLE_SINGLE_CYCLES));
-    let connections = "a whole number, 1 or more: 0 would serve nobody";
+    let connections = "a whole number, 1 or more: 0 would serve no client";
     set(&mut profile.max_connections, fields.whole_in("max_connections", connections, 1..=usize::MAX));
     set(&mut profile.answers_heartbreak, fields.flag("answers_heartbreak"));
     set(&mut profile.dialect.says_virtual, fields.flag("says_virtual"));
@@ -126,7 +126,7 @@ pub(super) fn read(text: &str) -> Result<Profile, Mistakes> {
     found.finish(profile)
 }
 
-/// Names of the protocol in brackets. One that it does not have is told with the nearest one.
+/// Names of the protocol, in brackets. An unknown name is reported with the nearest known one.
 fn names(
     fields: &Fields<'_>,
     key: &'static str,

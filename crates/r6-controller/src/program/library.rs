@@ -1,4 +1,4 @@
-//! The programs that one controller has (`moldList`).
+//! The programs of one controller (`moldList`).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -8,11 +8,11 @@ use r6_program::Mistakes;
 
 use super::Program;
 
-/// No controller has more programs. Pendants list some dozen.
+/// The most programs of one controller. Pendants list some dozen.
 pub const MAX_PROGRAMS: usize = 200;
 
-/// No controller keeps more text of programs that a person loaded at the machine, bytes of all together: with two bytes for each quote and
-/// line end as JSON that is a file that is written in a moment.
+/// The most text of programs that an operator loads at the machine: bytes of all programs together. As JSON,
+/// with two bytes for each quote and line end, that is a file that is written in a moment.
 pub const MAX_LOADED_BYTES: usize = 2 << 20;
 
 /// The programs that come with every virtual controller: name, text.
@@ -36,7 +36,7 @@ impl Default for Library {
     fn default() -> Self {
         let mut library = Self::empty();
         for (name, text) in SHIPPED {
-            // A test holds that none of the files is dropped here.
+            // A test makes sure that no file is dropped here.
             if let Ok(program) = Program::read(name, text) {
                 library.programs.insert(name.to_owned(), Arc::new(program));
             }
@@ -46,7 +46,7 @@ impl Default for Library {
 }
 
 impl Library {
-    /// No programs at all.
+    /// A library without programs.
     #[must_use]
     pub const fn empty() -> Self {
         Self { programs: BTreeMap::new() }
@@ -57,7 +57,7 @@ impl Library {
         SHIPPED.into_iter()
     }
 
-    /// Takes a program, in place of one with the same name.
+    /// Adds a program, and replaces one with the same name.
     ///
     /// # Errors
     /// [`LibraryError::Full`].
@@ -70,17 +70,17 @@ impl Library {
         Ok(())
     }
 
-    /// Reads a program and takes it.
+    /// Reads a program and adds it.
     ///
     /// # Errors
-    /// [`LibraryError`] says what is wrong with the text, or that there is no room.
+    /// [`LibraryError`] says what is wrong with the text, or that the library is full.
     pub fn load(&mut self, name: &str, text: &str) -> Result<(), LibraryError> {
         let program = Program::read(name, text)
             .map_err(|mistakes| LibraryError::Program { name: name.to_owned(), mistakes: mistakes.into() })?;
         self.insert(program)
     }
 
-    /// The program of this name.
+    /// The program with this name.
     #[must_use]
     pub fn named(&self, name: &str) -> Option<&Arc<Program>> {
         self.programs.get(name)
@@ -96,13 +96,13 @@ impl Library {
         self.programs.values().map(|program| &**program)
     }
 
-    /// Whether this is a program that comes with every virtual controller, as it comes.
+    /// Whether this is an unchanged program that comes with every virtual controller.
     #[must_use]
     pub fn is_shipped(program: &Program) -> bool {
         SHIPPED.contains(&(program.name(), program.text()))
     }
 
-    /// Whether a program is another one, or may call it, directly or through others.
+    /// Whether two names are the same program, or the first may call the second, directly or through others.
     #[must_use]
     pub fn reaches(&self, from: &str, name: &str) -> bool {
         let mut seen = BTreeSet::new();
@@ -118,7 +118,7 @@ impl Library {
         false
     }
 
-    /// What a program calls that is not there, and the nearest name that is.
+    /// The first call of a program to a missing program, with the nearest existing name.
     #[must_use]
     pub fn missing_call(&self, program: &Program) -> Option<String> {
         let missing = program.calls().find(|name| !self.programs.contains_key(*name))?;
@@ -128,17 +128,17 @@ impl Library {
     }
 }
 
-/// Why a program was not taken.
+/// Why a program was not added.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LibraryError {
     /// Its text is wrong.
     Program {
-        /// The name it was to have.
+        /// The name of the program.
         name: String,
-        /// What is wrong, and where.
+        /// The mistakes, with their places.
         mistakes: Box<Mistakes>,
     },
-    /// There is no room.
+    /// The library is full.
     Full,
 }
 

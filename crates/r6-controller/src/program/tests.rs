@@ -28,7 +28,7 @@ fn a_library_is_bounded_and_knows_what_is_missing() {
     assert_eq!(library.named("p1").unwrap().steps(), [Step::End], "in place of the one of that name");
 }
 
-/// docs/PROGRAMS.md has a row for every shipped program, and no other.
+/// docs/PROGRAMS.md has a row for every shipped program and no other rows.
 #[test]
 fn the_page_tells_every_shipped_program() {
     let page = include_str!("../../../../docs/PROGRAMS.md");

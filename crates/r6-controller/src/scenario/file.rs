@@ -1,4 +1,4 @@
-//! From a scenario's text to its entries.
+//! Reads the entries of a scenario from its text.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use crate::mode::Key;
 use crate::panel::{Button, LAST_ALARM, PanelAction};
 use crate::saved::MAX_COUNT;
 
-/// The words of what can happen (`do`), in the order in which `docs/SCENARIOS.md` tells them.
+/// The words of the happenings (`do`), in the order of `docs/SCENARIOS.md`.
 pub const HAPPENINGS: [&str; 15] = [
     "input",
     "bounce",
@@ -32,18 +32,18 @@ pub const HAPPENINGS: [&str; 15] = [
     "power-cut",
 ];
 
-/// A year: no scenario is longer, seconds.
+/// The longest time in a scenario, in seconds: a year.
 const LONGEST: f64 = 31_536_000.0;
 
-/// What happens again does so a millisecond later at the earliest: nothing in a cell is faster, and a timeline that stands still
-/// would never end.
+/// The shortest time between repetitions, in seconds. Nothing in a cell is faster, and a timeline that does
+/// not advance would never end.
 const SHORTEST: f64 = 0.001;
 
-/// How often a second whatever is repeated happens, all of it together: as often as the fastest thing in a cell, and so seldom
-/// that a controller spends no more than some hundredths of its time on it.
+/// How many repeated events a scenario may have per second, all together. This matches the fastest thing in a
+/// cell, and costs a controller no more than some hundredths of its time.
 const MOST_OFTEN: f64 = 1000.0;
 
-/// How often a contact bounces at most: real ones come to rest after some dozen.
+/// How often a contact bounces at most. Real ones come to rest after some dozen changes.
 const MOST_BOUNCES: u32 = 1000;
 
 const SECONDS: &str = "seconds, 0 to 31536000";
@@ -60,7 +60,7 @@ pub(super) fn read(text: &str) -> Result<Scenario, Mistakes> {
     top.finish(Ok(()), &mut found);
     let timeline = entries("at", &at, "do", &mut found, entry);
     let often: f64 = timeline.iter().filter_map(|entry| Some(entry.every?.as_secs_f64().recip())).sum();
-    // A little more, for the sake of arithmetic.
+    // A little more, to allow for rounding.
     if often > MOST_OFTEN + 1e-6 {
         let what = format!(
             "the entries of [[at]] happen {often:.0} times a second in all; {MOST_OFTEN} are possible"
@@ -72,7 +72,7 @@ pub(super) fn read(text: &str) -> Result<Scenario, Mistakes> {
     found.finish(Some(Scenario { seed, timeline, reactions, faults }))
 }
 
-/// The entries of one list; `named_by` is the field that tells them apart for a person.
+/// Reads the entries of one list; `named_by` is the field that identifies an entry in messages.
 fn entries<T>(
     list: &'static str,
     tables: &[&Table],
@@ -175,7 +175,7 @@ fn happening(fields: &Fields<'_>) -> Result<Happening, Wrong> {
     })
 }
 
-/// A program is chosen, or, with a text, loaded.
+/// Reads the choice of a program, or with `text` the loading of one.
 fn program(fields: &Fields<'_>) -> Result<Happening, Wrong> {
     let text = fields.text("text", "the text of a program");
     let name = fields.due("name", "the name of a program", Node::text)?.to_owned();

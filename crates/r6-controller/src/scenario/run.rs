@@ -1,4 +1,4 @@
-//! A scenario under way: what is due next, what is in force now.
+//! A running scenario: what is due next, and which faults are in force.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -11,55 +11,56 @@ use crate::fault::Fault;
 use crate::io::Io;
 use r6_traffic::random::Random;
 
-/// How many reactions may be under way at once: an output that flutters while its input takes its time to follow does not fill
-/// the memory. Beyond, changes are not followed.
+/// How many reactions may be pending at once. The bound keeps an output that changes fast, with a slow input,
+/// from filling the memory. Beyond it, changes are not followed.
 const MAX_UNDER_WAY: usize = 10_000;
 
-/// Sets a scenario's random numbers apart from the machine's.
+/// Separates a scenario's random numbers from the machine's.
 const OWN_NUMBERS: u64 = 0x5ce7_a210;
 
-/// A scenario under way.
+/// A running scenario.
 #[derive(Clone, Debug)]
 pub(crate) struct ScenarioRun {
     scenario: Arc<Scenario>,
     random: Random,
     started: Instant,
-    /// What comes, by its time and the order in which it was planned.
+    /// What is due, by time and by the order of planning.
     queue: BTreeMap<(Instant, u64), Due>,
     planned: u64,
-    /// What each reaction watches: how the output stood, and when the input follows that is last on its way.
+    /// The state of each reaction: the last seen level of the output, and the latest time planned for the
+    /// input.
     seen: Vec<(bool, Instant)>,
 }
 
 #[derive(Clone, Debug)]
 enum Due {
-    /// An entry of the timeline: its number, when it would be without its spread, how often it has happened.
+    /// An entry of the timeline: its number, its time without the spread, how often it has happened.
     Entry(usize, Instant, u32),
-    /// An input that follows: it is on its way already.
+    /// An input follows an output. This is already under way.
     Input(InputPoint, bool),
-    /// An input that bounces.
+    /// An input bounces.
     Bounce(InputPoint, bool),
     /// A fault begins or ends.
     Edge,
     /// The mains are back.
     Power,
-    /// A list is taken that came before.
+    /// A list that came earlier is taken.
     List(LateList),
 }
 
 /// A list that is taken later than it came.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LateList {
-    /// Whether it replaces the one that is there then.
+    /// Whether it replaces the list that is there at that time.
     pub replace: bool,
     /// Its instructions.
     pub steps: Vec<Instruction>,
 }
 
-/// What a scenario has to say.
+/// Something that the scenario does.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Turn {
-    /// Something happens.
+    /// An event of the timeline happens.
     Happens(Happening),
     /// An input follows an output.
     Follows(InputPoint, bool),
@@ -69,14 +70,14 @@ pub(crate) enum Turn {
     FaultsChange,
     /// The mains are back.
     PowerIsBack,
-    /// A list is taken that came before.
+    /// A list that came earlier is taken.
     ListIsTaken(LateList),
 }
 
 impl ScenarioRun {
     pub fn new(scenario: Arc<Scenario>, seed: u64, now: Instant) -> Self {
         let mut run = Self {
-            // What the machine draws from the same seed is drawn apart.
+            // Keeps these draws separate from the machine's, which come from the same seed.
             random: Random::new(scenario.seed.wrapping_add(seed) ^ OWN_NUMBERS),
             started: now,
             queue: BTreeMap::new(),
@@ -89,7 +90,7 @@ impl ScenarioRun {
         }
         let ends = |window: &Window| window.lasts.map(|lasts| window.from + lasts);
         let edges = scenario.faults.iter().flat_map(|window| [Some(window.from), ends(window)]);
-        // However many begin and end at one time, they are looked at once.
+        // All faults that begin or end at one time need only one entry.
         for edge in edges.flatten().collect::<BTreeSet<_>>() {
             run.plan(now + edge, Due::Edge);
         }
@@ -107,12 +108,12 @@ impl ScenarioRun {
         self.plan(at + later, Due::Entry(number, at, happened));
     }
 
-    /// When something is due next.
+    /// When the next entry is due.
     pub fn next_due(&self) -> Option<Instant> {
         self.queue.keys().next().map(|(at, _)| *at)
     }
 
-    /// When the next input follows that is on its way already: others wait for it, as for a move.
+    /// When the next input change is due that is already under way. Others wait for it, as for a move.
     pub fn next_under_way(&self) -> Option<Instant> {
         self.queue
             .iter()
@@ -125,7 +126,7 @@ impl ScenarioRun {
         !self.scenario.reactions.is_empty()
     }
 
-    /// What is due at this time, one after the other.
+    /// Takes the next entry that is due at this time.
     pub fn take(&mut self, now: Instant) -> Option<Turn> {
         loop {
             let first = self.queue.first_entry().filter(|first| first.key().0 <= now)?;
@@ -149,7 +150,7 @@ impl ScenarioRun {
         }
     }
 
-    /// Leaves out what happens again and again up to now, and tells how often it would have.
+    /// Skips the repetitions up to now, and returns how many there were.
     pub fn catch_up(&mut self, now: Instant) -> u64 {
         let overdue = |(at, _): &(Instant, u64), due: &mut Due| {
             *at <= now && matches!(due, Due::Entry(number, ..) if self.scenario.repeats(*number))
@@ -171,7 +172,7 @@ impl ScenarioRun {
         skipped
     }
 
-    /// Has a contact bounce from now on; whether all of it found room.
+    /// Plans the bounces of a contact. Returns false if there was not enough room.
     pub fn bounce(&mut self, now: Instant, bounce: &Bounce) -> bool {
         let step = bounce.within / bounce.times.max(1);
         for change in 0..bounce.times {
@@ -184,19 +185,19 @@ impl ScenarioRun {
         true
     }
 
-    /// Has a list taken at this time; one that finds no room is lost.
+    /// Plans that a list is taken at this time. Without room the list is lost.
     pub fn take_later(&mut self, at: Instant, list: LateList) {
         if self.queue.len() < MAX_UNDER_WAY {
             self.plan(at, Due::List(list));
         }
     }
 
-    /// Lists that were to be taken later are lost with the mains.
+    /// Drops the lists that were to be taken later, because the mains fail.
     pub fn lose_lists(&mut self) {
         self.queue.retain(|_, due| !matches!(due, Due::List(_)));
     }
 
-    /// The mains are back at this time, or later where they fail for longer already.
+    /// Plans that the mains are back at this time, or later if they already fail for longer.
     pub fn power_is_back(&mut self, at: Instant) {
         let planned = self.queue.iter().find(|(_, due)| matches!(due, Due::Power)).map(|(key, _)| *key);
         if planned.is_some_and(|(planned, _)| planned >= at) {
@@ -208,7 +209,7 @@ impl ScenarioRun {
         self.plan(at, Due::Power);
     }
 
-    /// Plans how inputs follow what has changed of the outputs; whether all of it found room.
+    /// Plans how inputs follow the outputs that have changed. Returns false if there was not enough room.
     pub fn react(&mut self, now: Instant, io: &Io) -> bool {
         let scenario = Arc::clone(&self.scenario);
         let mut room = true;
@@ -222,7 +223,7 @@ impl ScenarioRun {
                 room = false;
                 continue;
             }
-            // Whatever is drawn, the input ends as the last change of the output wants it.
+            // Whatever the spread, the input ends at the level for the last change of the output.
             let due = (now + reaction.after + self.random.up_to(reaction.spread)).max(*last);
             *last = due;
             self.plan(due, Due::Input(reaction.then, reaction.set.unwrap_or(on)));
@@ -242,7 +243,7 @@ impl ScenarioRun {
         self.scenario.faults.get(number).map(|window| (&window.fault, window.chance))
     }
 
-    /// Whatever the scenario leaves open.
+    /// The random numbers of the scenario.
     pub fn random(&mut self) -> &mut Random {
         &mut self.random
     }

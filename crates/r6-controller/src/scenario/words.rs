@@ -1,4 +1,4 @@
-//! What happens, in the words of a scenario's text: for the log.
+//! Happenings in the words of a scenario's text, for the log.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use crate::mode::Key;
 use crate::panel::{Button, PanelAction};
 
 impl Happening {
-    /// The same without texts that a line of the log does not show.
+    /// The same without the texts that a log line does not show.
     pub(crate) fn for_the_log(&self) -> Self {
         match self {
             Self::Request(_) => Self::Request(Vec::new()),
@@ -87,6 +87,7 @@ fn panel(f: &mut fmt::Formatter<'_>, action: &PanelAction) -> fmt::Result {
         PanelAction::RaiseAlarm(number) => write!(f, "alarm {number}"),
         PanelAction::Home => f.write_str("home"),
         PanelAction::Jog { axis, by, .. } => write!(f, "jog {axis} by {by}"),
+        PanelAction::ClearPoints => f.write_str("points of cameras are removed"),
         PanelAction::SwitchProgram(name) => write!(f, "program `{name}` is chosen"),
         PanelAction::LoadProgram { name, .. } => write!(f, "program `{name}` is loaded"),
     }

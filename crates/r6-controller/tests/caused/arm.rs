@@ -1,4 +1,4 @@
-//! What the addresses of the arm report of what a taught program or a person at the panel did.
+//! The addresses of the arm: they report what a taught program or an operator at the panel did.
 
 use r6_controller::{Button, ControllerSettings, Key, PanelAction, Profile, RobotModel};
 use r6_motion::drive::torques;
@@ -25,7 +25,7 @@ crate::cases! { CASES: crate::address_on_each;
         for (n, target) in TARGET.into_iter().chain([0.0; 2]).enumerate() {
             assert_eq!(cell.text(&format!("axis-{n}")), format!("{target:.6}"), "axis-{n}");
         }
-        // And a person moves each of them by hand.
+        // Then the operator moves each of them by hand.
         person(&mut cell, &PanelAction::TurnKey(Key::Manual));
         for (axis, from) in AxisIndex::ALL.into_iter().zip(TARGET) {
             person(&mut cell, &PanelAction::Jog { axis, by: -2.5, percent: 100.0 });
@@ -83,11 +83,11 @@ crate::cases! { CASES: crate::address_on_each;
     };
     tool_coord "toolCoord" => |profile| {
         let program = step::numbered("tool", 3) + &step::numbered("workbench", 2) + step::REMOTE;
-        // The third text, a collaborative dispatcher, is nobody's: no manual has a word that chooses one.
+        // Nothing changes the third text, a collaborative dispatcher: no manual names a way to choose one.
         changes(&mut taught(profile, &program), "toolCoord", r#"["0","0","0"]"#, start, r#"["3","2","0"]"#);
     };
     faxis_n "faxis-n" => |profile| {
-        // Undocumented; taken for the filtered position, which is that of the arm.
+        // Undocumented; taken for the filtered position, which is the position of the arm.
         let mut cell = taught(profile, &(step::axes(&TARGET, 50.0) + step::REMOTE));
         assert_eq!(cell.text("faxis-0"), "0.000000");
         start(&mut cell);
@@ -102,7 +102,7 @@ crate::cases! { CASES: crate::address_on_each;
     };
 }
 
-/// An own place for every axis.
+/// A different position for every axis.
 const TARGET: [f64; 6] = [12.5, -20.25, 30.125, 5.5, 40.75, -90.0];
 
 /// A program that turns one axis, backwards, at a quarter of its full speed.
@@ -112,7 +112,8 @@ fn turning(profile: &Profile, axis: usize) -> Cell {
     taught(profile, &(step::axes(&to, 25.0) + step::REMOTE))
 }
 
-/// What a torque has to be while an axis turns evenly: that of its place and speed, which the other addresses tell.
+/// The torque while an axis turns evenly: it follows from the position and speed, which other addresses
+/// report.
 fn torque(profile: &Profile) {
     let model = arm();
     let expected = |cell: &mut Cell, axis: usize, speed: f64| {

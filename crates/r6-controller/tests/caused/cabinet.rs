@@ -1,4 +1,4 @@
-//! What the addresses of the cabinet report of what a taught program or a person at the panel did.
+//! The addresses of the cabinet: they report what a taught program or an operator at the panel did.
 
 use r6_controller::{Button, ControllerSettings, Key, PanelAction, Profile};
 use serde_json::json;
@@ -6,12 +6,13 @@ use serde_json::json;
 use crate::common::Cell;
 use crate::{changes, count, person, press, profiles, settings, start, step, taught, told, value};
 
-/// What no program and no person at the panel changes, and why. Their cases show what they report.
+/// Addresses that no program and no operator at the panel changes, and why. Their cases show what they
+/// report.
 pub const BY_NOBODY: [(&str, &str); 6] = [
     ("version", "the firmware: only another one has another version"),
     (
         "counterList",
-        "counters are set up, not made: a program that counts one that is not there ends with alarm 300",
+        "counters are set up, not made: a program that counts with a missing counter ends with alarm 300",
     ),
     ("boardIOnum", "boards are screwed in"),
     ("axisNum", "so are axes"),
@@ -96,12 +97,12 @@ crate::cases! { CASES: crate::address_on_each;
     mold_list "moldList" => |profile| {
         let shipped = ["default", "palletise", "pick-and-place", "register-follow", "register-move", "remote"];
         assert_eq!(Cell::of(settings(profile)).value("moldList"), json!(shipped));
-        // A program that a person has taught.
+        // A taught program.
         let mut names = shipped.to_vec();
         names.push("taught");
         let mut cell = taught(profile, step::REMOTE);
         assert_eq!(cell.value("moldList"), json!(names));
-        // One that a person loads while the machine runs.
+        // A program that the operator loads while the machine runs.
         let load = PanelAction::LoadProgram { name: "loaded".to_owned(), text: step::REMOTE.to_owned() };
         cell.controller.operate(cell.now, &load).unwrap();
         names.push("loaded");
@@ -126,7 +127,8 @@ crate::cases! { CASES: crate::address_on_each;
         assert_eq!(cell.text("Addr-850"), "-7");
     };
     remote_cmd_len "RemoteCmdLen" => |profile| {
-        // The program takes the steps off the list at its step that waits for them; a person stops and starts it.
+        // The program takes the instructions off the list at its step that waits for them; the operator stops
+        // and starts it.
         let mut cell = taught(profile, &(step::count(0) + step::REMOTE));
         start(&mut cell);
         let wait = json!({"oneshot": "1", "action": "100", "type": "100", "limit": "5"});
@@ -139,13 +141,13 @@ crate::cases! { CASES: crate::address_on_each;
             cell.pass(6.0);
         };
         changes(&mut cell, "RemoteCmdLen", "2", go_on, "1");
-        // Another program has a list of its own.
+        // Another program has its own list.
         let load = |cell: &mut Cell| person(cell, &PanelAction::SwitchProgram("remote".to_owned()));
         changes(&mut cell, "RemoteCmdLen", "1", load, "0");
     };
 }
 
-/// Every counter there is, and the highest number that there can be.
+/// Every counter of a new controller, and the highest possible number.
 fn counters(profile: &Profile) {
     for id in [0, 2, 5, 999_999_999] {
         let mut settings = settings(profile);
@@ -174,14 +176,14 @@ fn modes(profile: &Profile) {
     changes(&mut cell, "curMode", "7", key(Key::Auto), "2");
     changes(&mut cell, "curMode", "2", |cell| press(cell, Button::SingleCycle), "9");
     changes(&mut cell, "curMode", "9", |cell| cell.pass(1.0), "2");
-    // The first step takes no time, so a press for it is over at once; the second one takes a second.
+    // The first step takes no time, so it is over at once; the second one takes a second.
     changes(&mut cell, "curMode", "2", |cell| press(cell, Button::SingleStep), "2");
     changes(&mut cell, "curMode", "2", |cell| press(cell, Button::SingleStep), "8");
     changes(&mut cell, "curMode", "8", |cell| cell.pass(1.0), "2");
-    // 0 is a controller that is switching on, and does not answer.
+    // 0 means a controller that is switching on, and it does not answer.
 }
 
-/// A program sets one point of each board after the other.
+/// A program sets one point of each board after another.
 fn words_of_a_program(profile: &Profile, letter: &str, stem: &str) {
     for point in 0..32_u32 {
         let name = |board: u32| match board {
@@ -201,7 +203,7 @@ fn words_of_a_program(profile: &Profile, letter: &str, stem: &str) {
     }
 }
 
-/// The list of what nobody causes is as long as it has to be: what it names does stay, whatever is done.
+/// The list of values that nothing causes is right: those values stay the same, whatever is done.
 #[test]
 fn what_nobody_causes_stays_whatever_is_done() {
     for profile in profiles() {

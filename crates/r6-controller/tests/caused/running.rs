@@ -1,4 +1,4 @@
-//! Commands that start, stop or go on: what they do to a taught program, and to what a person has done.
+//! Commands that start, stop or continue: their effect on a taught program, and on what an operator has done.
 
 use r6_controller::{Key, PanelAction, Profile};
 
@@ -26,7 +26,7 @@ crate::cases! { CASES: crate::command_on_each;
         assert!(rest > 10.0 && rest < 40.0 && value(&mut cell, "isMoving") == "0", "{rest}");
         cell.pass(100.0);
         assert_eq!((cell.number("axis-0"), value(&mut cell, "curMode").as_str()), (rest, "2"));
-        // The next start goes on from there: the first step does not count again.
+        // The next start continues from there: the first step does not count again.
         start(&mut cell);
         cell.pass(5.0);
         assert_eq!((cell.text("axis-0").as_str(), count(&mut cell, 0)), ("90.000000", 1));
@@ -41,7 +41,7 @@ crate::cases! { CASES: crate::command_on_each;
     };
     start_button "startButton" => |profile| {
         let mut cell = taught(profile, &(step::count(0) + &step::turn(9.0, 50.0) + &step::wait_for("X010")));
-        // A person turns the key, and only then it may start.
+        // The operator turns the key; it may start only after that.
         person(&mut cell, &PanelAction::TurnKey(Key::Manual));
         assert_ne!(cell.command(&["startButton"]).last().map(String::as_str), Some("ok"));
         cell.pass(5.0);
@@ -70,7 +70,7 @@ crate::cases! { CASES: crate::command_on_each;
         start(&mut cell);
         told(&mut cell, &["switchMold", "other"]);
         assert_eq!((value(&mut cell, "output-0").as_str(), value(&mut cell, "curMode").as_str()), ("2", "7"));
-        // What the first program waited for no longer matters.
+        // The first program's wait no longer matters.
         person(&mut cell, &PanelAction::SetInput { board: 0, point: 0, on: true });
         assert_eq!(value(&mut cell, "output-0"), "2");
     };
@@ -85,7 +85,7 @@ crate::cases! { CASES: crate::command_on_each;
         told(&mut cell, &["clearAlarmContinue"]);
         assert_eq!(value(&mut cell, "curAlarm"), "130", "the same step again");
         assert_eq!((count(&mut cell, 0), count(&mut cell, 2)), (1, 0));
-        // An alarm that a person raises in mid-move, and that has no cause in the program.
+        // An alarm that the operator raises in mid-move, without a cause in the program.
         let mut cell = in_its_way(profile);
         person(&mut cell, &PanelAction::RaiseAlarm(850));
         cell.pass(10.0);
@@ -101,7 +101,7 @@ crate::cases! { CASES: crate::command_on_each;
         told(&mut cell, &["modifyGSPD", "250"]);
         cell.pass(1.0);
         assert!((speed_of_j1(&mut cell) - 5.52).abs() < 1e-3);
-        // Nothing at all, and on again.
+        // To 0, and up again.
         told(&mut cell, &["modifyGSPD", "0"]);
         cell.pass(1.0);
         assert_eq!(speed_of_j1(&mut cell), 0.0);
@@ -110,7 +110,8 @@ crate::cases! { CASES: crate::command_on_each;
         assert!((speed_of_j1(&mut cell) - 22.08).abs() < 1e-3);
     };
     modify_acc_dec "modifyAccDec" => |profile| {
-        // The way at full speed, half of each ramp (0.25 s, then 0.3 and 0.5), and the filter of 0.128 s.
+        // The distance at full speed, half of each ramp (0.25 s, then 0.3 and 0.5), and the filter of 0.128
+        // s.
         let program = step::turn(90.0, 100.0) + &step::turn(0.0, 100.0);
         let mut cell = taught(profile, &program);
         start(&mut cell);
@@ -126,19 +127,20 @@ crate::cases! { CASES: crate::command_on_each;
         person(&mut cell, &PanelAction::RaiseAlarm(850));
         told(&mut cell, &["clearAlarm"]);
         cell.pass(10.0);
-        // Nothing runs by itself.
+        // Nothing starts on its own.
         assert_eq!((value(&mut cell, "curAlarm").as_str(), value(&mut cell, "curMode").as_str()), ("0", "2"));
         assert!(cell.number("axis-0") < 30.0 && value(&mut cell, "isMoving") == "0");
         start(&mut cell);
         assert_eq!(value(&mut cell, "curMode"), "7");
-        // An emergency stop that is pressed is not cleared from afar.
+        // A pressed emergency stop is not cleared over the network.
         person(&mut cell, &PanelAction::EmergencyStop);
         assert_ne!(cell.command(&["clearAlarm"]).last().map(String::as_str), Some("ok"));
         assert_eq!(value(&mut cell, "curAlarm"), "7");
     };
 }
 
-/// A program that counts, turns J1 to 90 degrees at 22.08 per second and waits there; a second after its start.
+/// A program that counts, turns J1 to 90 degrees at 22.08 per second and waits there; one second after its
+/// start.
 fn in_its_way(profile: &Profile) -> Cell {
     let mut cell = taught(profile, &(step::count(0) + &step::turn(90.0, 10.0) + &step::wait(30.0)));
     start(&mut cell);
@@ -151,7 +153,7 @@ fn in_its_way(profile: &Profile) -> Cell {
 fn speed_of_j1(cell: &mut Cell) -> f64 {
     let before = cell.number("axis-0");
     cell.pass(0.1);
-    // Six decimals of each: a hundred-thousandth of what is compared.
+    // Six decimals of each: a hundred-thousandth of the compared value.
     (cell.number("axis-0") - before) / 0.1
 }
 
@@ -159,7 +161,7 @@ fn waiting_for_x010() -> String {
     step::wait_for("X010") + &step::output("Y010") + step::REMOTE
 }
 
-/// A program that counts, cannot turn J1 so far, and counts something else.
+/// A program that counts, fails to turn J1 that far, and counts something else.
 fn failing(profile: &Profile) -> Cell {
     let program = step::count(0) + &step::turn(170.0, 50.0) + &step::count(2) + step::REMOTE;
     let mut cell = taught(profile, &program);

@@ -1,4 +1,4 @@
-//! Commands that change a value: what a taught program, or a person, then finds.
+//! Commands that change a value: what a taught program, or an operator, finds afterwards.
 
 use r6_controller::io::OutputPoint;
 use r6_controller::{ControllerSettings, PanelAction, Profile, SavedState, StartState};
@@ -26,7 +26,7 @@ crate::cases! { CASES: crate::command_on_each;
         start(&mut cell);
         cell.pass(3.5);
         assert_eq!((count(&mut cell, 2), value(&mut cell, "output-0").as_str()), (4, "0"));
-        // The program counts on from there, and reaches its target.
+        // The program continues counting from there, and reaches its target.
         told(&mut cell, &["modifyCounter", "2", "48", "-1"]);
         cell.pass(1.0);
         assert_eq!((count(&mut cell, 2), value(&mut cell, "output-0").as_str()), (49, "0"));
@@ -52,13 +52,13 @@ crate::cases! { CASES: crate::command_on_each;
             word => value(&mut cell, word),
         });
         assert_eq!([y.as_str(), &far, &eu], ["1", "2147483648", "1"]);
-        // What the program has set is off again.
+        // The outputs that the program has set are off again.
         told(&mut cell, &["modifyOutput", "0", "0", "0"]);
         told(&mut cell, &["modifyOutput", "3", "31", "0"]);
         told(&mut cell, &["modifyOutput", "7", "0", "0"]);
         assert_eq!((value(&mut cell, "output-0").as_str(), value(&mut cell, "output-3").as_str()), ("0", "0"));
         assert!(!cell.controller.output(cell.now, OutputPoint::Eu(0)));
-        // And what it waits for has come: board 6 is the third of M.
+        // Its wait is over, too: board 6 is the third of M.
         let reply = cell.command(&["modifyOutput", "6", "1", "1"]);
         let goes_on = value(&mut cell, "output-0") == "2";
         assert_eq!(goes_on, profile.m_output_writable, "{reply:?}");
@@ -81,7 +81,7 @@ crate::cases! { CASES: crate::command_on_each;
                 person(&mut cell, &PanelAction::SetInput { board: 0, point: 0, on });
             }
         }
-        // While the program runs: the fourth place is of the new pattern.
+        // While the program runs: the fourth place follows the new pattern.
         told(&mut cell, &["modifyStackData", "3", "20", "25", "30", "2", "2", "1"]);
         cell.pass(1.0);
         for on in [true, false] {
@@ -119,27 +119,28 @@ crate::cases! { CASES: crate::command_on_each;
         told(&mut cell, &["switchTool", "0"]);
         assert_near(cell.world(), flange(&cell), 1e-6);
         assert!(apart(tip, cell.world()) > 99.999);
-        // The program, which goes on, takes its own tool again.
+        // The program continues, and chooses its own tool again.
         person(&mut cell, &PanelAction::SetInput { board: 0, point: 0, on: true });
         assert_near(cell.world(), tip, 1e-6);
     };
     modify_tool "modifyTool" => |profile| {
         let mut cell = tool_in_use(profile);
         let tip = cell.world();
-        // The tool that the program has chosen becomes longer by 10.5 mm, at once.
+        // The tool chosen by the program becomes longer by 10.5 mm, at once.
         told(&mut cell, &["modifyTool", "3", "0", "0", "110500", "0", "0", "0"]);
         let longer = cell.world();
         assert!((apart(tip, longer) - 10.5).abs() < 1e-5, "{}", apart(tip, longer));
         assert!((apart(flange(&cell), longer) - 110.5).abs() < 1e-5);
     };
     switch_coordinate "switchCoordinate" => |profile| {
-        // A workbench is taught at the pendant; here a controller comes back with two of them.
+        // A workbench is taught at the pendant; here a controller starts with two of them saved.
         let mut cell = on_benches(profile);
         start(&mut cell);
         cell.pass(5.0);
         let [x, y, z, ..] = cell.world();
         assert_near([x, y, z, 0.0, 0.0, 0.0], [400.0, 0.0, 450.0, 0.0, 0.0, 0.0], 2e-6);
-        // On the other one, which lies 30 mm further back and 20 to the right, the arm is elsewhere, and goes elsewhere.
+        // The other workbench lies 30 mm further back and 20 to the right, so the arm has other coordinates
+        // and another target there.
         told(&mut cell, &["switchCoordinate", "2"]);
         let [x, y, z, ..] = cell.world();
         assert_near([x, y, z, 0.0, 0.0, 0.0], [430.0, 20.0, 450.0, 0.0, 0.0, 0.0], 2e-6);
@@ -163,7 +164,8 @@ fn tool_in_use(profile: &Profile) -> Cell {
     cell
 }
 
-/// Where the flange of an arm that was not moved is: a controller of the same kind that has no tool tells.
+/// The pose of the flange of an arm that was not moved: a controller of the same kind without a tool reports
+/// it.
 fn flange(cell: &Cell) -> [f64; 6] {
     Cell::with(cell.controller.profile().clone(), StartState::Auto).world()
 }
@@ -172,7 +174,8 @@ fn apart(one: [f64; 6], other: [f64; 6]) -> f64 {
     (0..3).map(|n| (one[n] - other[n]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Comes back from a power cut with workbenches 1 and 2, and with a program that goes to a place on the one in use.
+/// Restores a controller after a power cut with workbenches 1 and 2, and with a program that moves to a place
+/// on the one in use.
 fn on_benches(profile: &Profile) -> Cell {
     let place = "[[step]]\ndo = \"linear-move\"\nto = [400, 0, 450]\nspeed = 40\n";
     let program = step::axes(&TOOL_DOWN, 80.0) + place + &step::wait_for("X010") + place + step::REMOTE;

@@ -29,12 +29,12 @@ impl Cell {
         Self::of(ControllerSettings { start, ..ControllerSettings::new(profile, model) })
     }
 
-    /// AddRCC takes as long as the profile says, to the nanosecond: what varies is tested for itself (`clock.rs`).
+    /// A cell on which AddRCC takes exactly the time of the profile; `clock.rs` tests how that time varies.
     pub fn of(settings: ControllerSettings) -> Self {
         Self::around(Controller::new(even(settings), Instant::ORIGIN))
     }
 
-    /// The same after a power cut that left this.
+    /// The same after a power cut that left this state.
     pub fn restored(settings: ControllerSettings, saved: &SavedState) -> Self {
         Self::around(Controller::restored(even(settings), saved, Instant::ORIGIN))
     }
@@ -45,7 +45,7 @@ impl Cell {
         Self { controller, now, id }
     }
 
-    /// Lets time pass, the way a shell does: from deadline to deadline.
+    /// Lets time pass from deadline to deadline, as a shell does.
     pub fn pass(&mut self, seconds: f64) {
         let end = self.now + Duration::from_secs_f64(seconds);
         while let Some(due) = self.controller.poll_timeout().filter(|due| *due <= end) {
@@ -60,14 +60,14 @@ impl Cell {
         self.controller.handle_input(self.now, self.id, bytes.as_ref());
     }
 
-    /// The next frame that may leave now.
+    /// The next frame that can be sent now.
     pub fn frame(&mut self) -> Option<String> {
         let frame = self.controller.poll_transmit(self.now, self.id)?;
-        // What a client sent that is not UTF-8 is echoed as it was sent.
+        // A client's bytes that are not UTF-8 are echoed unchanged.
         Some(String::from_utf8_lossy(frame).into_owned())
     }
 
-    /// The reply to a frame that is answered at once.
+    /// Sends a frame and returns the reply, which has to come at once.
     pub fn ask(&mut self, bytes: impl AsRef<[u8]>) -> String {
         self.send(bytes);
         let reply = self.frame().expect("a reply");
@@ -75,7 +75,7 @@ impl Cell {
         reply
     }
 
-    /// The values that answer a query.
+    /// Sends a query and returns its values.
     pub fn query(&mut self, addresses: &[&str]) -> Vec<Value> {
         let request =
             json!({"dsID": "www.hc-system.com.RemoteMonitor", "reqType": "query", "queryAddr": addresses});
@@ -107,7 +107,7 @@ impl Cell {
         std::array::from_fn(|component| self.number(&format!("world-{component}")))
     }
 
-    /// The words of the reply to a command.
+    /// Sends a command and returns the words of the reply.
     pub fn command(&mut self, words: &[&str]) -> Vec<String> {
         let request =
             json!({"dsID": "www.hc-system.com.RemoteMonitor", "reqType": "command", "cmdData": words});
@@ -115,12 +115,12 @@ impl Cell {
         reply["cmdReply"].as_array().unwrap().iter().map(|word| word.as_str().unwrap().to_owned()).collect()
     }
 
-    /// A command that has to be answered ok.
+    /// Sends a command that has to be answered ok.
     pub fn ok(&mut self, words: &[&str]) {
         assert_eq!(self.command(words), [words[0], "ok"]);
     }
 
-    /// Sends a list of instructions; the reply is left to `frame`.
+    /// Sends a list of instructions; `frame` returns the reply.
     pub fn add_rcc(&mut self, empty_list: &str, instructions: &Value) {
         let request = json!({
             "dsID": "www.hc-system.com.HCRemoteCommand", "reqType": "AddRCC", "emptyList": empty_list,
@@ -129,7 +129,7 @@ impl Cell {
         self.send(request.to_string());
     }
 
-    /// Replaces the list, waits for the acknowledgement and gives its verdict.
+    /// Replaces the list, waits for the acknowledgement and returns its verdict.
     pub fn run(&mut self, instructions: &Value) -> Vec<String> {
         self.add_rcc("1", instructions);
         self.pass(0.018);
@@ -165,7 +165,7 @@ fn even(mut settings: ControllerSettings) -> ControllerSettings {
     settings
 }
 
-/// Commands that stop, start, or change what runs: for tests that send them in any order.
+/// Commands that stop, start, or change what runs, for tests that send them in any order.
 pub const STOPS_AND_STARTS: [&[&str]; 10] = [
     &["actionStop"],
     &["actionPause"],

@@ -1,6 +1,6 @@
-//! A palletising cell that runs by itself: a camera that finds parts, sheets and pallets that come with a delay, a PC that
-//! reads along and changes the pattern. All of it in virtual time, from one seed. A test has it work for an hour, a
-//! bench for a day.
+//! A palletising cell: a camera that finds parts, sheets and pallets that come with a delay, a PC that reads
+//! values and changes the pattern. All of it runs in virtual time, from one seed. A test lets it work for an
+//! hour, a bench for a day.
 
 use r6_controller::Event;
 use std::collections::BTreeMap;
@@ -12,15 +12,15 @@ use r6_controller::{
 };
 use r6_proto::time::Instant;
 
-/// How often the PC asks.
+/// How often the PC polls.
 const POLL: Duration = Duration::from_secs(1);
 
 const QUERY: &str = r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"1","queryAddr":["curMode","curAlarm","isMoving","axis-0","axis-1","axis-2","world-0","world-1","world-2","counter-0","counter-5","output-0"]}"#;
 
-/// After so many pallets the PC describes the next pattern.
+/// The number of pallets after which the PC describes the next pattern.
 pub const PALLETS_OF_A_PATTERN: u64 = 5;
 
-/// Patterns of the stack that take turns: spacing in mm, count. None is the one that the program brings along.
+/// Patterns of the stack that take turns: spacing in mm, count. The program itself brings another one.
 const PATTERNS: [([f64; 3], [u32; 3]); 2] =
     [([40.0, 35.0, 30.0], [3, 3, 2]), ([50.0, 45.0, 25.0], [2, 3, 3])];
 
@@ -38,7 +38,8 @@ const SHEET_IS_THERE: u8 = 2;
 /// What a cell did.
 #[derive(Debug, Default, PartialEq)]
 pub struct Day {
-    /// Every byte that the controller sent to the PC and to the camera, in order: how many, and their sum (FNV-1a, 64 bits).
+    /// Every byte that the controller sent to the PC and to the camera, in order: their count and their hash
+    /// (FNV-1a, 64 bits).
     pub bytes: (u64, u64),
     pub frames: u64,
     pub photos: u64,
@@ -49,18 +50,18 @@ pub struct Day {
     pub pallets: u64,
     /// How often the PC described another pattern.
     pub patterns: u64,
-    /// How far from its place in the pattern a part was put down at most, mm.
+    /// The largest distance of a part from its place in the pattern, mm.
     pub farthest: f64,
     /// The first alarm, in the words of the log.
     pub alarm: Option<String>,
 }
 
-/// What happens in the cell besides the controller.
+/// An event in the cell, outside the controller.
 #[derive(Clone, Copy, Debug)]
 enum Happens {
     /// The PC polls.
     Poll,
-    /// The camera answers a photo request: whether it could.
+    /// The camera answers a photo request; false if it could not take the photo.
     Answer(bool),
     /// The camera has found a part.
     Found,
@@ -75,20 +76,20 @@ struct Cell {
     camera: ConnectionId,
     random: u64,
     day: Day,
-    /// What will happen, in its order; the second number keeps apart what happens at one instant.
+    /// The planned events in order. The second number separates events at one instant.
     agenda: BTreeMap<(Instant, u64), Happens>,
     entries: u64,
-    /// The outputs as the cell saw them last.
+    /// The outputs when the cell last read them.
     held: bool,
     pallet_full: bool,
     layer_full: bool,
-    /// Parts on the present pallet.
+    /// Parts on the current pallet.
     on_pallet: u32,
     camera_failed: bool,
     frame: Vec<u8>,
 }
 
-/// Lets a cell with this seed work for so long.
+/// Lets a cell with this seed work for this long.
 pub fn work(seed: u64, time: Duration) -> Day {
     let mut library = Library::default();
     library.load("day", include_str!("program.toml")).unwrap_or_else(|error| panic!("{error}"));
@@ -125,7 +126,7 @@ pub fn work(seed: u64, time: Duration) -> Day {
 }
 
 impl Cell {
-    /// The camera makes itself known, the PC describes the first pattern and starts the program.
+    /// Lets the camera make itself known, and the PC describe the first pattern and start the program.
     fn switch_on(&mut self) {
         self.send(self.camera, r#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":0,"ret":1}"#);
         self.describe(0);
@@ -134,7 +135,7 @@ impl Cell {
         self.look();
     }
 
-    /// Goes to the next instant at which anything happens; `false` at the end.
+    /// Goes to the next instant with an event; false at the end.
     fn step(&mut self, end: Instant) -> bool {
         let own = self.controller.poll_timeout();
         let held_back = [self.pc, self.camera].into_iter().filter_map(|id| self.controller.next_transmit(id));
@@ -185,7 +186,7 @@ impl Cell {
         }
     }
 
-    /// Reads what was sent, and sees what the outputs do.
+    /// Reads the sent frames, and reacts to the outputs.
     fn look(&mut self) {
         for id in [self.pc, self.camera] {
             while let Some(frame) = self.controller.poll_transmit(self.now, id) {
@@ -230,7 +231,7 @@ impl Cell {
         let text = std::str::from_utf8(&self.frame).expect("UTF-8");
         if id == self.camera && text.contains(r#""reqType":"photo""#) {
             self.day.photos += 1;
-            // One in twenty is in vain, but never two in a row.
+            // One in twenty fails, but never two in a row.
             let taken = self.camera_failed || self.fraction() > 0.05;
             self.camera_failed = !taken;
             let after = self.between(120, 500);
@@ -244,7 +245,7 @@ impl Cell {
         }
     }
 
-    /// The PC describes the pattern that comes after so many, and how many parts a layer has.
+    /// Lets the PC describe the pattern with this number, and how many parts a layer has.
     fn describe(&mut self, number: u64) {
         let (spacing, count) = PATTERNS[usize::try_from(number % 2).expect("0 or 1")];
         let ([dx, dy, dz], [nx, ny, nz]) = (spacing, count);
@@ -254,7 +255,8 @@ impl Cell {
         self.send(self.pc, &format!(r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"command","packID":"5","cmdData":["modifyCounter","2","-1","{layer}"]}}"#));
     }
 
-    /// The gripper has opened: the arm is where the next place of the pattern is, which is counted here on its own.
+    /// Checks a part after the gripper has opened: the arm has to be at the next place of the pattern. The
+    /// test counts places on its own.
     fn part_was_put_down(&mut self) {
         let (spacing, [nx, ny, _]) = PATTERNS[usize::try_from((self.day.patterns - 1) % 2).expect("0 or 1")];
         let n = self.on_pallet;
@@ -277,13 +279,13 @@ impl Cell {
         self.agenda.insert((self.now + after, self.entries), happens);
     }
 
-    /// An input comes on after a time, and goes off a second later.
+    /// Plans that an input comes on after a time, and goes off a second later.
     fn pulse(&mut self, after: Duration, point: u8) {
         self.put_down(after, Happens::Input(point, true));
         self.put_down(after + Duration::from_secs(1), Happens::Input(point, false));
     }
 
-    /// 0 to 1, from the seed (a multiplicative generator).
+    /// A random number from 0 to 1, from the seed (a multiplicative generator).
     fn fraction(&mut self) -> f64 {
         self.random =
             self.random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -1,12 +1,12 @@
-//! Which scenarios there are, and how each is felt.
+//! All scenarios, and how the effect of each is recognised.
 
 use crate::machine_cases as cases;
 use crate::world::World;
 
-/// Who was there when a scenario had ended.
+/// Whether the effect of a scenario was seen, after its end.
 pub type Felt = fn(&World) -> bool;
 
-/// Each scenario with what shows that its fault was felt.
+/// Each scenario with the check that its fault was felt.
 pub const CASES: [(&str, Felt); 40] = [
     ("C1-keys", cases::keys),
     ("C2-emergency-stop", cases::emergency_stops),

@@ -1,5 +1,5 @@
-//! A small client that does what a client should: it polls, judges by the state, sends a motion once, and reads mode, alarm and
-//! list again on every new connection before it sends another.
+//! A small client that behaves as a client should. It polls, judges by the state, and sends a motion once. On
+//! every new connection it reads mode, alarm and list again before it sends another motion.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
@@ -13,15 +13,15 @@ use r6_proto::{Address, Command, Request};
 use crate::session_events::{Said, SessionEvent, told, word};
 
 const POLL: Duration = Duration::from_millis(100);
-/// Without a fault a reply comes at once, and that to a list after 18 ms.
+/// A reply after this is late. Without a fault a reply comes at once, and the reply to a list after 18 ms.
 const LATE: Duration = Duration::from_millis(250);
 const MOTION: Duration = Duration::from_millis(1500);
 
-/// The first register that has a value of its own, and how many have one (`world.rs`).
+/// The first register with its own value, and how many have one (`world.rs`).
 pub const FIRST: u16 = 800;
 pub const REGISTERS: u16 = 60;
 
-/// What a register says: which one it is.
+/// The value of a register, which identifies the register.
 pub fn value_of(register: u16) -> i64 {
     i64::from(register) * 7 + 1
 }
@@ -38,10 +38,10 @@ enum Asked {
 /// A motion that was sent, once.
 #[derive(Clone, Debug, Default)]
 pub struct Motion {
-    /// Where J1 ends, and where it is on the way.
+    /// The end of J1's move, and its position on the way.
     pub target: f64,
     pub half: f64,
-    /// What was said of it: ok, err, or nothing.
+    /// The answer: ok, err, or none.
     pub verdict: Option<bool>,
 }
 
@@ -59,7 +59,7 @@ pub struct Seen {
     /// Attempts to connect that were refused, and those that got no answer.
     pub refused: u32,
     pub unanswered: u32,
-    /// Pieces that end within a frame, and those with more than one.
+    /// Pieces that end within a frame, and pieces with more than one frame.
     pub parts: u32,
     pub together: u32,
     /// Replies that took more than a quarter of a second.
@@ -87,27 +87,27 @@ pub struct State {
 pub struct Client {
     pub session: ClientSession,
     pub id: ConnectionId,
-    /// Whether it moves the arm; one that does not only looks.
+    /// Whether it moves the arm; otherwise it only polls.
     moves: bool,
     pub next_poll: Instant,
     next_motion: Instant,
     round: u16,
     waiting: BTreeMap<u64, (Instant, Asked)>,
     answered: BTreeSet<u64>,
-    /// Read on this connection.
+    /// The state read on this connection.
     pub state: Option<State>,
     silent: u32,
     pub wants_new_connection: bool,
-    /// The last frames that the controller sent on this connection, as they were.
+    /// The last frames that the controller sent on this connection, unchanged.
     frames: VecDeque<Vec<u8>>,
     pub motions: Vec<Motion>,
     pub seen: Seen,
-    /// Whether values have to be those of their own addresses: not where lists are shifted.
+    /// Whether the values have to belong to their own addresses. False if lists are shifted.
     pub trusts_values: bool,
-    /// Whether bytes come as they were sent: not over a noisy link.
+    /// Whether bytes arrive as they were sent. False on a noisy link.
     pub trusts_bytes: bool,
     pub connected: bool,
-    /// Whether its motions go through the place on their way without a stop.
+    /// Whether its motions pass the point on the way without a stop.
     pub blends: bool,
     now: Instant,
 }
@@ -137,7 +137,7 @@ impl Client {
         }
     }
 
-    /// The connection has ended.
+    /// Handles the end of the connection.
     pub fn lose(&mut self, now: Instant) {
         self.session.handle_disconnect();
         self.hear(now);
@@ -146,12 +146,12 @@ impl Client {
         self.next_poll = now;
     }
 
-    /// Nobody took the connection: tries again later.
+    /// Tries again later, after the connection was not accepted.
     pub fn try_later(&mut self, now: Instant) {
         self.next_poll = now + POLL;
     }
 
-    /// A new connection is there: nothing that was known counts any more.
+    /// Takes a new connection, and forgets everything known from the old one.
     pub fn reconnect(&mut self, now: Instant, id: ConnectionId) {
         self.connected = true;
         self.session = session(self.session.next_pack_id());
@@ -164,13 +164,13 @@ impl Client {
         self.seen.connections += 1;
     }
 
-    /// When it does something next by itself.
+    /// When it next does something.
     pub fn next(&self) -> Instant {
         let session = self.session.poll_timeout().filter(|_| self.connected);
         session.map_or(self.next_poll, |due| due.min(self.next_poll))
     }
 
-    /// Time has come: polls, and sends a motion where everything says that it can run.
+    /// Handles the time: polls, and sends a motion if everything says that it can run.
     pub fn act(&mut self, now: Instant) {
         self.session.handle_timeout(now);
         self.hear(now);
@@ -217,7 +217,7 @@ impl Client {
         let number = self.motions.len();
         #[expect(clippy::cast_precision_loss, reason = "a small number")]
         let n = number as f64;
-        // Each target and each point on the way to it is its own.
+        // Each target and each point on the way to it is different.
         let side = if number.is_multiple_of(2) { 1.0 } else { -1.0 };
         let (target, half) = (side * (12.0 + n * 0.013), side * (4.0 + n * 0.011));
         let step = |to: f64, blend: Option<BlendLevel>| Instruction {
@@ -232,7 +232,7 @@ impl Client {
         self.ask(now, Asked::Motion(number), &Request::AddRcc { empty_list: false, instructions: &steps });
     }
 
-    /// The controller has sent this frame, or what was left of it.
+    /// Notes a frame that the controller has sent, or what was left of it.
     pub fn expect(&mut self, frame: &[u8]) {
         self.frames.push_back(frame.to_vec());
         if self.frames.len() > 400 {
@@ -295,7 +295,8 @@ impl Client {
         }
     }
 
-    /// What is delivered is a whole frame that the controller made: its bytes, from its first brace to its last.
+    /// Checks that a delivered frame is a whole frame that the controller made: its bytes, from its first
+    /// brace to its last.
     fn was_sent(&self, frame: &[u8]) {
         let whole = |sent: &Vec<u8>| {
             let begin = sent.iter().position(|byte| *byte == b'{');

@@ -1,4 +1,4 @@
-//! What the files promise and no case shows: with orders and numbers of its own.
+//! Promises of the scenario files that no case shows, tested with other commands and numbers.
 
 use std::time::Duration;
 
@@ -36,10 +36,10 @@ fn world(timeline: Vec<Entry>) -> World {
     world
 }
 
-/// A time at which the arm is in motion, and rests soon if nobody stops it.
+/// A time at which the arm is in motion, and comes to rest soon if it is not stopped.
 const IN_MOTION: f64 = 3.1;
 
-/// C2: after an emergency stop nothing moves until somebody starts, in whatever order it is released, cleared and switched.
+/// C2: after an emergency stop nothing moves until someone starts, in any order of release, clear and key.
 #[test]
 fn an_emergency_stop_is_left_in_any_order() {
     let actions = [
@@ -64,7 +64,7 @@ fn an_emergency_stop_is_left_in_any_order() {
     }
 }
 
-/// C5: the last number there is has none behind it, and the first none before it.
+/// C5: counting up stops at the last number, counting down at the first.
 #[test]
 fn counting_on_from_the_last_one_stays_at_it() {
     let text = "[[step]]\ndo = \"counter\"\nnumber = 0\nby = 7\n\n[[step]]\ndo = \"counter\"\nnumber = 2\nby = -7\n\n\
@@ -84,7 +84,8 @@ fn counting_on_from_the_last_one_stays_at_it() {
     assert!(world.reads(1.1, 3.0, "counter-2", &format!("[2,5,{}]", i64::MIN)), "{:?}", world.all_read());
 }
 
-/// C7: at speed 0 the arm rests, and goes on where it is once there is a speed again; what was paused does not.
+/// C7: at speed 0 the arm rests, and continues from there once the speed is above 0 again; a paused arm does
+/// not.
 #[test]
 fn speed_nought_rests_and_goes_on_and_a_pause_waits_for_a_start() {
     let press = |seconds, button| by_hand(seconds, &PanelAction::Press(button));
@@ -106,7 +107,7 @@ fn speed_nought_rests_and_goes_on_and_a_pause_waits_for_a_start() {
     }
 }
 
-/// P7: a photo request comes once for each time that a photo is wanted.
+/// P7: each wanted photo causes one photo request.
 #[test]
 fn photos_are_asked_for() {
     let mut scenario = crate::scenario("P7-unsolicited");
@@ -118,7 +119,7 @@ fn photos_are_asked_for() {
     assert_eq!((world.client.seen.photos, world.other.seen.photos), (4, 4));
 }
 
-/// P13: heartbreaks are answered, and nothing else is.
+/// P13: only heartbreaks are answered.
 #[test]
 fn a_heartbeat_is_no_proof() {
     let mut world = World::new(crate::scenario("P13-task-dead"), 0);
@@ -133,13 +134,13 @@ fn a_heartbeat_is_no_proof() {
     let query = json!({"reqType": "query", "queryAddr": ["curMode"]});
     for (seconds, served) in [(4.0, true), (6.0, false), (12.9, false), (13.1, true)] {
         world.run_to(at(seconds));
-        // This firmware answers heartbreaks only where nothing else is alive.
+        // This firmware answers heartbreaks only while the task is dead.
         assert_eq!(answers(&mut world, heartbreak.clone()), !served, "a heartbreak at {seconds} s");
         assert_eq!(answers(&mut world, query.clone()), served, "a query at {seconds} s");
     }
 }
 
-/// Where two clients count alike, the question tells whose reply it is.
+/// If two clients count alike, the echoed query shows whose reply it is.
 #[test]
 fn crossed_replies_with_the_same_numbers() {
     for seed in crate::SEEDS {
@@ -150,7 +151,7 @@ fn crossed_replies_with_the_same_numbers() {
     }
 }
 
-/// The text of a scenario is no place for what a person does not do.
+/// C8: a scenario that presses no start moves nothing while the arm rests.
 #[test]
 fn a_scenario_moves_nothing_by_itself_at_rest() {
     let mut world = World::with(crate::scenario("C8-io"), 0, "remote", false);

@@ -1,4 +1,4 @@
-//! What a session tells, without what it borrows; and what the log tells of starts.
+//! Events of a session as owned values, and starts found in the log.
 
 use r6_proto::client::{Event, StrayReason};
 use r6_proto::message::{Body, Message};
@@ -57,14 +57,15 @@ pub fn word(reason: StrayReason) -> &'static str {
     }
 }
 
-/// Whether one of these lines is a start that the machine did not refuse: a person's, or one that came over the wire. Nothing else may
-/// have an arm run that rests: no stop, no program that is chosen, no list where nothing waits for it.
+/// Whether one of these lines is a start that the machine did not refuse, of an operator or over the wire.
+/// Nothing else may start an arm at rest: no stop, no choice of a program, no list without a program that
+/// waits for it.
 pub fn is_started(lines: &[String]) -> bool {
     let pressed = |button: &str| {
         let press = format!("scenario: button {button}");
         let refusal = format!("{press}: ");
         let accepted = lines.iter().filter(|line| **line == press).count();
-        // Where the mains have failed a press is not even told as one.
+        // Without mains a press is not even logged as one.
         let refused =
             lines.iter().filter(|line| line.starts_with(&refusal) && !line.contains("the mains have failed"));
         accepted > refused.count()

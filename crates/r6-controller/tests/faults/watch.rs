@@ -1,5 +1,5 @@
-//! Two who do nothing but look: one stands at the machine, the other asks over the wire. What they see is what a scenario is judged by,
-//! never what it says of itself.
+//! Two observers: one at the machine, the other polling over the wire. A scenario is judged by what they see,
+//! never by its own log lines.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -15,7 +15,7 @@ const EVERY: Duration = Duration::from_millis(50);
 const STATE: [&str; 4] = ["curMode", "curAlarm", "isMoving", "axis-0"];
 const COUNTERS: [&str; 4] = ["counter-0", "counter-2", "counter-77", "counterList"];
 
-/// The machine, as it was from a time on.
+/// The state of the machine, from a time on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sight {
     pub mode: i64,
@@ -58,16 +58,16 @@ impl Sight {
     }
 }
 
-/// What the two have seen, each with its time.
+/// What the two observers saw, each with its time.
 #[derive(Debug, Default)]
 pub struct Watch {
-    /// Each change.
+    /// Each change of the machine.
     sights: Vec<(Instant, Sight)>,
     /// Each answer: the address and its value.
     answers: Vec<(Instant, &'static str, Value)>,
-    /// Who asks over the wire, and when it asks again.
+    /// The connection that polls, and when it polls next.
     asks: Option<(ConnectionId, Instant)>,
-    /// How many of its connections were ended by the controller.
+    /// How many of its connections the controller ended.
     pub ended: usize,
 }
 
@@ -98,7 +98,7 @@ impl Watch {
             return;
         }
         *next = now + EVERY;
-        // A counter that is not there has no value: each is a question of its own.
+        // A missing counter has no value, so each counter gets its own query.
         for addresses in [&STATE[..]].into_iter().chain(COUNTERS.chunks(1)) {
             let question = json!({"reqType": "query", "queryAddr": addresses}).to_string();
             controller.handle_input(now, *id, question.as_bytes());
@@ -119,12 +119,12 @@ fn at(seconds: f64) -> Instant {
 }
 
 impl World {
-    /// Whether the machine said this. What the scenario says of itself is no evidence that it did anything.
+    /// Whether the machine logged this. Log lines of the scenario do not prove that it did anything.
     pub fn said(&self, text: &str) -> bool {
         self.log.iter().any(|line| !line.starts_with("scenario: ") && line.contains(text))
     }
 
-    /// How the machine was from one time to the other, seconds, each time anew.
+    /// The states of the machine in a period, in seconds.
     pub fn sights(&self, from: f64, to: f64) -> impl Iterator<Item = &Sight> {
         let sights = &self.watch.sights;
         let begin = sights.partition_point(|(since, _)| *since <= at(from)).saturating_sub(1);
@@ -140,37 +140,37 @@ impl World {
         self.sights(from, to).any(holds)
     }
 
-    /// Whether no axis moved at all.
+    /// Whether no axis moved in a period.
     pub fn stands(&self, from: f64, to: f64) -> bool {
         let mut sights = self.sights(from, to);
         let first = sights.next().expect("the machine is always seen").axes;
         sights.all(|sight| sight.axes == first)
     }
 
-    /// Stands in the one time and moves in the other: it went on, and not by itself.
+    /// Whether the arm rests in the first period and moves in the second.
     pub fn goes_on(&self, stands: Range<f64>, moves: Range<f64>) -> bool {
         self.stands(stands.start, stands.end) && !self.stands(moves.start, moves.end)
     }
 
-    /// How often something of the machine changed.
+    /// How often a property of the machine changed.
     pub fn edges(&self, from: f64, to: f64, what: impl Fn(&Sight) -> bool) -> usize {
         let levels: Vec<_> = self.sights(from, to).map(what).collect();
         levels.windows(2).filter(|pair| pair[0] != pair[1]).count()
     }
 
-    /// The values of an address as they came over the wire from one time to the other, as text.
+    /// The values of an address read over the wire in a period, as text.
     pub fn read(&self, from: f64, to: f64, address: &str) -> BTreeSet<String> {
         let within = |time: &Instant| (at(from)..at(to)).contains(time);
         let answers = self.watch.answers.iter().filter(|(time, of, _)| within(time) && *of == address);
         answers.map(|(.., value)| value.as_str().map_or_else(|| value.to_string(), str::to_owned)).collect()
     }
 
-    /// Whether an address had this value over the wire all the time, and was read at all.
+    /// Whether an address had only this value over the wire, and was read at least once.
     pub fn reads(&self, from: f64, to: f64, address: &str, value: &str) -> bool {
         self.read(from, to, address) == BTreeSet::from([value.to_owned()])
     }
 
-    /// All that was read, for a complaint.
+    /// All values that were read, for a failure message.
     pub fn all_read(&self) -> BTreeMap<&'static str, BTreeSet<String>> {
         let addresses = STATE.into_iter().chain(COUNTERS).filter(|address| *address != "axis-0");
         addresses.map(|address| (address, self.read(0.0, 1e6, address))).collect()

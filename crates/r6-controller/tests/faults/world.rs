@@ -1,5 +1,5 @@
-//! A controller with a scenario, and three who talk to it, from deadline to deadline on a virtual clock. After every step it is checked
-//! that the arm kept its limits and moved only where somebody had told it to.
+//! A controller with a scenario and three clients, from deadline to deadline on a virtual clock. After every
+//! step the world checks that the arm kept its limits and moved only after a command.
 
 use r6_controller::event::{Detail, ShellEvent};
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -19,14 +19,14 @@ use crate::client::{Client, FIRST, REGISTERS, value_of};
 use crate::session_events::is_started;
 use crate::watch::Watch;
 
-/// How long an arm takes to come to rest at most: half a second after a pause, and a step.
+/// The longest time until an arm rests: half a second after a pause, and a step.
 const COMES_TO_REST: Duration = Duration::from_millis(650);
 
-/// The way between a client and the controller.
+/// The link between a client and the controller.
 #[derive(Clone, Debug)]
 struct Line {
     link: Link,
-    /// The faults that it knows of.
+    /// The number of link changes that it has applied.
     changes: u64,
 }
 
@@ -43,7 +43,7 @@ impl Line {
     }
 }
 
-/// The arm, as it was after the last step.
+/// The arm after the last step.
 #[derive(Clone, Copy, Debug)]
 struct Arm {
     at: Instant,
@@ -55,32 +55,32 @@ struct Arm {
 pub struct World {
     pub controller: Controller,
     pub now: Instant,
-    /// Moves the arm.
+    /// The client that moves the arm.
     pub client: Client,
-    /// Only looks.
+    /// The client that only polls.
     pub other: Client,
-    /// The ways of the two.
+    /// The links of the two clients.
     lines: [Line; 2],
     seed: u64,
-    /// Asks, and reads nothing.
+    /// The connection that sends queries and reads nothing.
     deaf: ConnectionId,
     next_deaf: Instant,
     arm: Arm,
     /// Since when nothing may move, and whether at once.
     halted: Option<(Instant, bool)>,
-    /// Where J1 came to rest, each time anew.
+    /// The positions at which J1 came to rest, in order.
     pub rests: Vec<f64>,
-    /// How far J1 went in all, and up to its last rest, degrees.
+    /// The distance of J1 in all, and up to its last rest, in degrees.
     travel: f64,
     pub travel_to_rest: f64,
-    /// Whether it has left the last of them.
+    /// Whether it has left the last of these positions.
     left: bool,
     /// Since when it rests there.
     rests_since: Instant,
-    /// How often the client had just read that J1 is where it is not.
+    /// How often the client's latest reading of J1 was not its position.
     pub stale: u32,
     pub log: Vec<String>,
-    /// Who only looks, at the machine and over the wire.
+    /// The observers, at the machine and over the wire.
     pub watch: Watch,
     speeds: Vec<(f64, f64, f64)>,
     hash: DefaultHasher,
@@ -97,7 +97,7 @@ impl World {
         let model = RobotModel::named("BRTIRUS0707A").unwrap().clone();
         let speeds = model.drives().map(|axis| (axis.soft.min, axis.soft.max, axis.max_speed)).collect();
         let mut profile = Profile::hc1();
-        // What is drawn is drawn by the scenario alone.
+        // Only the scenario may draw random numbers.
         profile.add_rcc_ack_spread = Duration::ZERO;
         let settings = ControllerSettings {
             seed,
@@ -146,14 +146,14 @@ impl World {
         }
     }
 
-    /// Neither bytes nor values are what they should be.
+    /// Stops the clients' checks of bytes and values.
     pub fn distrust(&mut self) {
         for client in [&mut self.client, &mut self.other] {
             (client.trusts_values, client.trusts_bytes) = (false, false);
         }
     }
 
-    /// Somebody asks over the wire from now on, on a connection of its own.
+    /// Begins to poll over the wire, on another connection.
     pub fn watch(&mut self) {
         self.watch.begin_to_ask(self.now, &mut self.controller);
     }
@@ -207,7 +207,7 @@ impl World {
         self.check(logged);
     }
 
-    /// Carries bytes both ways until nobody has anything to say.
+    /// Carries bytes both ways until neither side sends more.
     fn pump(&mut self) {
         let (now, controller, hash) = (self.now, &mut self.controller, &mut self.hash);
         for (client, line) in [&mut self.client, &mut self.other].into_iter().zip(&mut self.lines) {
@@ -314,7 +314,7 @@ impl World {
         self.stale += u32::from(known.is_some_and(|state| (state.j1 - after.axes[0]).abs() > 1e-4));
     }
 
-    /// A person makes the machine ready again.
+    /// Makes the machine ready again, as an operator does.
     pub fn make_ready(&mut self) {
         let mut actions = vec![PanelAction::ReleaseEmergencyStop];
         actions.push(PanelAction::TurnKey(Key::Auto));
@@ -341,25 +341,26 @@ impl World {
         self.controller.operate(self.now, &PanelAction::Press(Button::Start)).unwrap();
     }
 
-    /// How much more the controller keeps than at the beginning, in letters of its debug form, with nobody who does not read.
+    /// How much the debug form of the controller has grown since the beginning, in characters, without the
+    /// connection that does not read.
     pub fn growth(&mut self) -> usize {
         self.controller.disconnect(self.deaf);
         self.deaf = self.controller.connect(self.now);
         format!("{:?}", self.controller).len().saturating_sub(self.size)
     }
 
-    /// A number for all that was said, and when.
+    /// A hash of the conversation and its times.
     pub fn conversation(&self) -> u64 {
         self.hash.finish()
     }
 
-    /// How often J1 came to rest here.
+    /// How often J1 came to rest at this position.
     pub fn visits(&self, place: f64) -> usize {
         self.rests.iter().filter(|rest| (**rest - place).abs() < 1e-6).count()
     }
 }
 
-/// A client makes a connection anew, where the door is open.
+/// Lets a client connect again, if the door is open.
 fn connects(now: Instant, controller: &mut Controller, client: &mut Client) -> bool {
     match Door::of(controller.link_faults()) {
         Door::Open => {
@@ -373,7 +374,7 @@ fn connects(now: Instant, controller: &mut Controller, client: &mut Client) -> b
     false
 }
 
-/// A connection ends, by whichever end.
+/// Ends a connection, from either end.
 fn end(now: Instant, controller: &mut Controller, client: &mut Client, line: &Line) {
     if line.link.notices_end() {
         controller.disconnect(client.id);
@@ -387,7 +388,7 @@ fn arm(seen: &ControllerSnapshot, now: Instant) -> Arm {
     Arm { at: now, axes: seen.axes, runs: seen.mode.may_run() && seen.alarm == 0, moves: seen.moving }
 }
 
-/// When the last thing has happened that a scenario plans.
+/// The time of the last event that a scenario plans.
 pub fn end_of(scenario: &Scenario) -> Duration {
     let entries = scenario.timeline.iter().map(|entry| {
         let times = entry.times.expect("an end");

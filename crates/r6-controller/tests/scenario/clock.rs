@@ -1,4 +1,4 @@
-//! A scenario on the clock that goes as fast as it can (`docs/SIMULATOR.md`).
+//! A scenario on the clock that runs as fast as it can (`docs/SIMULATOR.md`).
 
 use r6_controller::{ConnectionId, Controller, ControllerSettings, FastClock};
 use r6_proto::time::Instant;
@@ -63,7 +63,7 @@ fn a_move_that_is_jumped_over_meets_what_happens_on_the_way() {
     let mut fast = Fast::new("[[at]]\ntime = 1\ndo = \"alarm\"\nnumber = 15\n");
     let list = json!({"reqType": "AddRCC", "emptyList": "1", "instructions": [axis_move([100.0, 0.0, 0.0, 0.0, 0.0, 0.0], 10.0)]});
     fast.send(list.to_string());
-    // The first look sees it set out.
+    // The first query sees it begin to move.
     fast.send(r#"{"reqType":"query","queryAddr":["isMoving"]}"#);
     let look = fast.send(r#"{"reqType":"query","queryAddr":["curAlarm"]}"#);
     assert!(look.contains(r#""queryData":["15"]"#), "{look}");

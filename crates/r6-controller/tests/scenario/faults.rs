@@ -1,4 +1,4 @@
-//! Faults: in force in their time, as likely as told, each with its effect and no other.
+//! Faults: in force in their time, with their chance, each with its own effect only.
 
 use std::collections::BTreeSet;
 
@@ -21,7 +21,7 @@ fn frames(cell: &mut Cell) -> Vec<Vec<u8>> {
     all
 }
 
-/// What comes back to the one question while this is broken.
+/// The replies to one query while this fault is in force.
 fn reply(word: &str, more: &str) -> Vec<Vec<u8>> {
     let mut cell = cell(&fault(word, more));
     cell.send(ASK);
@@ -365,7 +365,7 @@ fn those_of_the_link_are_told_and_wake_everybody() {
     assert_eq!(cell.log(), "scenario: fault latency begins\n");
 }
 
-/// Faults that double a reply double it a few times, not as often as the file names them.
+/// Several faults that double a reply double it only a few times, however often the file names them.
 #[test]
 fn many_faults_at_once_stay_within_bounds() {
     for (word, more) in [("bad-pack-id", "kind = \"repeated\""), ("bad-json", "kind = \"duplicate-keys\"")] {
@@ -391,7 +391,7 @@ fn what_was_not_carried_out_is_told_so() {
     assert_eq!(log.matches("answered ok and not carried out (fault not-executed)").count(), 2, "{log}");
 }
 
-/// The log tells of each strike, so that a chance can be followed.
+/// The log has a line for each strike, so that a chance can be checked.
 #[test]
 fn each_strike_is_told() {
     for (word, more, told) in [

@@ -1,4 +1,4 @@
-//! The timeline: when it happens, and what.
+//! The timeline: when its events happen, and what they do.
 
 use r6_controller::PanelAction;
 use serde_json::{Value, json};
@@ -253,7 +253,7 @@ fn what_nobody_could_do_is_refused_in_words() {
     assert!(cell.controller.operate(cell.now, &PanelAction::ClearAlarm).is_ok());
 }
 
-/// A controller that nobody looked at for a day does not make up for all of it.
+/// A controller that was not advanced for a day does not make up for all of it.
 #[test]
 fn what_was_missed_too_often_is_left_out() {
     let mut cell = cell(
@@ -266,7 +266,7 @@ fn what_was_missed_too_often_is_left_out() {
     let log = cell.log();
     assert!(log.contains("happenings were left out: too many at once"), "{log}");
     assert_eq!(cell.controller.machine().now(), cell.now);
-    // And it goes on as before.
+    // It then continues as before.
     let due = cell.controller.poll_timeout().unwrap();
     assert!(due > cell.now && due.since(cell.now) <= std::time::Duration::from_millis(2), "{due:?}");
 }

@@ -1,4 +1,4 @@
-//! The mains fail.
+//! Power cuts.
 
 use r6_controller::{Button, Key, PanelAction, Refused};
 use serde_json::json;
@@ -24,7 +24,7 @@ fn nobody_is_answered_and_then_the_connections_are_over() {
     cell.send(br#"{"reqType":"query","queryAddr":["version"]}"#);
     cell.pass(2.9);
     assert_eq!(cell.frame(), None);
-    assert!(!cell.controller.is_over(cell.id), "nobody has told it anything");
+    assert!(!cell.controller.is_over(cell.id), "it was told nothing");
     cell.pass(0.1);
     reconnect(&mut cell);
     assert_eq!(cell.text("curMode"), "2");
@@ -98,7 +98,7 @@ fn a_person_can_do_nothing_meanwhile() {
     assert_eq!(log.matches("the mains have failed: wait until they are back").count(), 4, "{log}");
 }
 
-/// What is done without mains is done at the panel, too: a stop that was pressed then is no less pressed afterwards.
+/// Actions without mains work at the panel, too: a stop that was pressed then stays pressed afterwards.
 #[test]
 fn a_stop_is_pressed_without_mains() {
     let mut cell = cell(CUT);

@@ -1,4 +1,4 @@
-//! From a text to a scenario, and what is said of a text that is none.
+//! Reads a scenario from a text, and the errors for a wrong text.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ fn wrong(text: &str) -> String {
     Scenario::read(text).expect_err(text).to_string()
 }
 
-/// The fields that a happening cannot do without.
+/// The required fields of a happening.
 fn fields_of(happening: &str) -> &'static str {
     match happening {
         "input" | "bounce" => "point = \"X010\"\non = true",
@@ -155,7 +155,7 @@ fn what_is_wrong_is_named_with_its_place() {
     }
 }
 
-/// Five mistakes, and more that follow from none of them.
+/// Five mistakes; the reader reports no others that only follow from them.
 #[test]
 fn all_mistakes_are_told_in_toml_and_in_json() {
     let toml = "[[at]]\ntime = 1\ndo = \"alarm\"\nnumber = 0\n[[at]]\ntime = -1\ndo = \"fhoto\"\n\

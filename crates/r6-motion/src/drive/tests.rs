@@ -12,14 +12,14 @@ fn near(got: [f64; AXES], want: [f64; ARM_AXES], within: f64) {
     assert_eq!((got[6], got[7]), (0.0, 0.0));
 }
 
-/// Upper arm upright, forearm level: by hand, 9.81 m/s² times kg times metres in front of the joint, in Nm.
+/// Upper arm upright, forearm level. By hand: 9.81 m/s² times kg times metres in front of the joint, in Nm.
 #[test]
 fn holding_a_level_forearm_takes_what_the_lever_says() {
     let elbow = 9.81 * (8.0 * 0.1815 + 9.0 * (0.363 + 0.1183));
     let wrist = 9.81 * 9.0 * 0.1183;
     let want = [0.0, elbow / 230.0, elbow / 95.0, 0.0, wrist / 18.0, 0.0];
     near(torques(model(), &at_rest([0.0; 6])), want, 1e-6);
-    // With J5 turned up by a quarter the tool stands above the wrist, and weighs on J2 and J3 with less lever.
+    // With J5 a quarter turn up the tool is above the wrist, so its lever for J2 and J3 is shorter.
     let up = torques(model(), &at_rest([0.0, 0.0, 0.0, 0.0, 90.0, 0.0]));
     assert!(up[4].abs() < 1e-6, "{}", up[4]);
     assert!((up[2] - 9.81 * (8.0 * 0.1815 + 9.0 * 0.363) / 95.0).abs() < 1e-6, "{}", up[2]);
@@ -27,7 +27,7 @@ fn holding_a_level_forearm_takes_what_the_lever_says() {
 
 #[test]
 fn gaining_speed_takes_what_the_inertia_says() {
-    // J1 gains 100 degrees per second every second; the masses' squared distances from its axis, by hand.
+    // J1 accelerates by 100 degrees per second squared; the masses' squared distances from its axis, by hand.
     let mut motion = at_rest([0.0; 6]);
     motion.accelerations[0] = 100.0;
     let inertia =
@@ -67,7 +67,7 @@ fn an_arm_of_unknown_weight_has_friction_only() {
     near(torques(&weightless, &motion), [0.2, 0.0, 0.0, 0.0, 0.0, 0.0], 1e-12);
 }
 
-/// What a model file claims of its chosen torques: the stretched arm is held with six tenths at most.
+/// Model files say of their chosen torques that they hold the stretched arm with six tenths at most.
 #[test]
 fn no_model_asks_for_more_than_rated_at_rest() {
     for name in RobotModel::names() {

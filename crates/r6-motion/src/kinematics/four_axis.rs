@@ -1,4 +1,4 @@
-//! Machines whose tool stays upright: SCARA and Cartesian.
+//! Machines with an upright tool: SCARA and Cartesian.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
@@ -6,17 +6,18 @@ use super::TURN;
 use crate::axes::ARM_AXES;
 use crate::robot_model::{AxisModel, AxisMotion, RobotModel, ScaraGeometry};
 
-/// A machine with so many axes can turn its tool.
+/// A machine with at least this many axes can turn its tool.
 pub(super) const TURN_AXIS: usize = 4;
 
-/// A flange tilted, or turned where it cannot turn, by less is upright: rounding of frames and tracks. Sine.
+/// A flange whose tilt is at most this counts as upright, because frames and tracks are rounded. The same
+/// holds for its turn on a machine that cannot turn it. Sine.
 const UPRIGHT: f64 = 1e-6;
 
-/// An elbow this straight bends one way only, degrees: the two ways are a millionth of a millimetre apart on a
-/// metre of arm.
+/// An elbow this straight counts as one configuration, in degrees: the two would be a millionth of a
+/// millimetre apart on a metre of arm.
 const ELBOW_STRAIGHT: f64 = 1e-6;
 
-/// The reach is exceeded by so little only in rounding, cosine of the elbow.
+/// Exceeding the reach by this little is a rounding error; cosine of the elbow.
 const REACH_ROUNDING: f64 = 1e-12;
 
 pub(super) fn scara_flange(model: &RobotModel, g: &ScaraGeometry, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
@@ -28,7 +29,7 @@ pub(super) fn scara_flange(model: &RobotModel, g: &ScaraGeometry, arm: [f64; ARM
     upright(Vector3::new(x, y, g.height + j3), j1 + j2 + j4)
 }
 
-/// The middles of upper arm and forearm.
+/// The middles of upper arm and forearm in the base frame.
 pub(super) fn scara_middles(
     model: &RobotModel,
     g: &ScaraGeometry,
@@ -48,7 +49,7 @@ pub(super) fn cartesian_flange(model: &RobotModel, arm: [f64; ARM_AXES]) -> Isom
     upright(Vector3::new(x, y, z), if model.axis_count() < TURN_AXIS { 0.0 } else { turn })
 }
 
-/// The elbow to the one side and to the other; one of them when the arm is stretched.
+/// The solutions with the elbow to either side; only one if the arm is stretched.
 pub(super) fn scara_candidates(
     model: &RobotModel,
     g: &ScaraGeometry,
@@ -91,7 +92,7 @@ fn upright(at: Vector3<f64>, turn: f64) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(at), rotation)
 }
 
-/// The turn about Z of an upright flange, degrees in [−180, 180]; `None` when it is tilted.
+/// The turn of an upright flange about Z, in degrees within [−180, 180]; `None` if the flange is tilted.
 fn upright_turn(flange_at: &Isometry3<f64>) -> Option<f64> {
     let rotation = flange_at.rotation.to_rotation_matrix();
     let r = rotation.matrix();
@@ -107,7 +108,7 @@ fn geometric(model: &RobotModel, arm: [f64; ARM_AXES]) -> [f64; ARM_AXES] {
     geometric
 }
 
-/// The axes for these places of the geometry, each turning one within half a turn of `near`.
+/// The axes for these positions of the geometry, each turning axis within half a turn of `near`.
 fn axes(model: &RobotModel, geometric: [f64; 4], near: [f64; ARM_AXES]) -> [f64; ARM_AXES] {
     let mut arm = near;
     for ((slot, geometric), axis) in arm.iter_mut().zip(geometric).zip(model.drives()) {

@@ -1,4 +1,5 @@
-//! Six turning axes close by: from one solution to the next along a path, without asking for all ways to bend the arm.
+//! Solves six turning axes near a known solution, along a path, without computing all configurations of the
+//! arm.
 
 use nalgebra::{Isometry3, Matrix6, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
 
@@ -6,35 +7,37 @@ use crate::axes::ARM_AXES;
 use crate::pose::Frame;
 use crate::robot_model::{RobotModel, SixAxisGeometry};
 
-/// How far an axis may be from where it is looked for, degrees: beyond, another way to bend the arm may be nearer.
+/// How far an axis may be from its start value, in degrees. Beyond that, another configuration may be nearer.
 const CLOSE_BY: f64 = 20.0;
 
-/// J5 this close to straight turns J4 and J6 about almost one line, degrees: there all ways are looked at.
+/// J5 this close to straight turns J4 and J6 about almost the same line, in degrees. There all configurations
+/// are computed instead.
 const WRIST_STRAIGHT: f64 = 0.5;
 
-/// More corrections than a place close by ever takes: each squares the error.
+/// How many corrections to try. A nearby position never takes as many, because each correction squares the
+/// error.
 const CORRECTIONS: usize = 6;
 
-/// A correction this small has nothing left to correct, degrees.
+/// The size of a correction that ends the search, in degrees.
 const SETTLED: f64 = 1e-9;
 
-/// The axes at a place of the tool, and how they follow it.
+/// The axes for a transform of the tool, and how they follow it.
 pub(crate) struct Nearby {
-    /// Degrees.
+    /// Axis positions in degrees.
     pub(crate) arm: [f64; ARM_AXES],
-    /// Degrees per mm and radian of the tool, in the base frame.
+    /// Degrees per mm and per radian of the tool, in the base frame.
     inverse: Matrix6<f64>,
 }
 
 impl Nearby {
-    /// How the axes move when the tool moves so: mm and radians in, degrees out.
+    /// How the axes move with a motion of the tool: mm and radians in, degrees out.
     pub(crate) fn follow(&self, tool: &Vector6<f64>) -> [f64; ARM_AXES] {
         (self.inverse * tool).into()
     }
 }
 
-/// The axes that put the tool there, found from axes close by; `None` where that is not certain: near a singularity, or
-/// when they turn out not to be close.
+/// The axes that put the tool there, computed from nearby axes. `None` if that is not certain: near a
+/// singularity, or if they turn out not to be near.
 pub(super) fn nearby(
     model: &RobotModel,
     g: &SixAxisGeometry,
@@ -59,7 +62,7 @@ pub(super) fn nearby(
         for ((slot, correction), near) in arm.iter_mut().zip(correction).zip(near) {
             *slot += correction;
             largest = largest.max(correction.abs());
-            // Not `>`: what is no number is not close either.
+            // Not `>`, because NaN must not count as near.
             let is_close = (*slot - near).abs() <= CLOSE_BY;
             if !is_close {
                 return None;
@@ -72,7 +75,7 @@ pub(super) fn nearby(
     None
 }
 
-/// The tool in the base frame, and how it moves with each axis: mm and radians per degree.
+/// The transform of the tool in the base frame, and how it moves with each axis: mm and radians per degree.
 fn tool_and_jacobian(
     model: &RobotModel,
     g: &SixAxisGeometry,
@@ -121,7 +124,7 @@ mod tests {
     use crate::robot_model::Geometry;
 
     proptest! {
-        /// The chain here is the solver's own, on every model.
+        /// The chain here matches the solver's on every model.
         #[test]
         fn the_chain_is_that_of_the_solver(arm in arm_in_limits(), which in 0..5_usize) {
             let names: Vec<_> = RobotModel::names().collect();
@@ -143,7 +146,7 @@ mod tests {
             }
         }
 
-        /// What is found close by is what the solver finds among all.
+        /// The solution found nearby is also the nearest of the solver's.
         #[test]
         fn nearby_is_the_nearest_of_all(arm in arm_in_limits(), off in prop::array::uniform6(-1.0..1.0_f64)) {
             let model = crate::kinematics::tests::model();
@@ -157,7 +160,7 @@ mod tests {
             prop_assert!((again.translation.vector - tool_at.translation.vector).norm() < 1e-9);
             let all = continued(model, &tool_at, &tool, &Axes::of_arm(near).unwrap()).unwrap();
             let time = |arm: [f64; 6]| -> f64 { arm.iter().zip(near).zip(&model.axes).map(|((a, b), axis)| (a - b).abs() / axis.max_speed).sum() };
-            // The solver may know another bend that is nearer still; then it is hardly nearer.
+            // The solver may find another configuration that is nearer, but not by more than half.
             prop_assert!(time(found.arm) <= time(all) + 1e-6 || time(all) > 0.5 * time(found.arm), "{:?} {all:?}", found.arm);
         }
     }

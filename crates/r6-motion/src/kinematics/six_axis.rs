@@ -8,11 +8,11 @@ use rs_opw_kinematics::kinematics_impl::OPWKinematics;
 use crate::axes::ARM_AXES;
 use crate::robot_model::{RobotModel, SixAxisGeometry};
 
-/// J5 this close to 0 turns J4 and J6 about one line, degrees: the solver's own threshold of 1e-6 rad,
+/// J5 this close to 0 turns J4 and J6 about one line, in degrees: the solver's own threshold of 1e-6 rad,
 /// rounded up.
 const WRIST_STRAIGHT: f64 = 1e-4;
 
-/// Tool 0 in the base frame.
+/// The transform of tool 0 in the base frame.
 pub(super) fn flange(solver: &OPWKinematics, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
     // `Axes` bounds every angle, so the solver's only error, an overflow, cannot happen.
     let pose = solver.try_forward(&arm.map(f64::to_radians)).unwrap_or(SolverPose::IDENTITY);
@@ -21,7 +21,7 @@ pub(super) fn flange(solver: &OPWKinematics, arm: [f64; ARM_AXES]) -> Isometry3<
     Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), rotation)
 }
 
-/// The middles of upper arm and forearm.
+/// The middles of upper arm and forearm in the base frame.
 pub(super) fn middles(model: &RobotModel, g: &SixAxisGeometry, arm: [f64; ARM_AXES]) -> [Vector3<f64>; 2] {
     let mut geometric = arm;
     for (slot, axis) in geometric.iter_mut().zip(&model.axes) {
@@ -36,7 +36,7 @@ pub(super) fn middles(model: &RobotModel, g: &SixAxisGeometry, arm: [f64; ARM_AX
     [base * (shoulder + upper_arm / 2.0), base * (shoulder + upper_arm + forearm / 2.0)]
 }
 
-/// The up to eight ways to bend the arm, each axis within half a turn of `near`.
+/// The configurations of the arm (up to eight), each axis within half a turn of `near`.
 pub(super) fn candidates(
     solver: &OPWKinematics,
     flange_at: &Isometry3<f64>,
@@ -50,7 +50,7 @@ pub(super) fn candidates(
     found.into_iter().map(|arm| arm.map(f64::to_degrees)).collect()
 }
 
-/// With J5 at 0, hands to J6 what J4 cannot turn within its limits.
+/// With J5 at 0, moves to J6 the part of the turn that J4 cannot make within its limits.
 pub(super) fn share_straight_wrist(model: &RobotModel, arm: [f64; ARM_AXES]) -> [f64; ARM_AXES] {
     let [j1, j2, j3, j4, j5, j6] = arm;
     let [_, _, _, axis4, axis5, axis6] = &model.axes;
@@ -58,7 +58,7 @@ pub(super) fn share_straight_wrist(model: &RobotModel, arm: [f64; ARM_AXES]) -> 
         return arm;
     }
     let allowed = j4.clamp(axis4.soft.min, axis4.soft.max);
-    // Both turn about the same line here, each counted its own way.
+    // Both turn about the same line here, but each has its own sign.
     let rest = (j4 - allowed) * f64::from(axis4.sign) * f64::from(axis6.sign);
     [j1, j2, j3, allowed, j5, j6 + rest]
 }

@@ -6,7 +6,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// The default model without its calibration: at zero the upper arm is exactly upright and the forearm exactly level.
+/// The default model without its calibration: at zero the upper arm is exactly upright and the forearm
+/// exactly level.
 pub(crate) fn model() -> &'static RobotModel {
     static STRAIGHT: LazyLock<RobotModel> = LazyLock::new(|| {
         let mut model = RobotModel::default();
@@ -25,7 +26,7 @@ pub(crate) fn arm_in_limits() -> impl Strategy<Value = [f64; ARM_AXES]> {
     (r1, r2, r3, r4, r5, r6).prop_map(|(j1, j2, j3, j4, j5, j6)| [j1, j2, j3, j4, j5, j6])
 }
 
-/// What could be planned; another try where it could not.
+/// The result of planning; rejects the input of this test case if planning failed.
 pub(crate) fn possible<T>(planned: Result<T, PlanError>) -> Result<T, TestCaseError> {
     planned.map_err(|error| TestCaseError::reject(error.to_string()))
 }
@@ -41,14 +42,14 @@ fn arm(degrees: [f64; ARM_AXES]) -> Axes {
 
 fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
     let place = (a.translation.vector - b.translation.vector).norm();
-    // The matrices' difference: an angle out of an arc cosine would be mostly rounding.
+    // From the difference of the matrices, because an angle from an arc cosine would be mostly rounding.
     let turn: Matrix3<f64> =
         a.rotation.to_rotation_matrix().matrix() - b.rotation.to_rotation_matrix().matrix();
     (place, turn.abs().max())
 }
 
 /// The arm link by link in the URDF's own frame, with its joint axes and signs, then turned into the
-/// controller's world; the flange's Z is its approach direction.
+/// controller's world. The flange's Z is its approach direction.
 fn link_by_link(model: &RobotModel, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
     let Geometry::SixAxis(g) = &model.geometry else { panic!("a six-axis arm") };
     let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
@@ -67,7 +68,7 @@ fn link_by_link(model: &RobotModel, arm: [f64; ARM_AXES]) -> Isometry3<f64> {
     }
     at *= Translation3::from(y * (g.d6 + g.tool_offset));
     let to_world = UnitQuaternion::from_scaled_axis(z * -90.0_f64.to_radians());
-    // At all axes 0 the flange's Z looks along the world's X and its X down.
+    // At all axes 0 the flange's Z points along the world's X, and its X down.
     let flange = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[-z, -x, y]));
     (to_world * at) * UnitQuaternion::from_rotation_matrix(&flange)
 }
@@ -92,8 +93,8 @@ fn each_axis_turns_the_way_it_should() {
     assert!((down.u.abs() - 180.0).abs() < 1e-9 && down.v.abs() < 1e-9, "tool down: {down:?}");
 }
 
-/// The one published pair of joint and world values (reported, unit C; another model, so only the turn
-/// compares).
+/// The one published pair of joint and world values (reported, unit C). It is from another model, so only the
+/// orientation can be compared.
 #[test]
 fn a_real_arm_is_turned_the_same_way() {
     let pose = forward(model(), &arm([0.0285, 28.31, -34.69, 0.0154, -82.82, 0.0185]), &Frame::identity());
@@ -116,7 +117,7 @@ fn tool_and_work_frame_move_what_is_shown() {
 
 #[test]
 fn a_half_turn_written_the_other_way_does_not_send_the_wrist_round() {
-    // Tool down, J6 such that U reads 180 with W on the edge of its range.
+    // Tool down, with a J6 for which U reads 180 and W is at the edge of its range.
     for j6 in [-179.5, 179.5, 300.0, -300.0] {
         let stands = arm([5.0, -10.0, 20.0, 3.0, -80.0, j6]);
         let mut pose = forward(model(), &stands, &Frame::identity());
@@ -144,12 +145,12 @@ fn a_straight_wrist_keeps_its_axes() {
 
 #[test]
 fn a_straight_wrist_gives_j6_what_j4_may_not_turn() {
-    // 150 more degrees of the sum, shared evenly, would take J4 to 225.
+    // Another 150 degrees of the sum, shared evenly, would take J4 to 225.
     let stands = arm([0.0, 0.0, 0.0, 150.0, 0.0, 0.0]);
     let wanted = forward(model(), &arm([0.0, 0.0, 0.0, 150.0, 0.0, 150.0]), &Frame::identity());
     let found = inverse(model(), &wanted, &Frame::identity(), &stands).unwrap();
     assert_eq!(model().outside_limits(&found), None);
-    // J4 as far as it may, and no whole turn back.
+    // J4 goes as far as it may, and no whole turn back.
     let [.., j4, _, j6] = found.arm();
     assert!((j4 - 160.0).abs() < 1e-6 && (j6 - 140.0).abs() < 1e-6, "{found:?}");
     let reached = forward(model(), &found, &Frame::identity());
@@ -181,7 +182,7 @@ fn what_is_no_number_is_unreachable() {
 
 #[test]
 fn outside_the_limits_names_axis_and_end() {
-    // So far behind the base that the arm cannot bend over backwards to it.
+    // So far behind the base that the arm cannot reach it by bending backwards.
     let behind = arm([170.0, -60.0, 20.0, 0.0, -50.0, 0.0]);
     let pose = forward(model(), &behind, &Frame::identity());
     let near = arm([150.0, -60.0, 20.0, 0.0, -50.0, 0.0]);

@@ -1,13 +1,13 @@
-//! Whether a motion that is added up from two stays within the soft limits.
+//! Checks whether the sum of two motions stays within the soft limits.
 
 use crate::axes::Axes;
 use crate::robot_model::RobotModel;
 
-/// At how many instants the axes are compared with their limits.
+/// At how many instants the axes are checked.
 const LOOKS: u32 = 64;
 
-/// Whether no axis can leave its soft limits between two times, if none is faster than this fraction of its full speed:
-/// it is looked at often enough that no axis can be outside in between.
+/// Whether no axis can leave its soft limits between two times, if no axis is faster than this fraction of
+/// its full speed. The axes are sampled often enough that none can be outside in between.
 pub(super) fn stays_within(
     model: &RobotModel,
     from: f64,

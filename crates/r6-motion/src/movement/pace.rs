@@ -1,14 +1,15 @@
-//! How fast the time of a plan passes: evenly, ever slower until it stands still, or gaining again.
+//! The time scale of a plan: its time runs at full rate, slows down to a halt, or speeds up again.
 //!
-//! Halting an arm by letting its plan run down keeps it on its path, through corners too, and going on is the same
-//! the other way round.
+//! Slowing down the time of a plan keeps the arm on its path while it halts, through corners too. Resuming
+//! speeds it up again.
 
 use crate::profile::SmoothStep;
 
 /// Halvings that find a time to the last digit of a double.
 const HALVINGS: usize = 80;
 
-/// What is left of a change of pace when another begins is gone within this, seconds: as short as a stop of the arm.
+/// How long the rest of a change of pace may last when another change begins, in seconds: as short as a stop
+/// of the arm.
 const LONGEST_EASING: f64 = 0.1;
 
 /// The time of a plan as a function of real time, both in seconds.
@@ -20,37 +21,37 @@ pub(super) struct Pace {
     before: f64,
     /// The pace after it.
     after: f64,
-    /// How it changes; `None`: at once.
+    /// How it changes; `None` for at once.
     step: Option<SmoothStep>,
-    /// What the change before it has left.
+    /// The rest of the change before it.
     easing: Easing,
-    /// How much of real time has passed since it began.
+    /// How much real time has passed since it began.
     passed: f64,
 }
 
-/// A slope that ends smoothly: it would be a jump of the acceleration otherwise.
+/// A slope of the pace that ends smoothly. Ending it at once would make the acceleration jump.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Easing {
     /// The slope at its beginning, per second.
     slope: f64,
-    /// How long it takes to 0, seconds; 0 where there is none.
+    /// How long it takes to reach 0, in seconds; 0 without a slope.
     seconds: f64,
 }
 
 impl Easing {
     const NONE: Self = Self { slope: 0.0, seconds: 0.0 };
 
-    /// The slope at a pace, ended so soon that it takes the pace no more than half the way to standing still, or to full
-    /// pace, and before the other half is used up by a change that takes so many seconds.
+    /// Ends the slope of a pace smoothly. It is short enough to use at most half of the room up to full pace,
+    /// or down to a halt. It is also at most half as long as the new change, which takes `change` seconds.
     fn of(slope: f64, pace: f64, change: f64) -> Self {
-        /// What one of slope 1 and length 1 rises to at most: at a third of it.
+        /// The maximum of an easing with slope 1 and length 1, at a third of it.
         const HIGHEST: f64 = 4.0 / 27.0;
         let room = if slope > 0.0 { 1.0 - pace } else { pace };
         let seconds = (room / 2.0 / (HIGHEST * slope.abs())).min(change / 2.0).min(LONGEST_EASING);
         if seconds > 0.0 && slope != 0.0 { Self { slope, seconds } } else { Self::NONE }
     }
 
-    /// What it adds to the time, to the pace and to the slope of the pace at `t`.
+    /// What it adds at `t` to the time, to the pace, and to the slope of the pace.
     fn at(&self, t: f64) -> [f64; 3] {
         if self.seconds <= 0.0 {
             return [0.0; 3];
@@ -67,25 +68,25 @@ impl Easing {
 }
 
 impl Pace {
-    /// As fast as real time.
+    /// The pace of real time.
     pub(super) const EVEN: Self =
         Self { began: 0.0, before: 1.0, after: 1.0, step: None, easing: Easing::NONE, passed: 0.0 };
 
-    /// The same, told from `at` seconds later on.
+    /// The same pace, with its time counted from `at` seconds later.
     pub(super) fn from(self, at: f64) -> Self {
         Self { passed: self.passed + at, ..self }
     }
 
-    /// From `at` on another pace, 0 or 1, reached by this step; without one, at once.
+    /// Changes to another pace, 0 or 1, from `at` on; with this step, or at once without one.
     ///
-    /// What a change before it has left of its slope is eased out, so that the acceleration has no jump.
+    /// The remaining slope of an earlier change is eased out, so that the acceleration does not jump.
     pub(super) fn to(self, at: f64, after: f64, step: Option<SmoothStep>) -> Self {
         let before = self.rate(at);
         let easing = step.map_or(Easing::NONE, |step| Easing::of(self.slope(at), before, step.width()));
         Self { began: self.time(at), before, after, step, easing, passed: 0.0 }
     }
 
-    /// The plan's time at `t`.
+    /// The time of the plan at `t`.
     pub(super) fn time(&self, t: f64) -> f64 {
         let t = self.passed + t;
         let width = self.step.map_or(0.0, |step| step.width());
@@ -96,7 +97,7 @@ impl Pace {
         self.began + self.before * changing + (self.after - self.before) * changed + evenly + eased
     }
 
-    /// How fast the plan's time passes at `t`, 0 to 1.
+    /// How fast the time of the plan runs at `t`, 0 to 1.
     pub(super) fn rate(&self, t: f64) -> f64 {
         let t = self.passed + t;
         let share = self.step.map_or(1.0, |step| step.at(t).height);
@@ -104,24 +105,24 @@ impl Pace {
         self.before + (self.after - self.before) * share + eased
     }
 
-    /// How fast that changes at `t`, per second.
+    /// The rate of change of the pace at `t`, per second.
     fn slope(&self, t: f64) -> f64 {
         let t = self.passed + t;
         let [_, _, eased] = self.easing.at(t);
         (self.after - self.before) * self.step.map_or(0.0, |step| step.at(t).slope) + eased
     }
 
-    /// Whether it comes to a stand.
+    /// Whether the pace ends at 0.
     pub(super) fn stops(&self) -> bool {
         self.after <= 0.0
     }
 
-    /// How long until it no longer changes.
+    /// How long until the pace no longer changes.
     pub(super) fn settles(&self) -> f64 {
         (self.step.map_or(0.0, |step| step.width()) - self.passed).max(0.0)
     }
 
-    /// When the plan's time is `time`; `None` when it stops before. In the past it is now.
+    /// When the plan reaches `time`; `None` if it stops before. A time in the past gives 0.
     pub(super) fn when(&self, time: f64) -> Option<f64> {
         let settles = self.settles();
         let by_then = self.time(settles);
@@ -161,14 +162,14 @@ mod tests {
                 let time = pace.time(t);
                 let when = pace.when(time).unwrap();
                 prop_assert!((pace.time(when) - time).abs() < 1e-9, "{when} {t}");
-                // Where time all but stands still, one instant is as good as the next.
+                // Where time almost stands still, nearby instants cannot be told apart.
                 prop_assert!(pace.rate(t) < 1e-3 || (when - t).abs() < 1e-9, "{when} {t}");
                 let rate = (pace.time(t + 1e-6) - time) / 1e-6;
                 prop_assert!((rate - pace.rate(t)).abs() < 1e-3 + 1e-5 / halt.min(gain));
             }
         }
 
-        /// However often it changes, it stays between standing still and full pace, and its slope has no jump.
+        /// After any number of changes, the pace stays between 0 and 1, and its slope does not jump.
         #[test]
         fn changes_upon_changes_are_smooth(
             changes in prop::collection::vec((0.0..0.6_f64, prop::bool::ANY, 0.05..0.6_f64), 1..8), t in 0.0..1.0_f64,

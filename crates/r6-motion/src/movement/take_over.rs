@@ -1,8 +1,8 @@
-//! Going to another target without a stop.
+//! Takes over to another target without a stop.
 //!
-//! What is under way comes to rest on its path as fast as the new move gains speed, and what both do to each axis is
-//! added up. So the speed has no jump, no axis is faster than in the faster of the two, and once the old move rests the
-//! arm is on the path of the new one, which begins where the old one would have come to rest.
+//! The old motion comes to rest on its path while the new move gains speed, and the motions of each axis are
+//! added. So the speed does not jump, and no axis is faster than in the faster of the two. The new path
+//! begins where the old motion comes to rest, and the arm is on it from then on.
 
 use super::limits::stays_within;
 use super::{Conditions, Move, Movement, Stroke, StrokeState, since_start, sum};
@@ -10,18 +10,19 @@ use crate::axes::Axes;
 use crate::error::PlanError;
 use crate::profile::SmoothStep;
 
-/// How many movements may still be coming to rest behind one: a target that changes 20 times a second leaves about
-/// twenty that are not [`NEGLIGIBLE`] yet.
+/// How many earlier movements may still be coming to rest. A target that changes 20 times a second leaves
+/// about twenty that are not [`NEGLIGIBLE`] yet.
 const MAX_TAILS: usize = 64;
 
-/// What has less of its way left than this is taken as at rest, degrees: a tenth of what an end may be off.
+/// An earlier motion with less than this left counts as at rest, in degrees: a tenth of the allowed error at
+/// the end.
 const NEGLIGIBLE: f64 = 1e-10;
 
-/// A movement that comes to rest while another has taken over.
+/// A movement that comes to rest after another has taken over.
 #[derive(Clone, Debug)]
 pub(super) struct Tail {
     movement: Box<Movement>,
-    /// Where it comes to rest.
+    /// The axes where it comes to rest.
     pub(super) rest: Axes,
 }
 
@@ -35,7 +36,7 @@ impl Tail {
         self.movement.moving_at(time)
     }
 
-    /// The same without what has come to rest behind it, if it comes to rest itself between two times.
+    /// The same without the earlier movements that have come to rest; `None` if it rests itself.
     fn pruned(mut self, now: f64, end: f64) -> Option<Self> {
         let movement = &mut self.movement;
         if let Some(inner) = movement.tail.take() {
@@ -44,24 +45,24 @@ impl Tail {
             if furthest(&place, &left) > NEGLIGIBLE {
                 movement.tail = inner.pruned(inner_now, inner_end);
             } else {
-                // What it added to this movement's places it adds no longer.
+                // The rest position loses what the removed movement added.
                 self.rest = moved(&self.rest, &left, &inner.rest);
             }
         }
         (now < self.ends()).then_some(self)
     }
 
-    /// How many movements come to rest, this one and those behind it.
+    /// How many movements are coming to rest, this one included.
     fn count(&self) -> usize {
         1 + self.movement.tail.as_ref().map_or(0, Self::count)
     }
 }
 
 impl Movement {
-    /// From `at` on, goes to another target without a stop. It counts its own time from there.
+    /// Goes to another target from `at` on without a stop. The new movement counts its own time from there.
     ///
-    /// `None` where the arm has to stop first: when this movement is being halted, when an axis might leave its soft
-    /// limits meanwhile, and when 64 movements are still coming to rest. Errors as [`Movement::plan`].
+    /// `None` if the arm has to stop first: this movement is halting, an axis might leave its soft limits
+    /// meanwhile, or 64 movements are still coming to rest. Errors as in [`Movement::plan`].
     pub fn take_over(
         &self,
         at: f64,
@@ -79,7 +80,7 @@ impl Movement {
         let rest = halting.state_at(f64::INFINITY).axes;
         let tail = Tail { movement: Box::new(halting), rest };
         let mut first = Stroke::plan(&self.model, &rest, order, conditions, 0.0)?;
-        // A way of no length takes no time: it is over when the rest is.
+        // A path of no length takes no time: the move ends when the old motion rests.
         first.starts = first.starts.max(tail.ends() - first.profile.duration());
         if tail.count() > MAX_TAILS {
             return Ok(None);
@@ -105,12 +106,12 @@ impl Movement {
     }
 }
 
-/// The largest difference between two places of an axis, degrees.
+/// The largest difference of one axis between two positions, in degrees or mm.
 fn furthest(one: &Axes, other: &Axes) -> f64 {
     one.arm().into_iter().zip(other.arm()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// `axes` by as much as `from` is from `to`.
+/// `axes` moved by the difference from `from` to `to`.
 fn moved(axes: &Axes, from: &Axes, to: &Axes) -> Axes {
     let mut arm = axes.arm();
     for (slot, (from, to)) in arm.iter_mut().zip(from.arm().into_iter().zip(to.arm())) {

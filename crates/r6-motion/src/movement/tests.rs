@@ -23,7 +23,7 @@ pub(super) fn tool_down() -> Axes {
     Axes::of_arm([0.0, -10.0, 10.0, 0.0, -90.0, 0.0]).unwrap()
 }
 
-/// From the tool-down stance by so many mm.
+/// A line from the tool-down position by this many mm.
 pub(super) fn line_by(x: f64, y: f64, z: f64) -> MoveTarget {
     let from = forward(model(), &tool_down(), &Frame::identity());
     MoveTarget::Line(Pose { x: from.x + x, y: from.y + y, z: from.z + z, ..from })
@@ -46,12 +46,12 @@ fn j1_at_ten_percent_of_ten_percent() {
     let [j1, others @ ..] = movement.state_at(10.0).axis_speeds;
     assert!((j1 - 2.208).abs() < 1e-12, "{j1}");
     assert_eq!(others, [0.0; 7]);
-    // The way at that speed, and one ramp with its filter.
+    // The distance at that speed, and one ramp with its filter.
     assert!((movement.duration() - 64.0 / 2.208 - 0.378).abs() < 1e-9, "{}", movement.duration());
     assert!((model().motor_rpm(&movement.state_at(10.0).axis_speeds)[0] - 36.8).abs() < 1e-9);
 }
 
-/// The law measured on a real arm (reported, unit B), with this arm's full speeds: every axis alone, speed 5
+/// The law measured on a real arm (reported, unit B), with this arm's full speeds: each axis alone, speed 5
 /// to 30 %.
 #[test]
 fn every_axis_alone_goes_by_the_speed_law() {
@@ -70,7 +70,7 @@ fn every_axis_alone_goes_by_the_speed_law() {
     }
 }
 
-/// The ramp takes the same time whatever the speed: up to a tenth of it, and all of it.
+/// The ramp takes the same time at any speed: up to a tenth of it, and up to all of it.
 #[test]
 fn the_ramp_is_the_same_whatever_the_speed() {
     let full = model().axes[0].max_speed;
@@ -89,7 +89,7 @@ fn the_ramp_is_the_same_whatever_the_speed() {
     }
 }
 
-/// Global speed 5 %: set 5, 10, 20 % gave 5, 10, 20 mm/s (reported, unit B).
+/// Global speed 5 %: speed 5, 10, 20 % gave 5, 10, 20 mm/s (reported, unit B).
 #[test]
 fn a_line_goes_by_percent_of_full_line_speed() {
     for (speed, expected) in [(5.0, 5.0), (10.0, 10.0), (20.0, 20.0)] {
@@ -99,7 +99,8 @@ fn a_line_goes_by_percent_of_full_line_speed() {
     }
 }
 
-/// Action 51: 1:1 at global 5 % on that arm means scaled by the global speed; so at 100 % it is what it says.
+/// Action 51: 1:1 at global 5 % on that arm means scaled by the global speed. So at 100 % it is the number
+/// itself.
 #[test]
 fn a_line_goes_by_millimetres_per_second() {
     let order = Move { speed: MoveSpeed::MmPerSecond(123.0), ..percent(line_by(0.0, 100.0, 0.0), 1.0) };
@@ -133,13 +134,14 @@ fn a_delay_stands_still_first() {
     assert!(movement.state_at(movement.duration()).done);
     assert!(movement.stands_first(0.0) && movement.stands_first(1.4) && !movement.stands_first(1.6));
     assert!(!plan(&Axes::ZERO, &Move { delay: 0.0, ..order }, 1.0).stands_first(0.0));
-    // Halted while waiting, it still owes the rest of the wait.
+    // A move that was halted during its delay keeps the rest of the delay.
     let going_on = movement.halt(1.0, STOP_SECONDS).resume(100.0, 1.0).unwrap();
     assert!((going_on.duration() - (movement.duration() - 1.0)).abs() < 1e-9);
     assert!(movement.halt(1.0, STOP_SECONDS).state_at(0.0).done);
 }
 
-/// Half-way up the ramp the filter and the S-curve have passed: the acceleration of the straight part.
+/// Half-way up the ramp the filter and the S-curve have passed, so the acceleration is that of the straight
+/// part.
 #[test]
 fn the_axes_gain_speed_as_the_ramp_says() {
     let movement = plan(&Axes::ZERO, &percent(to_axes([90.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 50.0), 1.0);
@@ -235,7 +237,7 @@ fn odd_times_are_answered() {
     assert_eq!(movement.halt(f64::INFINITY, 0.5).state_at(0.0).axes, end.axes);
 }
 
-/// A move of any kind, mostly possible.
+/// A move of any kind; most can be planned.
 pub(super) fn any_move() -> impl Strategy<Value = (Axes, Move)> {
     let offset = || prop::array::uniform3(-120.0..120.0);
     let target = prop_oneof![
@@ -252,7 +254,7 @@ pub(super) fn any_move() -> impl Strategy<Value = (Axes, Move)> {
         .prop_map(|(target, speed, delay)| (tool_down(), Move { delay, ..percent(target, speed) }))
 }
 
-/// Numbers of every size, sensible ones among them.
+/// Numbers of every size, including sensible ones.
 fn odd_number() -> impl Strategy<Value = f64> {
     prop_oneof![4 => -400.0..400.0, 2 => 0.0..1.0, 1 => any::<f64>(), 1 => -1e7..1e7]
 }
@@ -261,7 +263,7 @@ pub(super) fn end_of(movement: &Movement) -> Axes {
     movement.state_at(movement.duration()).axes
 }
 
-/// Where `old` is at `at` is where `new` starts, as fast.
+/// Checks that `new` starts where `old` is at `at`, with the same speed.
 pub(super) fn takes_over(old: &Movement, new: &Movement, at: f64) -> Result<(), TestCaseError> {
     let (was, is) = (old.state_at(at), new.state_at(0.0));
     for (was, is) in was.axes.degrees().iter().zip(is.axes.degrees()) {
@@ -300,7 +302,7 @@ proptest! {
         }
     }
 
-    /// Small steps in time are small steps in place, and the axis speeds are the rate of them.
+    /// Small steps in time give small steps in position, and the axis speeds are the rate of these steps.
     #[test]
     fn place_and_speed_have_no_jumps((start, order) in any_move(), global in 0.05..1.0, part in 0.0..1.0) {
         let movement = possible(Movement::plan(model(), &start, &order, &conditions(global)))?;
@@ -308,7 +310,7 @@ proptest! {
         let [before, here, after] = [t - h, t, t + h].map(|t| movement.state_at(t));
         for (n, axis) in model().axes.iter().enumerate() {
             let steps = [(before, here), (here, after)].map(|(a, b)| b.axes.arm()[n] - a.axes.arm()[n]);
-            // Full acceleration, and then as much again for the bend of the path.
+            // Full acceleration, and the same again for the bend of the path.
             let slack = 40.0 * axis.max_speed * h;
             for step in steps {
                 prop_assert!((step / h - here.axis_speeds[n]).abs() < slack + 1e-4, "J{}: {step}", n + 1);
@@ -327,7 +329,7 @@ proptest! {
         takes_over(&movement, &halted, at)?;
         prop_assert!(halted.duration() <= within + 1e-9);
         prop_assert!(halted.state_at(within + 1e-9).done);
-        // Also while it is still slowing down.
+        // Also while it still slows down.
         let again = wait * within;
         let going_on = halted.resume(again, next).unwrap();
         takes_over(&halted, &going_on, again)?;
@@ -335,8 +337,8 @@ proptest! {
         prop_assert!(going_on.reaches_end());
     }
 
-    /// Paused, gone on and stopped in any order, also while the one before is still under way: the acceleration has no
-    /// jump either.
+    /// Pauses, resumes and stops in any order, also while the one before is still under way: the acceleration
+    /// does not jump either.
     #[test]
     fn interruptions_upon_interruptions_keep_the_acceleration(
         target in arm_in_limits(), part in 0.1..0.9,
@@ -359,7 +361,7 @@ proptest! {
             let ends = movement.duration() - at;
             if at > h && ends > h {
                 for (was, is) in rate(&movement, at - h, at).into_iter().zip(rate(&next, 0.0, h)) {
-                    // What the jerk of the fastest halt makes of it in two microseconds.
+                    // What the jerk of the fastest halt adds in two microseconds.
                     prop_assert!((was - is).abs() < 5.0, "{was} {is}");
                 }
             }
@@ -386,7 +388,7 @@ proptest! {
         prop_assert!((same.duration() - (movement.duration() - at)).abs() < 1e-6);
     }
 
-    /// Whatever a peer sends: an answer, never a panic, and never an arm outside its limits.
+    /// With any input there is a result, never a panic, and never an arm outside its limits.
     #[test]
     fn nonsense_is_answered(
         numbers in prop::array::uniform12(odd_number()), axes in prop::array::uniform6(odd_number()),

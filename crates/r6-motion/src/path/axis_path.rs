@@ -1,11 +1,11 @@
-//! Axis moves: every axis evenly, all arriving together.
+//! Axis moves: every axis moves evenly, and all arrive together.
 
 use crate::axes::{ARM_AXES, Axes, AxisNumber, MoveMask};
 use crate::error::PlanError;
 use crate::path::PathAxes;
 use crate::robot_model::RobotModel;
 
-/// Every axis evenly from start to target, all at once (`action` 4, manual 6.1.1).
+/// Every axis moves evenly from start to target, all at the same time (`action` 4, manual 6.1.1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisPath {
     start: Axes,
@@ -15,10 +15,10 @@ pub struct AxisPath {
 }
 
 impl AxisPath {
-    /// From where the axes stand to `target`; masked-out axes, and J7 and J8, stay.
+    /// Plans a path from the present axes to `target`; masked-out axes, and J7 and J8, stay.
     ///
-    /// An error when an axis in the mask is sent outside its soft limits. An axis that stands outside and
-    /// stays is none: so an arm can be brought back one axis at a time.
+    /// It is an error if an axis in the mask has a target outside its soft limits. An axis that is outside
+    /// and does not move is no error, so that an arm can be brought back one axis at a time.
     pub fn plan(model: &RobotModel, start: &Axes, target: &Axes, mask: MoveMask) -> Result<Self, PlanError> {
         let mask = model.own_axes(mask);
         let end = mask.pick(start.arm(), target.arm());
@@ -39,13 +39,13 @@ impl AxisPath {
         Ok(Self { start: *start, end: start.with_arm(end), length, slope })
     }
 
-    /// How long it is, seconds at full speed of the slowest axis.
+    /// The length in seconds at full speed of the slowest axis.
     #[must_use]
     pub const fn length(&self) -> f64 {
         self.length
     }
 
-    /// The axes at a place on the path: the start before it, exactly the end from its length on.
+    /// The axes at a position on the path: the start before it, exactly the end from its length on.
     #[must_use]
     pub fn at(&self, position: f64) -> PathAxes {
         if position >= self.length {

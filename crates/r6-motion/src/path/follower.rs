@@ -1,4 +1,4 @@
-//! From a track of the tool to nodes of the axes.
+//! Solves the axes for a track of the tool at nodes.
 
 use super::spline::{Node, Stretch};
 use super::track::Track;
@@ -8,27 +8,28 @@ use crate::kinematics::{continued, nearby, tool_isometry};
 use crate::pose::Frame;
 use crate::robot_model::{Limits, RobotModel, first_outside};
 
-/// How far the tool may stray from its track between two nodes, mm.
+/// How far the tool may be from its track between two nodes, mm.
 const STRAY_MM: f64 = 0.002;
 
-/// How far it may be turned from its track between two nodes, degrees.
+/// How far it may be turned from its track between two nodes, in degrees.
 const STRAY_DEGREES: f64 = 0.001;
 
-/// Half the step over which slopes are measured, seconds at full speed: 0.02 mm or 0.002°. Well above what
-/// the solver rounds off near a straight wrist, well below what a slope changes over.
+/// Half the step for measuring slopes, in seconds at full speed: 0.02 mm or 0.002°. It is far above the
+/// solver's rounding near a straight wrist, and far below the distance over which a slope changes.
 const SLOPE_STEP: f64 = 1e-5;
 
-/// Nodes are never closer, seconds at full speed: 2 µm of a line.
+/// The shortest distance of two nodes, in seconds at full speed: 2 µm of a line.
 const SHORTEST_STEP: f64 = 1e-6;
 
-/// A path of so many nodes would be one long singularity; a metre of ordinary line takes a few dozen.
+/// The most nodes of a path. A longer one would be one long singularity; a metre of ordinary line takes a few
+/// dozen.
 const MOST_NODES: usize = 4096;
 
-/// Below this fraction of full speed (20 mm/s) a path that an axis cannot follow is singular rather than
+/// Below this fraction of full speed (20 mm/s) a path that an axis cannot follow counts as singular, not as
 /// slow.
 const SLOWEST: f64 = 0.01;
 
-/// Past a soft limit by so little is rounding, degrees.
+/// Exceeding a soft limit by this little is a rounding error, in degrees.
 const LIMIT_ROUNDING: f64 = 1e-6;
 
 /// Walks along a track and solves the axes at nodes as far apart as accuracy allows.
@@ -38,7 +39,8 @@ pub(super) struct Follower<'a> {
     start: &'a Axes,
     track: &'a Track,
     length: f64,
-    /// The soft limits, widened to the start where the arm stands outside them: it may come back in.
+    /// The soft limits, widened to the start position if the arm is outside them, so that it may come back
+    /// in.
     allowed: [Limits; ARM_AXES],
 }
 
@@ -61,14 +63,14 @@ impl<'a> Follower<'a> {
     /// The nodes, and the largest ratio of an axis' slope to its full speed.
     pub(super) fn follow(&self) -> Result<(Vec<Node>, f64), PlanError> {
         let mut here = self.node(0.0, self.start.arm())?;
-        // The start is where the axes stand, to the last digit.
+        // The start is exactly the present position of the axes.
         here.arm = self.start.arm();
         let mut nodes = vec![here];
         let mut hardest = 0.0_f64;
         let mut step = self.length / 4.0;
         while here.position < self.length {
             let rest = self.length - here.position;
-            // The last two steps share what is left, so that no sliver remains.
+            // The last two steps share the rest, so that no tiny step remains.
             let this = if step >= rest { rest } else { step.min(rest / 2.0) };
             let position = if this == rest { self.length } else { here.position + this };
             match self.stretch(&here, position) {
@@ -88,8 +90,8 @@ impl<'a> Follower<'a> {
         Ok((nodes, hardest))
     }
 
-    /// Every axis evenly to the end, in no less time than each takes at its full speed: two nodes, and how far
-    /// apart they are, seconds at full speed.
+    /// Moves every axis evenly to the end, none above its full speed: two nodes, and their distance in
+    /// seconds at full speed.
     pub(super) fn creep(&self, end: [f64; ARM_AXES]) -> Result<([Node; 2], f64), PlanError> {
         if let Some((axis, side)) = first_outside(&self.allowed, end) {
             return Err(PlanError::OutsideLimits { axis, side });
@@ -132,7 +134,7 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// The axes and slopes at a place on the path, continuing from axes close by.
+    /// The axes and slopes at a position on the path, continuing from nearby axes.
     fn node(&self, position: f64, near: [f64; ARM_AXES]) -> Result<Node, PlanError> {
         let part = self.part(position);
         if let Some(found) = nearby(self.model, &self.track.at(part), self.tool, near) {
@@ -140,7 +142,7 @@ impl<'a> Follower<'a> {
             return Ok(Node { position, arm: found.arm, slope });
         }
         let arm = self.solve(position, near).ok_or(PlanError::Unreachable)?;
-        // At the edge of the reach one side may not exist: then the slope is that of the other.
+        // At the edge of the reach one side may not exist. Then the slope of the other side is used.
         let before = self.solve(position - SLOPE_STEP, arm).map(|arm| (arm, SLOPE_STEP));
         let after = self.solve(position + SLOPE_STEP, arm).map(|arm| (arm, SLOPE_STEP));
         let (before, back) = before.unwrap_or((arm, 0.0));
@@ -158,12 +160,12 @@ impl<'a> Follower<'a> {
 
     fn solve(&self, position: f64, near: [f64; ARM_AXES]) -> Option<[f64; ARM_AXES]> {
         let track = self.track.at(self.part(position));
-        // Axes that run away, as near a singularity they may, are no place to continue from.
+        // Near a singularity axes may run away; such axes cannot be continued.
         let near = Axes::of_arm(near).ok()?;
         continued(self.model, &track, self.tool, &near)
     }
 
-    /// Which part of the way a place is: exactly all of it at the end.
+    /// The fraction of the path at a position, exactly 1 at the end.
     fn part(&self, position: f64) -> f64 {
         if position == self.length { 1.0 } else { position / self.length }
     }
@@ -175,7 +177,7 @@ impl<'a> Follower<'a> {
         strayed <= STRAY_MM && wanted.rotation.angle_to(&is.rotation).to_degrees() <= STRAY_DEGREES
     }
 
-    /// The axis with the largest ratio of slope to its full speed, and the ratio.
+    /// The axis with the largest ratio of slope to its full speed, and that ratio.
     fn hardest(&self, slopes: [f64; ARM_AXES]) -> (AxisNumber, f64) {
         let mut hardest = (AxisNumber::ARM[0], 0.0);
         for ((axis, slope), figures) in AxisNumber::ARM.into_iter().zip(slopes).zip(&self.model.axes) {
@@ -192,7 +194,7 @@ impl<'a> Follower<'a> {
     }
 }
 
-/// Why a stretch was not taken, and whether a shorter one might be.
+/// Why a stretch was refused, and whether a shorter one may be possible.
 struct Refusal {
     reason: PlanError,
     shorter_may_do: bool,

@@ -1,19 +1,19 @@
-//! One stretch of a tool path as the axes see it: a cubic through two points with a given slope at each.
+//! One stretch of a tool path for the axes: a cubic through two points with a given slope at each.
 
 use crate::axes::ARM_AXES;
 
-/// A place on the path with its axes and their slopes.
+/// A position on the path with its axes and their slopes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     /// Seconds at full speed from the start of the path.
     pub(super) position: f64,
-    /// Degrees.
+    /// Axis positions in degrees.
     pub(super) arm: [f64; ARM_AXES],
-    /// Degrees per second at full speed.
+    /// Slopes in degrees per second at full speed.
     pub(super) slope: [f64; ARM_AXES],
 }
 
-/// Between two nodes, the second farther along.
+/// The part between two nodes; the second is farther along.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch<'a> {
     pub(super) from: &'a Node,
@@ -53,9 +53,9 @@ impl Cubic {
         if (0.0..=1.0).contains(&bend) { ends.max(self.slope(bend).abs()) } else { ends }
     }
 
-    /// Where the slope is 0; places that are not there read 0.
+    /// Where the slope is 0; missing ones read 0.
     fn turning_points(self) -> [f64; 2] {
-        // 3a u² + 2b u + c = 0, in the form that keeps its digits when a is small.
+        // 3a u² + 2b u + c = 0, in a form that keeps its precision for small a.
         let root = (self.b * self.b - 3.0 * self.a * self.c).max(0.0).sqrt();
         let q = -(self.b + root.copysign(self.b));
         [q / (3.0 * self.a), self.c / q].map(|u| if u.is_finite() { u } else { 0.0 })
@@ -83,7 +83,7 @@ impl Stretch<'_> {
         cubics
     }
 
-    /// Axes and slopes at a place between the nodes; exactly those of a node at it.
+    /// Axes and slopes at a position between the nodes; exactly those of a node at its position.
     pub(super) fn at(&self, position: f64) -> ([f64; ARM_AXES], [f64; ARM_AXES]) {
         let h = self.length();
         let u = (position - self.from.position) / h;
@@ -137,7 +137,7 @@ mod tests {
             p in -100.0..100.0, q in -100.0..100.0, m in -300.0..300.0, n in -300.0..300.0,
             straight in any::<bool>(),
         ) {
-            // A straight stretch has no cubic part: the formulas must not stumble over it.
+            // A straight stretch has no cubic part: the formulas have to handle that.
             let (m, n) = if straight { ((q - p) / 0.3, (q - p) / 0.3) } else { (m, n) };
             let (from, to) = (node(1.0, p, m), node(1.3, q, n));
             let stretch = Stretch { from: &from, to: &to };

@@ -1,8 +1,8 @@
 //! Linear and curve moves: the tool follows its track, the axes follow the tool.
 //!
-//! The axes are solved once, at planning, at nodes close enough together that a cubic through them keeps the
-//! tool on its track. Asking for the axes later is a look-up: it cannot fail, and position and speed have no
-//! jumps.
+//! The axes are solved once, during planning, at nodes. These are close enough for a cubic through them to
+//! keep the tool on its track. Later queries only look up the axes: they cannot fail, and position and speed
+//! do not jump.
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
@@ -16,43 +16,45 @@ use crate::path::PathAxes;
 use crate::pose::{Frame, Pose};
 use crate::robot_model::{Geometry, RobotModel};
 
-/// A path no longer than this is standing still, seconds at full speed: two millionths of a micrometre.
+/// A path no longer than this counts as standing still, in seconds at full speed: two millionths of a
+/// micrometre.
 const NO_LENGTH: f64 = 1e-12;
 
-/// A way this short, mm and degrees, is gone axis by axis: it is what is left when a client sends a pose back
-/// as it read it, rounded to three decimals. With a straight wrist such a rounding may point anywhere, and
-/// following it would be a singularity. Even if J4 swings round meanwhile, the tool stays within a hundredth
-/// of a millimetre.
+/// A distance this short, in mm and degrees, is covered axis by axis. It remains when a client sends back a
+/// pose that it read, rounded to three decimals. With a straight wrist such a rounding may point in any
+/// direction, and following it would be a singularity. Even if J4 swings round meanwhile, the tool stays
+/// within a hundredth of a millimetre.
 const CREEP: f64 = 0.002;
 
 /// Half a turn, degrees.
 const HALF_TURN: f64 = 180.0;
 
-/// Which way round the tool turns to the orientation it is told.
+/// In which direction the tool turns to its target orientation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Turning {
-    /// The short way: a target of +180 where the tool reads −180 turns nothing.
+    /// The short way: a target of +180 with the tool at −180 turns nothing.
     #[default]
     Shortest,
-    /// The way the numbers say: where U, V or W is told more than half a turn from what it reads, the long way
-    /// round (reported of a real unit: +180 where it stood at −180 was a turn of the wrist).
+    /// The way the numbers say: if the target U, V or W is more than half a turn from the present value, the
+    /// tool turns the long way round (reported of a real unit: +180 from −180 was a turn of the wrist).
     AsTold,
 }
 
-/// The tool straight from where it is to a pose, turning evenly the short way round (`action` 10, manual
-/// 6.1.1), or as [`Turning`] says.
+/// The tool moves straight to a pose, and turns evenly the short way round (`action` 10, manual 6.1.1), or as
+/// [`Turning`] says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearPath(ToolPath);
 
-/// The tool on the circle from where it is through a middle to an end (`action` 17, manual 6.1.1).
+/// The tool moves on the circle from its present position through a middle to an end (`action` 17, manual
+/// 6.1.1).
 #[derive(Clone, Debug, PartialEq)]
 pub struct CurvePath(ToolPath);
 
 impl LinearPath {
-    /// From where the axes stand to `target`, a pose of the tool in the work frame; masked-out components
-    /// keep the value they have at the start.
+    /// Plans a path from the present axes to `target`, a pose of the tool in the work frame; masked-out
+    /// components keep their value at the start.
     ///
-    /// Errors name what is wrong anywhere on the way: out of reach, outside a soft limit, singular.
+    /// Errors name a problem anywhere on the way: out of reach, outside a soft limit, singular.
     pub fn plan(
         model: &RobotModel,
         frames: &Frames,
@@ -69,12 +71,12 @@ impl LinearPath {
 }
 
 impl CurvePath {
-    /// From where the axes stand through `middle` to `end`, poses of the tool in the work frame; masked-out
-    /// components keep, in both, the value they have at the start.
+    /// Plans a path from the present axes through `middle` to `end`, poses of the tool in the work frame;
+    /// masked-out components of both keep their value at the start.
     ///
-    /// The tool turns evenly from the start's orientation to the end's; the middle's orientation says
-    /// nothing. A middle on the line between start and end makes a line. Errors as for a line, and
-    /// [`PlanError::CurvePoints`] when the three points give no circle.
+    /// The tool turns evenly from the start's orientation to the end's; the middle's orientation is not used.
+    /// A middle on the line between start and end makes a line. Errors as for a line, and
+    /// [`PlanError::CurvePoints`] if the three points do not define a circle.
     pub fn plan(
         model: &RobotModel,
         frames: &Frames,
@@ -92,23 +94,23 @@ impl CurvePath {
     }
 }
 
-/// What a line and a curve answer alike.
+/// The queries that lines and curves have in common.
 macro_rules! answers {
     ($path:ident) => {
         impl $path {
-            /// How long it is, seconds at full line speed, or full angular speed if turning takes longer.
+            /// The length in seconds at full line speed, or at full angular speed if turning takes longer.
             #[must_use]
             pub const fn length(&self) -> f64 {
                 self.0.length
             }
 
-            /// The largest fraction of full speed at which no axis exceeds its own full speed, 1 at most.
+            /// The largest fraction of full speed at which no axis exceeds its own full speed, at most 1.
             #[must_use]
             pub const fn top_speed(&self) -> f64 {
                 self.0.top_speed
             }
 
-            /// The axes at a place on the path: the start before it, exactly the end from its length on.
+            /// The axes at a position on the path: the start before it, exactly the end from its length on.
             #[must_use]
             pub fn at(&self, position: f64) -> PathAxes {
                 self.0.at(position)
@@ -133,13 +135,13 @@ fn masked(
     let picked = mask.pick(pose_of(model, &start).components(), target.components());
     let mut wanted = place_of(model, &Pose::from_components(picked), &start.rotation)?;
     if !mask.touches(MoveMask::ORIENTATION) {
-        // Not by way of U, V, W and back, which rounds.
+        // Converting to U, V, W and back would round.
         wanted.rotation = start.rotation;
     }
     Ok(work * wanted)
 }
 
-/// The track with the turn as it is told.
+/// The track with the requested direction of turning.
 fn turned(
     track: Track,
     model: &RobotModel,
@@ -157,8 +159,8 @@ fn turned(
     }
 }
 
-/// What U, V and W are told to change beyond half a turn, as a turn that the tool sees, in radians; nothing where
-/// none is.
+/// The parts of the change of U, V and W that are more than half a turn, as a turn in the tool frame, in
+/// radians; zero if no change is.
 fn long_way(model: &RobotModel, start: &Pose, told: [f64; 3]) -> Vector3<f64> {
     let far = |from: f64, to: f64| if (to - from).abs() > HALF_TURN { (to - from).to_radians() } else { 0.0 };
     let [u, v, w] = told;
@@ -166,7 +168,8 @@ fn long_way(model: &RobotModel, start: &Pose, told: [f64; 3]) -> Vector3<f64> {
     if !matches!(model.geometry, Geometry::SixAxis(_)) {
         return z.into_inner() * far(start.u, u);
     }
-    // R = Rz(W)·Ry(V)·Rx(U): U turns about the tool's own X, V and W about axes that U and V have turned away.
+    // R = Rz(W)·Ry(V)·Rx(U): U turns about the tool's own X. V and W turn about axes that U and V have
+    // turned.
     let about_x = UnitQuaternion::from_axis_angle(&x, start.u.to_radians()).inverse();
     let about_y = UnitQuaternion::from_axis_angle(&y, start.v.to_radians()).inverse();
     x.into_inner() * far(start.u, u)
@@ -176,9 +179,9 @@ fn long_way(model: &RobotModel, start: &Pose, told: [f64; 3]) -> Vector3<f64> {
 
 #[derive(Clone, Debug, PartialEq)]
 struct ToolPath {
-    /// Where J7 and J8 stay.
+    /// J7 and J8 keep these positions.
     start: Axes,
-    /// At least one; the first at 0, the last at the length, ascending.
+    /// At least one node, ascending; the first at 0, the last at the length.
     nodes: Vec<Node>,
     length: f64,
     top_speed: f64,

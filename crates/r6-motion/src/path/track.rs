@@ -1,4 +1,4 @@
-//! The way of the tool: a straight line or an arc, with the tool turning evenly along it.
+//! The track of the tool: a straight line or an arc, with the tool turning evenly along it.
 
 use std::f64::consts::TAU;
 
@@ -6,22 +6,23 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3, Vector6
 
 use crate::error::PlanError;
 
-/// A middle point this close to the line from start to end makes no arc but a line, mm. An arc this flat
-/// strays from the line by no more.
+/// A middle point this close to the line from start to end makes a line, not an arc, in mm. Such a flat arc
+/// differs from the line by no more.
 const FLAT_MM: f64 = 1e-3;
 
-/// Points closer than this are one point, mm.
+/// Points closer than this count as one point, mm.
 const SAME_MM: f64 = 1e-6;
 
-/// A turn smaller than this has no direction, radians: told the long way round it is a full turn.
+/// A turn smaller than this has no direction, in radians. For the long way round it becomes a full turn.
 const SAME_TURN: f64 = 1e-6;
 
-/// Where the tool is along the way, counted 0 to 1. Beyond both ends the way goes on as it was.
+/// The transform of the tool along the track, from 0 to 1. Beyond both ends the track continues as it was.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Track {
     start: Isometry3<f64>,
     end: Isometry3<f64>,
-    /// From start to end as seen by the tool: axis times angle, at most half a turn unless it is told otherwise.
+    /// The turn from start to end in the tool frame: axis times angle, at most half a turn unless the long
+    /// way is requested.
     turn: Vector3<f64>,
     shape: Shape,
 }
@@ -39,15 +40,15 @@ enum Shape {
 }
 
 impl Track {
-    /// Straight from start to end.
+    /// A straight track from start to end.
     pub(super) fn line(start: Isometry3<f64>, end: Isometry3<f64>) -> Self {
         Self::new(start, end, Shape::Line)
     }
 
-    /// On the circle from start through middle to end.
+    /// A track on the circle from start through middle to end.
     ///
-    /// The tool turns evenly from the start's orientation to the end's; the middle's says nothing. A middle
-    /// on the line between start and end makes a line.
+    /// The tool turns evenly from the start's orientation to the end's. A middle on the line between start
+    /// and end makes a line.
     pub(super) fn arc(
         start: Isometry3<f64>,
         middle: Point3<f64>,
@@ -82,13 +83,13 @@ impl Track {
 
     fn new(start: Isometry3<f64>, end: Isometry3<f64>, shape: Shape) -> Self {
         let turn = start.rotation.rotation_to(&end.rotation).scaled_axis();
-        // `rotation_to` is given in the base frame; the tool sees it through its own rotation.
+        // `rotation_to` is in the base frame; the start's rotation converts it to the tool frame.
         let turn = start.rotation.inverse() * turn;
         Self { start, end, turn, shape }
     }
 
-    /// The same, turning the other way round to the same end where `told`, a turn that the tool sees in radians, is a
-    /// long way; a `told` of zero changes nothing.
+    /// The same track, but turning the other way round to the same end if `told` is the long way. `told` is a
+    /// turn in the tool frame, in radians; zero changes nothing.
     pub(super) fn turned_as_told(self, told: &Vector3<f64>) -> Self {
         if *told == Vector3::zeros() {
             return self;
@@ -104,7 +105,7 @@ impl Track {
         Self { turn, ..self }
     }
 
-    /// How far the tool goes, mm.
+    /// The distance of the tool, mm.
     pub(super) fn distance(&self) -> f64 {
         match &self.shape {
             Shape::Line => (self.end.translation.vector - self.start.translation.vector).norm(),
@@ -112,12 +113,13 @@ impl Track {
         }
     }
 
-    /// How far the tool turns, degrees, at most 180, or 360 the long way round.
+    /// The turn of the tool in degrees: at most 180, or 360 the long way round.
     pub(super) fn angle(&self) -> f64 {
         self.turn.norm().to_degrees()
     }
 
-    /// How the tool moves at this part of the way, in the base frame: mm and radians for the whole of it.
+    /// The velocity of the tool at this fraction of the track, in the base frame: mm and radians per whole
+    /// track.
     pub(super) fn velocity(&self, part: f64) -> Vector6<f64> {
         let linear = match &self.shape {
             Shape::Line => self.end.translation.vector - self.start.translation.vector,
@@ -130,7 +132,7 @@ impl Track {
         Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
     }
 
-    /// The tool at this part of the way: exactly the start at 0, exactly the end at 1.
+    /// The tool at this fraction of the track: exactly the start at 0, exactly the end at 1.
     pub(super) fn at(&self, part: f64) -> Isometry3<f64> {
         if part == 0.0 {
             return self.start;
@@ -252,7 +254,7 @@ mod tests {
             for point in [a, b, c, place(&track.at(part))] {
                 prop_assert!(((point - centre).norm() - radius).abs() < 1e-9 * (1.0 + radius));
             }
-            // The way is as long as it says: a small step of it, times how many there are.
+            // The length is right: a small step of it, times the number of steps.
             let step = place(&track.at(part + 1e-6)) - place(&track.at(part));
             prop_assert!((step.norm() * 1e6 / track.distance() - 1.0).abs() < 1e-3);
             let last = place(&track.at(1.0 - 1e-9)) - c;

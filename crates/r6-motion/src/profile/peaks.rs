@@ -1,32 +1,32 @@
-//! The most that a profile ever asks of an axis.
+//! The peaks of a profile.
 
 use super::{Change, Profile};
 
 /// Halvings that find an instant to the last digit of a double.
 const HALVINGS: usize = 60;
 
-/// The largest speed, acceleration and jerk of a profile, signs left out: fractions of full speed, and of full speed
-/// per second and second squared.
+/// The largest absolute speed, acceleration and jerk of a profile: fractions of full speed, per second and
+/// per second squared.
 ///
-/// An axis on an axis path is never beyond its own full speed times these, and the slowest axis meets them. So they
-/// are the limits under which another planner makes a comparable move.
+/// An axis on an axis path never exceeds its own full speed times these, and the slowest axis reaches them.
+/// So another planner with these limits makes a comparable move.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Peaks {
-    /// The highest speed; below the one that was asked for where the way is short.
+    /// The highest speed; below the requested one on a short path.
     pub speed: f64,
     /// The largest acceleration or deceleration.
     pub acceleration: f64,
-    /// The largest change of that per second. Where one change of speed has not ended when the next begins, both
-    /// add up: up to twice that of one.
+    /// The largest change of acceleration per second. If one change of speed has not ended when the next
+    /// begins, both add up: up to twice that of one.
     pub jerk: f64,
 }
 
 impl Profile {
-    /// The largest speed, acceleration and jerk on the whole way, to the last digits; of one whose top was changed
-    /// ([`Profile::with_top`]) on the way that is left.
+    /// The largest speed, acceleration and jerk of the profile, to the last digits. If its top was changed
+    /// ([`Profile::with_top`]), only the rest of the path counts.
     ///
-    /// Between two knots of its changes the acceleration is a parabola, so each peak is at a knot, where the jerk
-    /// is zero (for the acceleration), or where the acceleration is zero (for the speed).
+    /// Between two knots of its changes the acceleration is a parabola. So each peak is at a knot, or where
+    /// the jerk is zero (for the acceleration), or where the acceleration is zero (for the speed).
     #[must_use]
     pub fn peaks(&self) -> Peaks {
         let mut times: Vec<f64> = self.all_changes().flat_map(Change::knots).collect();
@@ -71,7 +71,7 @@ impl Change {
     }
 }
 
-/// Where `f`, which rises or falls all the way, is zero; `None` when it has one sign.
+/// Where `f`, which is monotonic, is zero; `None` if it has the same sign at both ends.
 fn zero_between(f: impl Fn(f64) -> f64, from: f64, to: f64) -> Option<f64> {
     let (first, last) = (f(from), f(to));
     if first * last >= 0.0 {
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn a_short_way_is_gentler_but_bends_more_sharply() {
-        // A little shorter than the ramp: the end of the one bend meets the start of the other.
+        // A little shorter than the ramp: the end of one bend meets the start of the other.
         let peaks = plan(0.2, 1.0, 0.25, 0.25).peaks();
         let step = SmoothStep::of(0.25);
         assert!(peaks.jerk > 1.5 * step.sharpest() && peaks.jerk <= 2.0 * step.sharpest(), "{peaks:?}");
@@ -117,7 +117,7 @@ mod tests {
     }
 
     proptest! {
-        /// Of very many looks none is beyond the peaks, and some come near.
+        /// None of many samples exceeds the peaks, and some come near.
         #[test]
         fn the_peaks_are_bounds_and_are_met(
             way in prop_oneof![1e-4..0.02, 0.02..0.6, 0.6..5.0], top in 0.01..1.0, up in 0.001..1.0, down in 0.001..1.0,
@@ -144,7 +144,7 @@ mod tests {
             ] {
                 prop_assert!(seen <= peak * (1.0 + slack) + 1e-9, "{seen} {peak}: {peaks:?}");
             }
-            // After a change what lies behind may count too.
+            // After a change an earlier part may count too.
             if changed.is_none() && up.min(down) > 0.05 && profile.duration() < 5.0 {
                 prop_assert!(speed > 0.99 * peaks.speed && acceleration > 0.99 * peaks.acceleration && jerk > 0.9 * peaks.jerk, "{speed} {acceleration} {jerk}: {peaks:?}");
             }

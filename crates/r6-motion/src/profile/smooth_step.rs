@@ -1,15 +1,15 @@
-//! A change of speed as the drive makes it: never a jump, and never a jump of the acceleration either.
+//! A change of speed as the drive makes it: neither the speed nor the acceleration jumps.
 //!
-//! A change that is asked for at one instant is averaged over three windows, one after the other: the straight
-//! part of the ramp, the S-curve, and the filter. What comes out is a step with a bounded jerk that takes the
-//! same time however large the change is, and whose every value is a short polynomial.
+//! A change requested at one instant is averaged over three windows, one after the other: the straight part
+//! of the ramp, the S-curve, and the filter. The result is a step with a bounded jerk. It takes the same time
+//! whatever its size, and every value is a short polynomial.
 
 use super::Ramps;
 
-/// The share of a ramp that is bent, at either end of it (S-curve 30 %, reported, unit B).
+/// The fraction of a ramp that is bent, at either end (S-curve 30 %, reported, unit B).
 pub const S_CURVE: f64 = 0.3;
 
-/// The window of the filter behind the ramps, seconds (128 ms, reported, unit B).
+/// The window of the filter after the ramps, in seconds (128 ms, reported, unit B).
 pub const FILTER_SECONDS: f64 = 0.128;
 
 /// A step from 0 to 1 in a fixed time.
@@ -21,23 +21,22 @@ pub struct SmoothStep {
 /// A [`SmoothStep`] at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepState {
-    /// What lies under it so far, seconds.
+    /// The area under the step so far, in seconds.
     pub area: f64,
-    /// How high it is, 0 to 1.
+    /// The height, 0 to 1.
     pub height: f64,
-    /// How fast it rises, per second.
+    /// The slope, per second.
     pub slope: f64,
 }
 
 impl SmoothStep {
-    /// The step for a ramp of so many seconds, which have to be above zero.
+    /// The step for a ramp of this many seconds, which have to be above zero.
     #[must_use]
     pub fn of(ramp: f64) -> Self {
         Self { windows: [(1.0 - S_CURVE) * ramp, S_CURVE * ramp, FILTER_SECONDS] }
     }
 
-    /// The step of the default ramp, made longer or shorter so that it takes so many seconds, which have to be above
-    /// zero.
+    /// The step of the default ramp, scaled to take this many seconds, which have to be above zero.
     #[must_use]
     pub fn within(seconds: f64) -> Self {
         let model = Self::of(Ramps::default().acceleration());
@@ -45,22 +44,23 @@ impl SmoothStep {
         Self { windows: model.windows.map(|window| window * scale) }
     }
 
-    /// How long it takes, seconds: the ramp and the filter.
+    /// The duration in seconds: the ramp and the filter.
     #[must_use]
     pub fn width(&self) -> f64 {
         self.windows.iter().sum()
     }
 
-    /// How much later than a jump at its start it is on average, seconds: half its width.
+    /// The mean delay behind a jump at its start, in seconds: half its width.
     #[must_use]
     pub fn lag(&self) -> f64 {
         self.width() / 2.0
     }
 
-    /// The steepest it ever is, per second, in its middle.
+    /// The largest slope, per second, in the middle.
     ///
-    /// The two longest windows make a slope that rises, stays at one over the longest, and falls; the shortest takes
-    /// the average over its own length, and where that is longer than the part that stays, a little less comes out.
+    /// The two longest windows make a slope that rises, stays at one over the longest, and falls. The
+    /// shortest averages over its own length; if that is longer than the constant part, the result is a
+    /// little less.
     #[must_use]
     pub fn steepest(&self) -> f64 {
         let [longest, next, shortest] = self.by_length();
@@ -68,14 +68,15 @@ impl SmoothStep {
         1.0 / longest - beyond * beyond / (longest * next * shortest)
     }
 
-    /// The most its slope changes in a second, per second squared; only the two longest windows count.
+    /// The largest change of the slope, per second squared; only the two longest windows count.
     #[must_use]
     pub fn sharpest(&self) -> f64 {
         let [longest, next, _] = self.by_length();
         1.0 / (longest * next)
     }
 
-    /// How fast its slope changes at `t`, per second squared: straight from each of its [`SmoothStep::knots`] to the next.
+    /// The change of the slope at `t`, per second squared. It is linear from each of the
+    /// [`SmoothStep::knots`] to the next.
     #[must_use]
     pub fn jerk(&self, t: f64) -> f64 {
         let width = self.width();
@@ -86,7 +87,7 @@ impl SmoothStep {
         sign * rising / (a * b * c)
     }
 
-    /// The eight instants at which another polynomial takes over, seconds from its start, in the order of time.
+    /// The eight instants between its polynomials, in seconds from its start, in time order.
     #[must_use]
     pub fn knots(&self) -> [f64; 8] {
         let [a, b, c] = self.windows;
@@ -110,7 +111,7 @@ impl SmoothStep {
         } else if t >= width {
             StepState { area: t - width / 2.0, height: 1.0, slope: 0.0 }
         } else if t > 0.0 {
-            // It looks the same from its end: nothing is lost to rounding there.
+            // The step is symmetric, so computing from the end loses nothing to rounding.
             let back = self.first_half(width - t);
             StepState { area: t - width / 2.0 + back.area, height: 1.0 - back.height, slope: back.slope }
         } else {
@@ -118,7 +119,7 @@ impl SmoothStep {
         }
     }
 
-    /// Three windows over a jump: one over a third power less the same for each window that has passed.
+    /// Three windows over a jump: a third power, minus the same for each window that has passed.
     fn first_half(&self, t: f64) -> StepState {
         let [a, b, c] = self.windows;
         let (mut square, mut cube, mut fourth) = (0.0, 0.0, 0.0);
@@ -139,7 +140,7 @@ impl SmoothStep {
     }
 }
 
-/// What adds to the first half of a step, and what takes away again: since when, and the sign.
+/// The terms of the first half of a step: since when each counts, and its sign.
 fn since([a, b, c]: [f64; 3]) -> [(f64, f64); 7] {
     [(0.0, 1.0), (a, -1.0), (b, -1.0), (c, -1.0), (a + b, 1.0), (a + c, 1.0), (b + c, 1.0)]
 }
@@ -193,7 +194,7 @@ mod tests {
             prop_assert!((bend - step.jerk(t)).abs() < 1e-3 * step.sharpest(), "{bend} {}", step.jerk(t));
         }
 
-        /// Not only bounds: the slope and its change come as high as they say.
+        /// The bounds are also reached by the slope and its change.
         #[test]
         fn steepest_and_sharpest_are_met(ramp in 0.001..2.0) {
             let step = SmoothStep::of(ramp);

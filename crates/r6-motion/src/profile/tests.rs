@@ -59,7 +59,7 @@ fn another_top_takes_one_change() {
     let profile = plan(2.0, 0.5).with_top(1.0, 1.0).unwrap();
     assert!(close(profile.at(1.0).speed, 0.5) && close(profile.at(1.0 + CHANGE).speed, 1.0));
     assert!(close(profile.at(1.0 + CHANGE / 2.0).speed, 0.75));
-    // Asked for: a second at half speed, then the remaining 1.5 at full speed.
+    // Requested: a second at half speed, then the remaining 1.5 at full speed.
     assert!(close(profile.duration(), 1.0 + 1.5 + CHANGE));
     let changed = profile.with_top(2.0, 0.1).unwrap();
     assert!(close(changed.duration(), 1.0 + 1.0 + 5.0 + CHANGE) && close(changed.at(3.0).speed, 0.1));
@@ -103,7 +103,7 @@ fn what_is_no_number_is_refused() {
     assert_eq!(plan(1.0, 1.0).at(f64::NAN).position, 0.0);
 }
 
-/// A profile whose top was changed at these times.
+/// A profile with its top changed at these times.
 fn changed(way: f64, top: f64, ramps: Ramps, changes: &[(f64, f64)]) -> Profile {
     let mut at = 0.0;
     let mut profile = Profile::plan(way, top, ramps).unwrap();
@@ -114,7 +114,7 @@ fn changed(way: f64, top: f64, ramps: Ramps, changes: &[(f64, f64)]) -> Profile 
     profile
 }
 
-/// A new speed every two milliseconds, with the longest ramps there are.
+/// A new speed every two milliseconds, with the longest possible ramps.
 #[test]
 fn however_often_the_speed_changes_little_is_remembered() {
     for ramp in [0.25, Ramps::LONGEST] {
@@ -128,7 +128,7 @@ fn however_often_the_speed_changes_little_is_remembered() {
 }
 
 proptest! {
-    /// Also when the top is changed on the way, and the ramps up and down differ.
+    /// Also with another top on the way, and with different ramps up and down.
     #[test]
     fn speed_acceleration_and_jerk_stay_within_what_is_allowed(
         way in 1e-6..5.0, top in 0.001..1.0, up in 0.01..1.0, down in 0.01..1.0,
@@ -145,14 +145,14 @@ proptest! {
         prop_assert!(b.position >= a.position - 1e-12 && b.position <= way, "{a:?} {b:?}");
         prop_assert!(a.speed >= 0.0 && a.speed <= highest * (1.0 + 1e-9), "{a:?}");
         prop_assert!(a.acceleration.abs() <= highest * shortest.steepest() * (1.0 + 1e-6), "{a:?}");
-        // Two changes may bend at once, one up and one down.
+        // Two changes may bend at the same time, one up and one down.
         let jerk = (b.acceleration - a.acceleration).abs() / h;
         prop_assert!(jerk <= 2.0 * highest * shortest.sharpest() * (1.0 + 1e-3) + 1e-6, "{jerk}");
         prop_assert!((b.position - a.position - a.speed * h).abs() <= 2.0 * highest * shortest.steepest() * h * h + 1e-12);
         prop_assert!((b.speed - a.speed - a.acceleration * h).abs() <= 2.0 * highest * shortest.sharpest() * h * h + 1e-9);
     }
 
-    /// The clamps in `at` only take away rounding: the end is met by itself.
+    /// The clamps in `at` only remove rounding: the end is met without them.
     #[test]
     fn the_end_is_met(
         way in 1e-6..5.0, top in 0.001..1.0, up in 0.01..1.0, down in 0.01..1.0,
@@ -165,7 +165,7 @@ proptest! {
         prop_assert!(way - before.position < 1e-9 && before.speed < 1e-6, "{before:?}");
     }
 
-    /// Where the change begins nothing jumps.
+    /// Nothing jumps where the change begins.
     #[test]
     fn another_top_has_no_jump(
         way in 0.01..3.0, top in 0.01..1.0, next in 0.01..1.0, part in 0.0..1.0,

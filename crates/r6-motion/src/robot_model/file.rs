@@ -1,4 +1,4 @@
-//! The fields of a model file.
+//! Reads the fields of a model file.
 
 use std::sync::Arc;
 
@@ -12,42 +12,44 @@ use super::{
 };
 use crate::axes::ARM_AXES;
 
-/// No model file is longer, bytes: the longest of the product's own has 4 000.
+/// The longest model file, in bytes: the longest of the product's own has 4 000.
 const LONGEST: usize = 65_536;
 
-/// No length is greater, mm: a hundred metres.
+/// The greatest length, in mm: a hundred metres.
 const LONGEST_MM: f64 = 1e5;
 
-/// No axis goes farther, degrees or mm.
+/// The farthest limit of an axis, in degrees or mm.
 const FARTHEST_LIMIT: f64 = 1e5;
 
-/// No speed, gear ratio or lead is greater.
+/// The greatest speed, gear ratio or lead.
 const MOST: f64 = 1e6;
 
-/// No part is heavier, kg.
+/// The heaviest part, in kg.
 const HEAVIEST: f64 = 1e5;
 
-/// None is smaller: at a thousandth of a millimetre or degree per second no move ends on the day it began.
+/// The smallest of these: at a thousandth of a millimetre or degree per second no move ends on the day it
+/// began.
 const LEAST: f64 = 1e-3;
 
-/// The acceleration times a controller can be set to, seconds (as [`Ramps`](crate::Ramps) has them).
+/// The acceleration times that a controller can be set to, in seconds (the same as in
+/// [`Ramps`](crate::Ramps)).
 const ACCELERATION_TIMES: std::ops::RangeInclusive<f64> = 0.001..=60.0;
 
-/// No link is shorter, mm: the solvers divide by them.
+/// The shortest link, in mm: the solvers divide by these.
 const SHORTEST_LINK: f64 = 1e-3;
 
-/// What a length may be.
+/// The allowed values of a length.
 #[derive(Clone, Copy)]
 enum Length {
-    /// Between two joints that bend the arm: above 0.
+    /// A link between two joints that bend the arm: above 0.
     Link,
-    /// Either way, and 0.
+    /// Any sign, and 0.
     Any,
-    /// The same, and 0 where it is left out.
+    /// The same, and 0 if it is missing.
     OrZero,
 }
 
-/// What an axis of each kind of machine does, and how many it has to have.
+/// The motions of the axes of each kind of machine, and how many axes it has to have.
 #[derive(Clone, Copy)]
 struct Kind {
     build: fn(&mut File<'_, '_>) -> Result<Geometry, Wrong>,
@@ -56,11 +58,11 @@ struct Kind {
     axes_wanted: &'static str,
 }
 
-/// A file half read.
+/// A file while it is read.
 struct File<'f, 't> {
     root: &'f Fields<'f>,
     found: &'f mut Found<'t>,
-    /// The names of the numbers in it.
+    /// The names of the numbers read so far.
     numbers: Vec<String>,
 }
 
@@ -122,7 +124,7 @@ impl File<'_, '_> {
         let geometry = (kind.build)(&mut self);
         let masses = self.masses();
         let axes = self.axes(&kind);
-        // A number that is wrong, or misspelt, has a source all the same.
+        // A source of a number that is wrong or misspelt must not cause another error.
         let all_known = geometry.is_ok() && masses.is_ok() && axes.is_ok();
         let sources = self.sources(all_known);
         let (axes, axis_count) = axes?;
@@ -139,13 +141,13 @@ impl File<'_, '_> {
         })
     }
 
-    /// A number of the file itself.
+    /// A number at the top level of the file.
     fn own(&mut self, field: &'static str, wanted: &str, fits: fn(f64) -> bool) -> Result<f64, Wrong> {
         self.numbers.push(field.to_owned());
         number(self.root, field, wanted, fits)
     }
 
-    /// The fields of an inner table, with the label that its mistakes have.
+    /// Reads the fields of an inner table, with a label for its mistakes.
     fn inner<T>(
         &mut self,
         table: &Table,
@@ -154,7 +156,7 @@ impl File<'_, '_> {
     ) -> Result<T, Wrong> {
         let fields = Fields::of(table, &[], format!("{label}: "));
         let inner = read(self, &fields);
-        // What is wrong is noted.
+        // The mistake is already noted.
         fields.finish(inner, self.found).ok_or_else(|| Wrong::from(""))
     }
 
@@ -178,7 +180,7 @@ impl File<'_, '_> {
         })
     }
 
-    /// The masses of `[masses]`, if there are any.
+    /// The masses of `[masses]`, if present.
     fn masses(&mut self) -> Result<Option<Masses>, Wrong> {
         let wanted = "a [masses] table with upper_arm, forearm and tool";
         let Some(table) = self.root.optional("masses", wanted, Node::table) else { return Ok(None) };
@@ -269,7 +271,7 @@ impl File<'_, '_> {
         read.into_iter().collect()
     }
 
-    /// `all_known`: whether the names of all numbers are.
+    /// Reads a source. `all_known` says whether the names of all numbers are known.
     fn source(&self, fields: &Fields<'_>, all_known: bool) -> Result<Source, Wrong> {
         let wanted = "a list of numbers' names, such as [\"geometry.d1\", \"J*.soft\"]";
         let of = fields.due("of", wanted, |value| {
@@ -318,7 +320,7 @@ fn cartesian(file: &mut File<'_, '_>) -> Result<Geometry, Wrong> {
     Ok(Geometry::Cartesian)
 }
 
-/// A number that has to be there, and fits.
+/// A number that is required, and has to fit.
 fn number(
     fields: &Fields<'_>,
     field: &'static str,
@@ -328,7 +330,7 @@ fn number(
     fields.due(field, wanted, |value| value.number().filter(|number| fits(*number)))
 }
 
-/// All of them, if each is there.
+/// All numbers, if none is missing.
 fn all<const N: usize>(read: [Result<f64, Wrong>; N]) -> Result<[f64; N], Wrong> {
     let mut numbers = [0.0; N];
     for (slot, number) in numbers.iter_mut().zip(read) {
@@ -346,7 +348,7 @@ fn limits(value: &Node) -> Option<Limits> {
     let [min, max] = value.list()? else { return None };
     let limits = Limits { min: min.number()?, max: max.number()? };
     let near = limits.min >= -FARTHEST_LIMIT && limits.max <= FARTHEST_LIMIT;
-    // The arm stands at 0 when it is switched on.
+    // The arm is at 0 when it is switched on.
     (near && limits.min < limits.max && limits.contains(0.0)).then_some(limits)
 }
 

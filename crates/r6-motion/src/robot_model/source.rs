@@ -3,26 +3,26 @@
 /// How far a number can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Certainty {
-    /// Read off a real machine.
+    /// Read from a real machine.
     Measured,
-    /// Stands in a public description of this model that somebody else made.
+    /// From a public description of this model by someone else.
     Published,
     /// Calculated from measured or published numbers.
     Derived,
     /// Published for another model.
     Borrowed,
-    /// Nobody says so; it would be odd otherwise.
+    /// Without a source, but anything else would be odd.
     Assumed,
-    /// No claim about any real machine.
+    /// Not a claim about any real machine.
     Chosen,
 }
 
 impl Certainty {
-    /// From most to least certain.
+    /// All of them, from most to least certain.
     pub const ALL: [Self; 6] =
         [Self::Measured, Self::Published, Self::Derived, Self::Borrowed, Self::Assumed, Self::Chosen];
 
-    /// The word for it in a model file.
+    /// Its word in a model file.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -43,19 +43,19 @@ pub struct Source {
     pub of: Vec<String>,
     /// How far they can be trusted.
     pub certainty: Certainty,
-    /// Who says so.
+    /// Who or what says so.
     pub text: String,
 }
 
 impl Source {
-    /// Whether it speaks of the number with this name, such as `J3.soft`.
+    /// Whether it covers the number with this name, such as `J3.soft`.
     #[must_use]
     pub fn covers(&self, number: &str) -> bool {
         self.of.iter().any(|pattern| matches(pattern, number))
     }
 }
 
-/// Whether a name out of a file, `J*` for every axis, means this number.
+/// Whether a name from a file, with `J*` for every axis, means this number.
 pub(super) fn matches(pattern: &str, number: &str) -> bool {
     match (pattern.strip_prefix("J*."), number.split_once('.')) {
         (Some(wanted), Some((axis, field))) => axis.starts_with('J') && field == wanted,

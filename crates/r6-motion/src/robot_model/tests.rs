@@ -10,7 +10,7 @@ fn file(name: &str) -> &'static str {
     FILES.into_iter().find(|text| RobotModel::from_toml(text).unwrap().name.as_ref() == name).unwrap()
 }
 
-/// The names of all numbers in a file, read without the reader under test.
+/// The names of all numbers in a file, found without the reader under test.
 fn numbers(text: &str) -> BTreeSet<String> {
     let mut numbers = BTreeSet::new();
     let (mut table, mut axis) = (String::new(), 0);
@@ -129,7 +129,7 @@ fn motor_speed_goes_through_the_gear() {
     assert_eq!(rpm, [100.0, -100.0, 202.0, 0.0, 51.0, 2850.0, 0.0, 0.0]);
 }
 
-/// A file with one change in it: the whole complaint.
+/// Checks the whole error message for a file with one change.
 #[track_caller]
 fn complains(name: &str, from: &str, to: &str, complaint: &str) {
     let text = file(name);
@@ -266,7 +266,7 @@ fn all_mistakes_of_a_file_are_told() {
 }
 
 proptest::proptest! {
-    /// Whatever is cut out of a file, or put into it, is refused or read, never a panic.
+    /// A file with any part removed or inserted is refused or read, without a panic.
     #[test]
     fn no_text_breaks_the_reader(
         which in 0..FILES.len(), from in 0..4000_usize, length in 0..40_usize, put in "[ -~\n]{0,12}",

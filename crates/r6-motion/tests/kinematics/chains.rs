@@ -12,13 +12,13 @@ const X: [f64; 3] = [1.0, 0.0, 0.0];
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
 const Z: [f64; 3] = [0.0, 0.0, 1.0];
 
-/// How the controller counts, against turns about +Z, +Y, +Y, +X, +Y, +X.
+/// The directions of the controller's axes, compared with turns about +Z, +Y, +Y, +X, +Y, +X.
 const SIGNS: [f64; 6] = [1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
 
-/// How many poses each comparison takes.
+/// How many poses each comparison checks.
 const POSES: usize = 2000;
 
-/// The model without the calibration of one arm, as the drawings have it.
+/// The model without the calibration of one arm, as in the drawings.
 fn straight(name: &str) -> RobotModel {
     let mut model = model(name).clone();
     for axis in &mut model.axes {
@@ -51,7 +51,7 @@ fn flange_along_x() -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::y_axis(), FRAC_PI_2)
 }
 
-/// An arm by its six lengths, as a chain whose forearm lies along X.
+/// An arm from its lengths, as a chain with the forearm along X.
 fn by_lengths(d1: f64, a1: f64, a2: f64, a3: f64, d4: f64) -> [Joint; 6] {
     [
         joint([0.0; 3], Z),
@@ -80,7 +80,7 @@ fn the_arms_known_by_their_lengths_are_those_lengths() {
     }
 }
 
-/// Joint origins of the public URDF of the 0805A, mm: its elbow turns the frame so that the forearm is Z.
+/// Joint origins of the public URDF of the 0805A, mm. Its elbow turns the frame so that the forearm is Z.
 #[test]
 fn the_0805a_is_its_urdf() {
     let chain = [
@@ -96,7 +96,7 @@ fn the_0805a_is_its_urdf() {
     assert!(place < 1e-6 && turn < 1e-6, "{place} mm, {turn} degrees");
 }
 
-/// Joint origins of the public URDF of the 2030A, mm, with and without what stands sideways.
+/// Joint origins of the public URDF of the 2030A, mm, with and without the sideways offsets.
 fn urdf_2030a(sideways: f64) -> [Joint; 6] {
     [
         joint([0.0, 0.0, 200.0], Z),
@@ -117,7 +117,7 @@ fn the_2030a_is_its_urdf_but_for_what_stands_sideways() {
     };
     let (place, turn) = against(model, 0.0);
     assert!(place < 1e-6 && turn < 1e-6, "{place} mm, {turn} degrees");
-    // What docs/MODELS.md says of the parts left out: 52.5 mm and at most 4.2 mm more; with b, 4.2 mm.
+    // docs/MODELS.md about the parts left out: 52.5 mm and at most 4.2 mm more; with b, 4.2 mm.
     let (place, _) = against(model, 1.0);
     println!("2030A against its URDF: {place:.2} mm");
     assert!((50.0..56.7).contains(&place), "{place} mm");
@@ -133,7 +133,7 @@ fn the_2030a_is_its_urdf_but_for_what_stands_sideways() {
 fn urdf_0707a() -> [Joint; 6] {
     let ([minus_x, minus_y], y) = ([[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], Y);
     [
-        // The foot of J1, 64.848 and 57.977 mm beside the drawing's origin, is the controller's own origin.
+        // The foot of J1, 64.848 and 57.977 mm from the drawing's origin, is the controller's own origin.
         joint([0.0, 0.0, 55.131], Z),
         joint([57.0, 49.9935, 241.322], minus_x),
         joint([6.5, -3.601, 350.042], minus_x),
@@ -148,7 +148,7 @@ fn fitted_0707a(offsets: [f64; 6]) -> impl Fn([f64; 6]) -> Isometry3<f64> {
     const URDF_SIGNS: [f64; 6] = [1.0, -1.0, -1.0, 1.0, -1.0, -1.0];
     let chain = urdf_0707a();
     let to_world = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -FRAC_PI_2);
-    // From the drawing's axes, approach along +Y, to the flange's, approach along +Z and X down.
+    // From the drawing's axes (approach along +Y) to the flange's (approach along +Z, X down).
     let flange = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), FRAC_PI_2) * flange_along_x();
     move |arm| {
         let mut angles = arm;
@@ -161,11 +161,12 @@ fn fitted_0707a(offsets: [f64; 6]) -> impl Fn([f64; 6]) -> Isometry3<f64> {
 
 #[test]
 fn the_0707a_is_close_to_the_chain_that_met_a_real_controller() {
-    // The reported offsets, radians. Much of them undoes the lean of the drawing's upper arm, 3.601 mm in 350.
+    // The reported offsets, in radians. They mostly compensate the lean of the drawing's upper arm, 3.601 mm
+    // in 350.
     let offsets = [0.0, 0.01134, -0.01206, 0.0, 0.01114, 0.0];
     let (place, turn) = deviation(model("BRTIRUS0707A"), fitted_0707a(offsets));
     println!("0707A against the fitted chain: {place:.2} mm, {turn:.4} degrees");
-    // What remains stands sideways: the wrist of the drawing is not quite spherical.
+    // The rest is a sideways offset: the wrist of the drawing is not exactly spherical.
     assert!(place < 2.3 && turn < 1e-3, "{place} mm, {turn} degrees");
     let (place, turn) = deviation(&straight("BRTIRUS0707A"), fitted_0707a(offsets));
     println!("0707A without calibration against the fitted chain: {place:.2} mm, {turn:.2} degrees");
@@ -176,7 +177,7 @@ fn the_0707a_is_close_to_the_chain_that_met_a_real_controller() {
 }
 
 /// The one published pair of joint and world values (reported, unit C). The model is not stated, so only the
-/// turn compares.
+/// orientation can be compared.
 #[test]
 fn a_real_arm_is_turned_the_same_way() {
     let axes = Axes::of_arm([0.0285, 28.31, -34.69, 0.0154, -82.82, 0.0185]).unwrap();

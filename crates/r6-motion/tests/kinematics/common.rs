@@ -1,4 +1,4 @@
-//! What the checks of the models share.
+//! Helpers that the checks of the models share.
 #![allow(dead_code, reason = "each test uses its part")]
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -8,7 +8,7 @@ use r6_motion::{Axes, RobotModel};
 pub struct Numbers(pub u64);
 
 impl Numbers {
-    /// Between 0 and 1.
+    /// A number between 0 and 1.
     pub fn part(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
@@ -18,7 +18,7 @@ impl Numbers {
         f64::from((z >> 32) as u32) / f64::from(u32::MAX)
     }
 
-    /// Anywhere in the soft limits.
+    /// Axes anywhere in the soft limits.
     pub fn axes(&mut self, model: &RobotModel) -> Axes {
         let mut positions = [0.0; 8];
         for (slot, axis) in positions.iter_mut().zip(model.drives()) {
@@ -32,15 +32,15 @@ pub fn model(name: &str) -> &'static RobotModel {
     RobotModel::named(name).unwrap()
 }
 
-/// How far apart two places are: mm and degrees.
+/// The distance of two poses: mm and degrees.
 pub fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
     let place = (a.translation.vector - b.translation.vector).norm();
-    // By the matrices' difference: an angle out of an arc cosine would be mostly rounding.
+    // From the difference of the matrices, because an angle from an arc cosine would be mostly rounding.
     let turn = (a.rotation.to_rotation_matrix().matrix() - b.rotation.to_rotation_matrix().matrix()).norm();
     (place, (turn / std::f64::consts::SQRT_2).to_degrees())
 }
 
-/// One joint of a chain: where it sits in the joint before, how it is turned there, and its axis.
+/// One joint of a chain: its position and orientation in the joint before, and its axis.
 pub struct Joint {
     pub at: [f64; 3],
     pub rpy: [f64; 3],
@@ -64,7 +64,7 @@ pub fn product(chain: &[Joint], angles: [f64; 6]) -> Isometry3<f64> {
     })
 }
 
-/// Along the last joint's axis, in its own frame.
+/// A translation in the last joint's own frame.
 pub fn along(x: f64, y: f64, z: f64) -> Isometry3<f64> {
     Isometry3::translation(x, y, z)
 }

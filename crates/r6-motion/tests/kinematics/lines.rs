@@ -1,4 +1,4 @@
-//! Linear moves of every model, all the way from plan to pose.
+//! Linear moves of every model, from plan to pose.
 
 use r6_motion::kinematics::forward;
 use r6_motion::{
@@ -8,7 +8,7 @@ use r6_motion::{
 
 use crate::common::{Numbers, apart, model};
 
-/// How many lines each model is asked for.
+/// How many lines to try on each model.
 const LINES: usize = 300;
 
 #[test]
@@ -33,7 +33,7 @@ fn every_model_draws_straight_lines() {
                 speed: MoveSpeed::PercentOfMax(20.0),
                 delay: 0.0,
             };
-            // Limits and singular wrists are in the way of some.
+            // Some cannot be planned because of limits and singular wrists.
             let Ok(movement) = Movement::plan(model, &start, &order, &conditions) else { continue };
             drawn += 1;
             let wanted = to.to_isometry().unwrap();

@@ -1,4 +1,4 @@
-//! The kinematics of every model against arithmetic that is not the crate's own.
+//! The kinematics of every model, compared with calculations that are not the crate's own.
 
 mod chains;
 mod common;

@@ -1,14 +1,14 @@
-//! Inverse kinematics of every model: forward again, it is where it should be.
+//! Inverse kinematics of every model: forward kinematics of the result gives the pose again.
 
 use r6_motion::kinematics::{all_solutions, forward, inverse};
 use r6_motion::{Frame, Pose, RobotModel};
 
 use crate::common::{Numbers, apart, model};
 
-/// How many poses each model takes.
+/// How many poses to check for each model.
 const POSES: usize = 5000;
 
-/// A tool that sticks out sideways; turned as a whole as well where the arm can turn it.
+/// A tool that sticks out sideways, and is tilted if the arm can tilt it.
 fn tool(model: &RobotModel) -> Frame {
     let turn = if model.axis_count() == 6 { 30.0 } else { 0.0 };
     Frame::at(&Pose { x: 20.0, y: -35.0, z: 120.0, u: turn, v: -turn, w: 75.0 }).unwrap()
@@ -53,7 +53,7 @@ fn the_solution_next_to_where_it_stands_is_where_it_stands() {
         for _ in 0..POSES / 5 {
             let stands = numbers.axes(model);
             let [_, j2, _, _, j5, _] = stands.arm();
-            // Straight wrists and elbows have no axes of their own.
+            // With a straight wrist or elbow the axes are not unique.
             if (model.axis_count() == 6 && j5.abs() < 0.1) || (name == "GENERIC-SCARA" && j2.abs() < 0.1) {
                 continue;
             }

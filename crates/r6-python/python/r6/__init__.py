@@ -1,8 +1,9 @@
-"""Client and virtual controllers for Huacheng R6 / HC1 robot controllers, sold as Borunte and under other names.
+"""Client and virtual controllers for Huacheng R6 / HC1 robot controllers (also sold as Borunte and others).
 
-``Robot`` is the handle for ordinary code, ``AsyncRobot`` the same for asyncio; ``Simulator`` is a virtual controller to try
-them on. Values have units (``Degrees``, ``Millimetres``, ``Percent``, …): a mistake in the unit is a ``TypeError``, and an
-error of mypy. Errors are sorted by what to do next (``R6Error`` and its tree). Axes are counted from 0 (J1).
+``Robot`` is the handle for ordinary code, ``AsyncRobot`` the same for asyncio. ``Simulator`` is a virtual
+controller to try them on. Values have units (``Degrees``, ``Millimetres``, ``Percent``, …): a wrong unit
+is a ``TypeError``, and an error of mypy. Errors are sorted by what to do next (``R6Error`` and its tree).
+Axes are counted from 0 (J1).
 
 >>> import r6
 >>> with r6.Simulator(clock="max") as controller, r6.Robot.connect(controller.address) as robot:

@@ -1,4 +1,4 @@
-"""What runs on a robot, from asyncio: the same names as in ``_motion``, which documents them."""
+"""A motion that runs on a robot, for asyncio: the same names as in ``_motion``, which documents them."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 
 class AsyncRunning(Generic[Core]):
-    """How a motion or a followed target ends: ``Running`` for asyncio."""
+    """The end of a motion or a followed target: ``Running`` for asyncio."""
 
     def __init__(self, core: Core) -> None:
         """Use ``AsyncRobot.run`` or ``AsyncRobot.follow``."""
         self._core: Core = core
 
     async def finished(self) -> Done | Followed:
-        """Waits until the arm stands; each kind says more."""
+        """Waits until the arm stands; the subclasses say more."""
         raise NotImplementedError
 
     def stop(self) -> Coroutine[Any, Any, StopReport]:
-        """As ``stop`` without asyncio; begun by the call, as ``AsyncRobot.stop`` is."""
+        """As ``stop`` without asyncio. The call itself begins it, as for ``AsyncRobot.stop``."""
         return run_at_once(self._core.stop())
 
     def release(self) -> None:
@@ -58,14 +58,14 @@ class AsyncRunning(Generic[Core]):
 
 
 class AsyncMotionHandle(AsyncRunning[MotionCore]):
-    """A motion that runs: ``MotionHandle`` for asyncio.
+    """A running motion: ``MotionHandle`` for asyncio.
 
-    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation included, as
-    ``MotionHandle`` does, and waits for the end of the motion otherwise. A cancellation in that wait stops the arm, too; another one
-    while the arm is being stopped waits for that, 15 s at most.
+    As an ``async with`` block, it stops the arm when the block ends with an exception, cancellation
+    included, as ``MotionHandle`` does. Otherwise it waits for the end of the motion. A cancellation in
+    that wait stops the arm, too. Another cancellation during the stop waits for the stop, at most 15 s.
 
-    After a cancellation the logger ``r6`` has what became of the arm, too, as a warning: a ``TaskGroup`` drops the exception that has
-    the line, and ``asyncio.run`` raises another one for Ctrl-C.
+    After a cancellation the logger ``r6`` also gets the result as a warning. A ``TaskGroup`` drops the
+    exception that has the note, and ``asyncio.run`` raises another one for Ctrl-C.
     """
 
     @property
@@ -75,7 +75,7 @@ class AsyncMotionHandle(AsyncRunning[MotionCore]):
 
     @property
     def progress(self) -> Progress:
-        """How far it is now."""
+        """The present progress."""
         return self._core.progress()
 
     async def __aiter__(self) -> AsyncIterator[Progress]:
@@ -93,7 +93,7 @@ class AsyncMotionHandle(AsyncRunning[MotionCore]):
         return await run(self._core.ended_within(time))
 
     async def finished(self) -> Done:
-        """As ``MotionHandle.finished``. Cancelling it ends the waiting, not the motion."""
+        """As ``MotionHandle.finished``. Cancelling it ends the wait, not the motion."""
         with of(self._core):
             return await run(self._core.finished())
 
@@ -102,7 +102,7 @@ class AsyncMotionHandle(AsyncRunning[MotionCore]):
 
 
 class AsyncFollowing(AsyncRunning[FollowCore]):
-    """A target that is followed: ``Following`` for asyncio; use ``async with``."""
+    """A followed target: ``Following`` for asyncio; use ``async with``."""
 
     def target(self, to: AxisPosition) -> None:
         """As ``Following.target``."""
@@ -116,7 +116,7 @@ class AsyncFollowing(AsyncRunning[FollowCore]):
 
 
 class AsyncStep:
-    """One step of a motion that runs: ``Step`` for asyncio."""
+    """One step of a running motion: ``Step`` for asyncio."""
 
     def __init__(self, core: MotionCore, number: int) -> None:
         """Use ``AsyncMotionHandle.step``."""
@@ -125,7 +125,7 @@ class AsyncStep:
 
     @property
     def state(self) -> StepState:
-        """What has become of it."""
+        """The state of the step."""
         return self._core.step_state(self.number)
 
     async def started(self) -> bool:

@@ -1,11 +1,11 @@
-"""A robot, from asyncio: the same names as in ``Robot``, which documents them."""
+"""A robot for asyncio: the same names as in ``Robot``, which documents them."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Generator, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,12 +20,14 @@ from ._r6 import (
     Listen,
     Motion,
     Percent,
+    Pose,
     RobotCore,
     RobotSettings,
     RunOptions,
     discovering,
+    word_of,
 )
-from ._robot import connected, counter, cut_short, points, whole
+from ._robot import WORLD, connected, counter, cut_short, point_name, points, pose, target, whole
 from ._types import (
     Accepted,
     Counter,
@@ -47,14 +49,55 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
+_R = TypeVar("_R", bound="AsyncRobot")
+
+
+class Connecting(Coroutine[Any, Any, _R]):
+    """What ``AsyncRobot.connect`` returns: a coroutine, which ``async with`` can also enter. It closes the robot at its end."""
+
+    def __init__(self, connecting: Coroutine[Any, Any, _R]) -> None:
+        """``AsyncRobot.connect`` makes it."""
+        self._connecting = connecting
+        self._robot: _R | None = None
+
+    def __await__(self) -> Generator[Any, None, _R]:
+        return self._connecting.__await__()
+
+    def send(self, value: Any, /) -> Any:
+        """As that of a coroutine."""
+        return self._connecting.send(value)
+
+    def throw(self, *error: Any) -> Any:
+        """As that of a coroutine."""
+        return self._connecting.throw(*error)
+
+    def close(self) -> None:
+        """As that of a coroutine."""
+        self._connecting.close()
+
+    async def __aenter__(self) -> _R:
+        self._robot = await self._connecting
+        return self._robot
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._robot is not None:
+            await self._robot.__aexit__(kind, error, traceback)
+
+
 class AsyncRobot:
-    """A handle on one controller, over one connection: ``Robot`` for asyncio.
+    """A handle of one controller, over one connection: ``Robot`` for asyncio.
 
-    Many tasks, and many event loops, may use one handle. Cancelling a call takes its request back if it has not left
-    yet, except for a stop and a pause, which the call itself begins. What does not wait is no coroutine: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``,
-    ``identity``, ``accept_identity``, ``guard``, ``with_guard``, ``follow``.
+    Many tasks, and many event loops, may use one handle. Cancelling a call withdraws its request if it has
+    not left yet. A stop and a pause cannot be withdrawn, because the call itself begins them. Calls that
+    do not wait are no coroutines: ``subscribe``, ``pushed``, ``dry_run``, ``link_quality``, ``identity``,
+    ``accept_identity``, ``guard``, ``with_guard``, ``follow``.
 
-    >>> async with await AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
+    >>> async with AsyncRobot.connect("192.168.1.10") as robot:        # doctest: +SKIP
     ...     print((await robot.status()).axes)
     """
 
@@ -63,9 +106,16 @@ class AsyncRobot:
         self._core = connected(core)
 
     @classmethod
-    async def connect(cls, address: str | Listen, settings: RobotSettings | None = None) -> Self:
-        """As ``Robot.connect``."""
-        return cls(await run(RobotCore.connect_async(address, settings)))
+    def connect(
+        cls, address: str | Listen, port: int | RobotSettings | None = None, settings: RobotSettings | None = None
+    ) -> Connecting[Self]:
+        """As ``Robot.connect``. Write ``robot = await AsyncRobot.connect(...)`` or ``async with AsyncRobot.connect(...) as robot:``."""
+        where, how = target(address, port, settings)
+
+        async def connect() -> Self:
+            return cls(await run(RobotCore.connect_async(where, how)))
+
+        return Connecting(connect())
 
     @property
     def address(self) -> str:
@@ -103,8 +153,17 @@ class AsyncRobot:
         """As ``Robot.command``."""
         return await run(self._core.command(command))
 
+    async def pose(self) -> Pose:
+        """As ``Robot.pose``."""
+        return pose(await self.query(*WORLD))
+
+    async def start(self) -> Accepted:
+        """As ``Robot.start``."""
+        return await self.command(Command.start_button())
+
     def pause(self) -> Coroutine[Any, Any, Accepted]:
-        """As ``Robot.pause``; sent by the call, so that cancelling its task, however early, does not take it back."""
+        """As ``Robot.pause``. The call itself sends it, so that cancelling its task, however early, does not
+        withdraw it."""
         return run_at_once(self._core.command(Command.action_pause()))
 
     async def clear_alarm(self) -> Accepted:
@@ -115,9 +174,14 @@ class AsyncRobot:
         """As ``Robot.set_global_speed``."""
         return await self.command(Command.modify_gspd(speed))
 
-    async def set_output(self, board: int, point: int, on: bool) -> Accepted:
+    async def set_output(self, point: str, on: bool) -> Accepted:
         """As ``Robot.set_output``."""
-        return await self.command(Command.modify_output(board, point, on))
+        return await self.command(Command.modify_output(point_name(point), on))
+
+    async def is_on(self, point: str) -> bool:
+        """As ``Robot.is_on``."""
+        address, bit = word_of(point_name(point))
+        return bool((await self.query(address)).integer(address) >> bit & 1)
 
     async def inputs(self, board: int = 0) -> npt.NDArray[np.bool_]:
         """As ``Robot.inputs``: shape (32,)."""
@@ -148,7 +212,8 @@ class AsyncRobot:
         await run(self._core.write_registers(first, whole(values), savable=savable, verify=verify))
 
     async def run(self, motion: Motion, options: RunOptions | None = None) -> AsyncMotionHandle:
-        """As ``Robot.run``. A task that is cancelled before it has the handle ends once the arm is stopped."""
+        """As ``Robot.run``. If the task is cancelled before it has the handle, it ends once the arm is
+        stopped."""
         starting = self._core.run(motion, options)
         try:
             await run(starting.operation)
@@ -184,7 +249,8 @@ class AsyncRobot:
         return await run(self._core.wait_until_done(timeout, interval, settle, start_within, idle_mode))
 
     def stop(self) -> Coroutine[Any, Any, StopReport]:
-        """As ``Robot.stop``. The call begins it. Cancelling its task, however early, ends the waiting and not the stop."""
+        """As ``Robot.stop``. The call itself begins it. Cancelling its task, however early, ends the wait and
+        not the stop."""
         return run_at_once(self._core.stop())
 
     async def clear_list(self) -> Accepted:
@@ -208,8 +274,9 @@ class AsyncRobot:
         return await run(self._core.add_points(cam_id, points))
 
     async def serve_photos(self, look: Callable[[int], Awaitable[Shot]]) -> PhotosEnded:
-        """As ``Robot.serve_photos``, with a ``look`` that is awaited: ``asyncio.to_thread`` makes one of a function that takes
-        its time. When the serving ends while it looks, by a stop or a lost connection, ``look`` is cancelled."""
+        """As ``Robot.serve_photos``, with an awaitable ``look``. For a slow function, make one with
+        ``asyncio.to_thread``. If a stop or a lost connection ends the serving while it looks, ``look`` is
+        cancelled."""
         serving = self._core.serve_photos()
         coming = asyncio.ensure_future(run(serving.next()))
         try:
@@ -217,7 +284,7 @@ class AsyncRobot:
                 coming = asyncio.ensure_future(run(serving.next()))
                 looking = asyncio.ensure_future(look(asked))
                 try:
-                    # The next to come is another request once this one is answered; before, it is the end.
+                    # `coming` is the end of the serving, because no other request comes before this one is answered.
                     await asyncio.wait({looking, coming}, return_when=asyncio.FIRST_COMPLETED)
                     if looking.done():
                         serving.answer(looking.result())

@@ -1,4 +1,4 @@
-"""What comes from a robot by itself, from asyncio: the same names as in ``_subscription``, which documents them."""
+"""What a robot sends without a request of the caller, for asyncio: the same names as in ``_subscription``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class AsyncSubscription:
-    """Values that are read again and again: ``Subscription`` for asyncio; use ``async for``."""
+    """Values that are read repeatedly: ``Subscription`` for asyncio; use ``async for``."""
 
     def __init__(self, core: SubscriptionCore) -> None:
         """Use ``AsyncRobot.subscribe``."""
@@ -54,7 +54,8 @@ class AsyncSubscription:
 
 
 class AsyncPushedEvents:
-    """What happens on a connection without being asked for: ``PushedEvents`` for asyncio; use ``async for``."""
+    """Events on a connection, which come without a request: ``PushedEvents`` for asyncio; use ``async
+    for``."""
 
     def __init__(self, core: PushedCore) -> None:
         """Use ``AsyncRobot.pushed``."""

@@ -1,4 +1,4 @@
-"""Waiting for an operation through asyncio."""
+"""Waits for an operation through asyncio."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ LOGGER = logging.getLogger("r6")
 
 
 async def run(operation: Operation[T]) -> T:
-    """What the operation gives. Cancelling the task takes back what can be taken back: a request that has not left."""
+    """The result of the operation. Cancelling the task withdraws a request that has not left."""
     return await settled(*started(operation))
 
 
 def run_at_once(operation: Operation[T]) -> Coroutine[Any, Any, T]:
-    """As ``run``, and begun before anybody waits: for a stop, whose task may be cancelled before it has its first turn.
+    """As ``run``, but the call itself begins the operation: for a stop, whose task may be cancelled before
+    its first turn.
 
-    Outside of an event loop, as in ``asyncio.run(robot.stop())``, it begins with the waiting.
+    Outside of an event loop, as in ``asyncio.run(robot.stop())``, it begins with the wait.
     """
     try:
         asyncio.get_running_loop()
@@ -33,19 +34,19 @@ def run_at_once(operation: Operation[T]) -> Coroutine[Any, Any, T]:
 
 
 def started(operation: Operation[T]) -> tuple[Started, asyncio.Future[T]]:
-    """Begins it; the future has what it gives."""
+    """Begins the operation; the future gets its result."""
     loop = asyncio.get_running_loop()
     future: asyncio.Future[T] = loop.create_future()
 
     def tell(error: BaseException | None, value: Any) -> None:
-        # Called from another thread; a loop that was closed raises here, and nobody waits any more.
+        # Called from another thread. A closed loop raises here; then no task waits.
         loop.call_soon_threadsafe(settle, future, error, value)
 
     return operation.start(tell, loop, future), future
 
 
 async def settled(begun: Started, future: asyncio.Future[T]) -> T:
-    """What an operation gives that has begun."""
+    """The result of an operation that has begun."""
     try:
         return await future
     except BaseException as error:
@@ -57,9 +58,10 @@ async def settled(begun: Started, future: asyncio.Future[T]) -> T:
 
 
 async def stop_for(core: MotionCore | FollowCore, error: BaseException) -> None:
-    """Stops the arm, because this exception ends the block of its motion, and tells it what became of the arm.
+    """Stops the arm, because this exception ends the block of its motion, and adds the result to the
+    exception.
 
-    Errors: that of a stop that failed; what interrupted the waiting, once the stop has ended.
+    Errors: that of a stop that failed; the interruption of the wait, once the stop has ended.
     """
     await told_to(error, core, core.stop())
 
@@ -70,9 +72,10 @@ async def told_to(
     stopping: Operation[Any],
     why: str | None = None,
 ) -> None:
-    """Waits for a stop to its end, however often the task is cancelled meanwhile, and tells this exception what came of it."""
+    """Waits for a stop to its end, through all cancellations of the task, and adds the result to this
+    exception."""
     if isinstance(error, GeneratorExit):
-        # The coroutine is being closed, and can wait for nothing any more. The stop goes on.
+        # The coroutine is being closed and cannot wait. The stop goes on.
         stopping.start(lambda *_: None)
         return
     _, future = started(stopping)
@@ -91,7 +94,7 @@ async def told_to(
         note(error, why)
     told(core, error, report)
     if isinstance(error, asyncio.CancelledError):
-        # A task group drops the exception that has the line, and asyncio.run raises another one for Ctrl-C.
+        # A task group drops the exception that has the note, and asyncio.run raises another one for Ctrl-C.
         LOGGER.warning("a task was cancelled while its motion ran: %s", getattr(report, "text", report))
     if interrupted is not None:
         told(core, interrupted, report)
@@ -99,13 +102,13 @@ async def told_to(
 
 
 def note(error: BaseException, text: str) -> None:
-    """A line below the error where Python shows it, which it does from 3.11 on."""
+    """Adds a line below the error. Python shows it from 3.11 on."""
     if sys.version_info >= (3, 11):
         error.add_note(text)
 
 
 def settle(future: asyncio.Future[Any], error: BaseException | None, value: Any) -> None:
-    """Ends the waiting, if somebody still waits."""
+    """Ends the wait, if a task still waits."""
     if future.done():
         return
     if error is None:

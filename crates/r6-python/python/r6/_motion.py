@@ -1,4 +1,4 @@
-"""What runs on a robot: a motion, its steps, and a target that is followed."""
+"""A motion that runs on a robot, its steps, and a target that is followed."""
 
 from __future__ import annotations
 
@@ -14,68 +14,73 @@ Core = TypeVar("Core", MotionCore, FollowCore)
 
 
 class Running(Block[Core]):
-    """What a motion that runs and a target that is followed have in common: how they end."""
+    """The common part of a running motion and a followed target: how they end."""
 
     def finished(self) -> Done | Followed:
-        """Waits until the arm stands; each kind says more."""
+        """Waits until the arm stands; the subclasses say more."""
         raise NotImplementedError
 
     def stop(self) -> StopReport:
-        """Ends it and stops the arm, verified, its list cleared. Errors: as ``Robot.stop``."""
+        """Ends it and stops the arm, verified, and clears its list. Errors: as ``Robot.stop``."""
         return self._core.stop().wait()
 
     def release(self) -> None:
-        """Lets go of it, as dropping it does. The class says what the arm does then."""
+        """Releases it, as dropping it does. The class says what the arm does then."""
         self._core.release()
 
 
 class MotionHandle(Running[MotionCore]):
-    """A motion that runs.
+    """A running motion.
 
-    Dropping it, or ``release``, does not end the motion: it is streamed to its end, and ``Robot.wait_until_done`` waits for that and
-    tells how it ended. With ``RunOptions.stop_on_drop`` the arm is stopped instead. Both need a process that lives on and a
-    robot that is not closed: the end of the process and ``Robot.close`` end the streaming, and the arm finishes the
-    instructions in its list.
+    Dropping it, or ``release``, does not end the motion: it is streamed to its end.
+    ``Robot.wait_until_done`` waits for that and reports how it ended. With ``RunOptions.stop_on_drop`` the
+    arm is stopped instead. Both need a running process and an open robot: the end of the process and
+    ``Robot.close`` end the streaming, and the arm finishes the instructions in its list.
 
-    As a ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included: always, also after the
-    end of the motion and after ``release``, because steps may be left in the list. What became of the arm is a line below the
-    exception (Python 3.11). If that stop fails, its error is raised; a ``MotionError`` of this motion goes on instead and has it as
-    ``stop``. Another Ctrl-C does not cut the stop short: the block ends when it has ended, after 15 s at most.
+    As a ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included. It always
+    does so, also after the end of the motion and after ``release``, because steps may be left in the list.
+    The exception gets a note with the result (Python 3.11). If that stop fails, its error is raised. A
+    ``MotionError`` of this motion is raised instead and has it as ``stop``. Another Ctrl-C does not
+    interrupt the stop: the block ends when the stop has ended, after at most 15 s.
 
-    Without an exception the block waits for the end of the motion. Ctrl-C in that wait stops the arm, too. A motion that ``stop`` of this
-    handle ended, and whose arm was seen to stand, ends the block without an exception.
+    Without an exception the block waits for the end of the motion. Ctrl-C in that wait stops the arm, too.
+    If ``stop`` of this handle ended the motion and the arm was seen to stand, the block ends without an
+    exception.
     """
 
     @property
     def number(self) -> int:
-        """The number of the motion among those of its robot, counted from 1: ``Done.motion`` names it."""
+        """The number of the motion among those of its robot, counted from 1: ``Done.motion`` refers to it."""
         return self._core.number
 
     @property
     def progress(self) -> Progress:
-        """How far it is now."""
+        """The present progress."""
         return self._core.progress()
 
     def __iter__(self) -> Iterator[Progress]:
-        """Each progress, up to the one that has ended. Who is slow gets the latest."""
+        """Each progress until the end of the motion. A slow reader gets only the latest."""
         while (progress := self._core.next_progress().wait()) is not None:
             yield progress
 
     def step(self, number: int) -> Step:
-        """One step, counted from 1; ``IndexError`` if there is none such."""
+        """One step, counted from 1; ``IndexError`` if there is no such step."""
         self._core.step_state(number)
         return Step(self._core, number)
 
     def ended_within(self, time: float) -> bool:
-        """Waits for the end for so many seconds; whether it came. ``finished`` then tells it at once."""
+        """Waits for the end at most ``time`` seconds, and returns whether it came. ``finished`` then returns
+        at once."""
         return self._core.ended_within(time).wait()
 
     def finished(self) -> Done:
-        """Waits until the arm stands at the end of the motion, with nothing left in its list: judged by state.
+        """Waits until the arm stands at the end of the motion, with nothing left in its list: judged by
+        state.
 
-        Ctrl-C ends the waiting, not the motion: call ``stop`` to stop the arm. Can be called again, and after ``release``.
+        Ctrl-C ends the wait, not the motion: call ``stop`` to stop the arm. Can be called again, and after
+        ``release``.
 
-        Errors: ``MotionError``: why it ended before, what became of the steps, and what became of the arm.
+        Errors: ``MotionError``: why it ended early, what became of the steps, and what became of the arm.
         """
         with of(self._core):
             return self._core.finished().wait()
@@ -85,26 +90,26 @@ class MotionHandle(Running[MotionCore]):
 
 
 class Following(Running[FollowCore]):
-    """A target that is followed.
+    """A followed target.
 
-    Dropping it, ``release``, or the end of the process ends it: the arm finishes the step or two in its list. As a
-    ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included, and waits until the arm stands
-    otherwise; errors as in ``MotionHandle``.
+    Dropping it, ``release``, or the end of the process ends it: the arm finishes the step or two in its
+    list. As a ``with`` block, it stops the arm when the block ends with an exception, Ctrl-C included.
+    Otherwise it waits until the arm stands. Errors as in ``MotionHandle``.
     """
 
     def target(self, to: AxisPosition) -> None:
-        """Where the target is now. Does not wait. Send it again while the arm is to go there: it counts for
-        ``FollowOptions.fresh_within``.
+        """Sets the present target. Does not wait. It counts for ``FollowOptions.fresh_within``, so send it
+        repeatedly as long as the arm is to go there.
 
-        Errors: ``MotionError``: why the target is not followed any more; ``RuntimeError`` after ``finished``.
+        Errors: ``MotionError``: why the target is no longer followed; ``RuntimeError`` after ``finished``.
         """
         with of(self._core):
             self._core.target(to)
 
     def finished(self) -> Followed:
-        """Takes no other target, and waits until the arm stands. Can be called again.
+        """Accepts no other target, and waits until the arm stands. Can be called again.
 
-        No step is begun any more: for the arm to arrive, send the last target for as long as that takes. Errors:
+        No new step begins. For the arm to arrive, send the last target until it is there. Errors:
         ``MotionError``; its steps are those that were sent.
         """
         with of(self._core):
@@ -112,7 +117,7 @@ class Following(Running[FollowCore]):
 
 
 class Step:
-    """One step of a motion that runs."""
+    """One step of a running motion."""
 
     def __init__(self, core: MotionCore, number: int) -> None:
         """Use ``MotionHandle.step``."""
@@ -121,15 +126,15 @@ class Step:
 
     @property
     def state(self) -> StepState:
-        """What has become of it."""
+        """The state of the step."""
         return self._core.step_state(self.number)
 
     def started(self) -> bool:
-        """Waits until its turn has come; ``False`` if it never will, as far as is known."""
+        """Waits until the step begins; ``False`` if it never will, as far as is known."""
         return self._core.step_started(self.number).wait()
 
     def done(self) -> bool:
-        """Waits until it is over; ``False`` if that was not seen."""
+        """Waits until the step is over; ``False`` if that was not seen."""
         return self._core.step_done(self.number).wait()
 
     def __repr__(self) -> str:
@@ -138,7 +143,8 @@ class Step:
 
 @contextmanager
 def of(core: MotionCore | FollowCore) -> Iterator[None]:
-    """Marks a ``MotionError`` as one of this motion. It names the core, not the handle: a handle that is dropped is to go at once."""
+    """Marks a ``MotionError`` as one of this motion. It refers to the core, not the handle, so that a dropped
+    handle is freed at once."""
     try:
         yield
     except MotionError as error:

@@ -78,53 +78,57 @@ _T_co = TypeVar("_T_co", covariant=True)
 
 @final
 class Operation(Generic[_T_co]):
-    """Something that takes time and has not begun: ``wait`` or ``start`` it, once."""
+    """An operation that takes time and has not begun: ``wait`` or ``start`` it, once."""
 
     def wait(self) -> _T_co:
-        """Waits with the interpreter released. A signal handler that raises, as Ctrl-C does, ends the waiting within
-        50 ms."""
+        """Waits with the interpreter released. A signal handler that raises, as Ctrl-C does, ends the wait
+        within 50 ms."""
     def start(
         self,
         tell: Callable[[BaseException | None, Any], object],
         event_loop: asyncio.AbstractEventLoop | None = None,
         future: asyncio.Future[Any] | None = None,
     ) -> Started:
-        """Begins, and sets the result of the future of this event loop, in whose thread it is called. What the event loop does not do
-        itself is done in the background, and ``tell(error, value)`` is called from another thread once it has ended."""
+        """Begins the operation, and sets the result of ``future``, which belongs to ``event_loop``. Call it
+        in the thread of the event loop. Work that the event loop does not do itself runs in the
+        background, and another thread calls ``tell(error, value)`` at its end."""
 
 @final
 class Started:
-    """An operation that was started."""
+    """A started operation."""
 
     def cancel(self) -> None:
-        """Drops what is left of it; nothing if it has ended, or goes on whatever happens, as a stop does."""
+        """Drops the rest of the operation. Does nothing if it has ended or cannot be cancelled, as a stop."""
     @property
     def goes_on(self) -> str | None:
-        """What to tell whoever gives up waiting, where it goes on whatever happens."""
+        """The note for a caller that gives up waiting, if the operation continues then."""
 
 @final
 class Starting:
-    """A motion on its way to its handle: from its first byte on it has an owner, the handle or a stop. Where this is dropped before
-    the motion was taken, the arm is stopped."""
+    """A motion on its way to its handle. From its first byte on it has an owner: the handle or a stop. If
+    this is dropped before ``take``, the arm is stopped."""
 
     UNOWNED: str
     """A note above the result of the stop: the call ended before it returned the handle of a motion that had
     begun."""
     @property
     def operation(self) -> Operation[None]:
-        """What makes the motion; nothing is begun before it is."""
+        """The operation that makes the motion. Nothing begins before it does."""
     def take(self) -> MotionCore:
-        """The motion, once it is made."""
+        """Takes the motion, once it is made."""
     def hand_over(self, handle: type[_T]) -> _T:
-        """Waits until it is made, and gives its handle, which is of this class."""
+        """Waits until the motion is made, and returns its handle, an object of this class."""
     def give_up(self) -> Operation[StopReport | None] | None:
-        """Stops the arm if there is a motion, taken or not: begun by the call. ``None`` if it is certain that there is none."""
+        """Stops the arm if there is a motion, taken or not. The call itself begins the stop. ``None`` if
+        there is certainly no motion."""
     def given_up(self, error: BaseException) -> None:
-        """The same, waited for whatever signals come, and told to the exception that was in the way of the handle."""
+        """Gives up and waits for the stop through all signals, and adds the result to the exception that kept
+        the caller from the handle."""
 
 @disjoint_base
 class Block(Generic[_T_co]):
-    """How a motion that runs and a target that is followed end. Native, so that no signal comes between two of its lines."""
+    """The end of a running motion and of a followed target, as a ``with`` block. It is native code, so that
+    no signal handler runs between its lines."""
 
     def __new__(cls, core: _T_co) -> Self:
         """Use ``Robot.run`` or ``Robot.follow``."""
@@ -138,11 +142,12 @@ class Block(Generic[_T_co]):
         error: BaseException | None,
         _traceback: TracebackType | None,
     ) -> None:
-        """Stops the arm for an exception; waits for the end otherwise, and stops the arm if a signal interrupts that."""
+        """Stops the arm after an exception. Otherwise waits for the end, and stops the arm if a signal
+        interrupts the wait."""
 
 @final
 class RobotCore:
-    """What ``Robot`` and ``AsyncRobot`` have in common."""
+    """The common part of ``Robot`` and ``AsyncRobot``."""
 
     @staticmethod
     def connect(address: str | Listen, settings: RobotSettings | None = None) -> Operation[RobotCore]: ...
@@ -181,7 +186,7 @@ class RobotCore:
 
 @final
 class MotionCore:
-    """What ``MotionHandle`` and ``AsyncMotionHandle`` have in common."""
+    """The common part of ``MotionHandle`` and ``AsyncMotionHandle``."""
 
     @property
     def number(self) -> int: ...
@@ -199,7 +204,7 @@ class MotionCore:
 
 @final
 class FollowCore:
-    """What ``Following`` and ``AsyncFollowing`` have in common."""
+    """The common part of ``Following`` and ``AsyncFollowing``."""
 
     def target(self, to: AxisPosition) -> None: ...
     def finished(self) -> Operation[Followed]: ...
@@ -210,7 +215,7 @@ class FollowCore:
 
 @final
 class SubscriptionCore:
-    """What ``Subscription`` and ``AsyncSubscription`` have in common."""
+    """The common part of ``Subscription`` and ``AsyncSubscription``."""
 
     def latest(self) -> Operation[Snapshot | None]: ...
     def next(self, timeout: float | None) -> Operation[Snapshot | None]: ...
@@ -218,13 +223,13 @@ class SubscriptionCore:
 
 @final
 class PushedCore:
-    """What ``PushedEvents`` and ``AsyncPushedEvents`` have in common."""
+    """The common part of ``PushedEvents`` and ``AsyncPushedEvents``."""
 
     def next(self, timeout: float | None) -> Operation[Event | None]: ...
 
 @final
 class PhotosCore:
-    """What ``serve_photos`` of ``Robot`` and ``AsyncRobot`` have in common."""
+    """The common part of ``serve_photos`` in ``Robot`` and ``AsyncRobot``."""
 
     def next(self) -> Operation[int | PhotosEnded]: ...
     def answer(self, shot: Shot) -> None: ...
@@ -232,35 +237,37 @@ class PhotosCore:
 
 @final
 class Listen:
-    """Waits for a controller that dials: for ``Robot.connect``.
+    """Waits for a controller that connects to this program: for ``Robot.connect``.
 
-    A port of a controller is bound to one use on its pendant, in server or in client mode. In client mode the controller
-    connects to the address that is set there, again and again while nobody listens. ``address``: where to listen, such as
-    ``"0.0.0.0:9760"``; with port 0 a free one is taken. ``only_from``: the IP address of the machine whose connections are
-    taken; others are closed at once. There is no login: whoever reaches the port is taken for the controller, so name it.
+    The pendant sets each port of a controller to server mode or client mode. In client mode the controller
+    connects to the address that is set there. It tries again until a program listens there.
 
-    It serves one ``connect``, which waits for ``RobotSettings.connect_timeout`` seconds, as the robot does after a lost
-    connection: give it longer than the controller takes to dial again. Of several connections that wait the newest counts.
-    The port is closed with the robot, or when connecting fails.
+    - ``address``: where to listen, such as ``"0.0.0.0:9760"``. Port 0 takes a free port.
+    - ``only_from``: the IP address of the controller. Connections from other machines are closed at once.
+      Set it, because there is no login: any machine that reaches the port is taken for the controller.
 
-    Errors: ``OSError`` if the port is in use or the address is none of this machine; ``ValueError``.
+    It serves one ``connect``, which waits for ``RobotSettings.connect_timeout`` seconds, as the robot does
+    after a lost connection. Set a longer time than the controller takes to connect again. If several
+    connections wait, the newest is used. The port is closed with the robot, or when connecting fails.
+
+    Errors: ``OSError`` if the port is in use or this machine does not have the address; ``ValueError``.
     """
 
     def __new__(cls, address: str, *, only_from: str | None = None) -> Listen: ...
     @property
     def address(self) -> str:
-        """Where it listens, ``host:port``: with port 0, the one that was free."""
+        """Where it listens, ``host:port``, with the port that port 0 took."""
 
 @final
 class Progress:
-    """How far a motion is, as the controller's state tells: its steps are done in their order."""
+    """The progress of a motion, from the controller's state. Its steps are done in order."""
 
     @property
     def total(self) -> int:
         """Steps of the motion."""
     @property
     def left(self) -> int:
-        """Steps that left: those that were accepted, and those of a frame whose answer is not there."""
+        """Steps that were sent: the accepted ones, and those of a frame whose answer has not come."""
     @property
     def accepted(self) -> int:
         """Steps that were accepted."""
@@ -269,13 +276,13 @@ class Progress:
         """Steps that are over."""
     @property
     def ended(self) -> bool:
-        """Whether nothing more is sent and nobody looks any more."""
+        """Whether nothing more is sent and the state is no longer read."""
     @property
     def current(self) -> int:
-        """The step whose turn it is, counted from 1; the last one where all are over."""
+        """The present step, counted from 1; the last step if all are over."""
     @property
     def under_way(self) -> int:
-        """Steps that left and were not seen to be over."""
+        """Steps that were sent and not seen to be over."""
     def step(self, step: int) -> StepState:
         """The state of a step, counted from 1; ``IndexError`` if there is no such step."""
     def __eq__(self, other: object, /) -> bool: ...
@@ -290,8 +297,9 @@ class Degrees:
     def value(self) -> float:
         """The number alone."""
     def nearest_to(self, present: Degrees) -> Degrees:
-        """The same angle, full turns added or taken away, that is nearest to another: at most half a turn from it. For U, V
-        and W, and for an axis that may turn on; not for one whose limits leave no choice."""
+        """The same angle, with full turns added or subtracted, that is nearest to another: at most half a
+        turn from it. For U, V and W, and for an axis that may turn further. It is not for an axis whose
+        limits leave no choice."""
     def __add__(self, other: Degrees, /) -> Degrees: ...
     def __radd__(self, other: Degrees, /) -> Degrees: ...
     def __sub__(self, other: Degrees, /) -> Degrees: ...
@@ -334,10 +342,10 @@ class Millimetres:
 
 @final
 class Percent:
-    """A share of the most that is possible: the speed of a move, 0.001 to 100; else ``OutOfRange``.
+    """A percentage of the maximum: the speed of a move, 0.001 to 100; else ``OutOfRange``.
 
-    An axis move at 100 % drives its slowest axis as fast as it goes; a linear move at 100 % goes 2000 mm/s (reported).
-    The global speed multiplies both.
+    An axis move at 100 % drives its slowest axis at full speed. A linear move at 100 % goes 2000 mm/s
+    (reported). The global speed multiplies both.
     """
 
     def __new__(cls, value: float) -> Percent: ...
@@ -354,8 +362,8 @@ class Percent:
 
 @final
 class MillimetresPerSecond:
-    """The speed of the tool along its path, before the global speed: a whole number of mm/s, 1 to 10 000, because a
-    fraction raised alarm 219 (reported). A ``float`` is a ``TypeError``, any other number ``OutOfRange``."""
+    """The speed of the tool along its path, before the global speed: a whole number of mm/s, 1 to 10 000. A
+    ``float`` is a ``TypeError``, any other number ``OutOfRange``. A fraction raised alarm 219 (reported)."""
 
     def __new__(cls, value: int) -> MillimetresPerSecond: ...
     @property
@@ -371,7 +379,7 @@ class MillimetresPerSecond:
 
 @final
 class AxisMask:
-    """Which axes, by their numbers: 0 (J1) to 7 (J8)."""
+    """A set of axes, by their numbers: 0 (J1) to 7 (J8)."""
 
     def __new__(cls, *axes: int) -> AxisMask: ...
     @property
@@ -387,29 +395,29 @@ class AxisMask:
 
 @final
 class AxisPosition:
-    """Where one to eight axes are. An axis that is not named stays where it is."""
+    """Positions of one to eight axes. An axis that is not named does not move."""
 
     def __new__(cls) -> AxisPosition:
         """No axis: for ``with_axis``."""
     @staticmethod
     def degrees(angles: npt.ArrayLike) -> AxisPosition:
-        """J1 and the axes that follow it: 1 to 8 bare numbers, shape (n,), degrees."""
+        """Positions of J1 and the next axes: 1 to 8 bare numbers, shape (n,), degrees."""
     def with_axis(self, axis: int, to: Degrees | Millimetres) -> AxisPosition:
-        """The same with one axis, 0 for J1, elsewhere; ``Millimetres`` for an axis that slides."""
+        """A copy with another position of one axis, 0 for J1; ``Millimetres`` for a linear axis."""
     def at(self, axis: int) -> Degrees | Millimetres | None:
-        """Where this axis, 0 for J1, is; ``None`` if it is not named."""
+        """The position of this axis, 0 for J1; ``None`` if it is not named."""
     @property
     def mask(self) -> AxisMask:
-        """The axes that are named."""
+        """The named axes."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
 @final
 class Pose:
-    """Where the tool is, in the work frame, and how it is turned; or only where.
+    """Position and orientation of the tool, in the work frame; or only its position.
 
-    +180° and −180° are the same orientation and a full turn of the wrist apart: give the one that is nearer to the
-    present value (``nearest_to``), or use ``position``.
+    +180° and −180° are the same orientation and a full turn of the wrist apart. Give the value nearer to
+    the present one (``nearest_to``), or use ``position``.
     """
 
     def __new__(
@@ -417,14 +425,14 @@ class Pose:
     ) -> Pose: ...
     @staticmethod
     def position(x: Millimetres, y: Millimetres, z: Millimetres) -> Pose:
-        """X, Y, Z; the tool stays turned as it is."""
+        """X, Y, Z; the tool keeps its orientation."""
     @staticmethod
     def mm_deg(values: npt.ArrayLike) -> Pose:
         """X, Y, Z in mm, shape (3,), or X, Y, Z, U, V, W in mm and degrees, shape (6,): bare numbers."""
     def nearest_to(self, present: tuple[Degrees, Degrees, Degrees]) -> Pose:
-        """The same pose with U, V and W each told as near as possible to the present ones (``world-3`` to ``world-5``). A
-        real arm that read U −180 and was told +180 turned its wrist the long way round (reported). A pose without a turn
-        stays as it is."""
+        """The same pose with each of U, V and W as near as possible to the present values (``world-3`` to
+        ``world-5``). A real arm that read U −180 and was sent to +180 turned its wrist the long way round
+        (reported). A pose without an orientation does not change."""
     @property
     def place(self) -> tuple[Millimetres, Millimetres, Millimetres]:
         """X, Y, Z."""
@@ -439,79 +447,94 @@ class Pose:
 
 @final
 class Motion:
-    """Moves, outputs and waits in their order. Every step runs once, unless the motion repeats.
+    """Moves, outputs and waits in order. Every step runs once, unless the motion repeats.
 
-    Each method adds a step, or changes the last one, and returns the motion itself, so that a motion can be written as
-    one chain. A step that is wrong raises ``StepError`` at once, and spoils the motion: nothing of it is ever sent. At
-    most 100 000 steps.
+    Each method adds a step, or changes the last one, and returns the motion itself, so that a motion can
+    be written as one chain. A wrong step raises ``StepError`` at once and makes the motion unusable: no
+    part of it is ever sent. At most 100 000 steps.
     """
 
     def __new__(cls) -> Motion: ...
     def axis_move(self, to: AxisPosition, speed: Percent) -> Motion:
-        """The axes go to this position, all arriving together (action 4)."""
+        """Moves the axes to this position, all arriving together (action 4)."""
     def linear_move(self, to: Pose, speed: Percent) -> Motion:
-        """The tool goes straight to a pose (action 10). 100 % are 2000 mm/s (reported)."""
+        """Moves the tool straight to a pose (action 10). 100 % is 2000 mm/s (reported)."""
     def linear_move_at_path_speed(self, to: Pose) -> Motion:
         """The same at the speed that ``path_speed`` set."""
     def curve_move(self, through: Pose, to: Pose, speed: Percent) -> Motion:
-        """The tool goes through a middle pose to an end (action 17). Begin with a linear move: a controller was seen to
-        say ok to a curve without one, and not to go there (reported)."""
+        """Moves the tool through a middle pose to an end pose (action 17). Begin with a linear move: a
+        controller accepted a curve without one and did not make it (reported)."""
     def axis_path(self, positions: npt.ArrayLike, speed: Percent, blend: int | None = None) -> Motion:
-        """An axis move to each row: shape (n, k), k from 1 to 8 axes, degrees. ``blend`` as in ``blend``, for each."""
+        """Adds an axis move for each row: shape (n, k), k from 1 to 8 axes, degrees. ``blend``: as in
+        ``blend``, for each move."""
     def linear_path(self, poses: npt.ArrayLike, speed: Percent, blend: int | None = None) -> Motion:
-        """A linear move to each row: shape (n, 3), mm, or (n, 6), mm and degrees. ``blend`` as in ``blend``."""
+        """Adds a linear move for each row: shape (n, 3), mm, or (n, 6), mm and degrees. ``blend``: as in
+        ``blend``."""
     def blend(self, level: int) -> Motion:
         """Rounds the corner after the last step, a move: 0 stops there, 9 rounds most."""
     def delay(self, time: float) -> Motion:
-        """Waits before the last step, a move: seconds, a day at most, in steps of 0.1 s."""
+        """Waits before the last step, a move: seconds, at most a day, in steps of 0.1 s."""
     def tool(self, number: int) -> Motion:
         """Makes the last step, a move, with this tool frame."""
     def work_frame(self, number: int) -> Motion:
         """Makes the last step, a move, in this work frame."""
     def path_speed(self, speed: MillimetresPerSecond) -> Motion:
-        """Sets the speed of later linear moves that bring none of their own (action 51)."""
+        """Sets the speed of later linear moves without their own speed (action 51)."""
     def set_output(self, point: str, on: bool) -> Motion:
-        """Sets an output of the first board, by its name on the pendant: ``"Y010"`` to ``"Y047"``, M, EUY (action 200)."""
+        """Sets an output of the first board, by its name on the pendant: ``"Y010"`` to ``"Y047"``, M, EUY
+        (action 200)."""
     def pulse_output(self, point: str, on: bool, time: float) -> Motion:
         """Sets an output Y for a time, seconds, then sets it back (action 200, timed)."""
     def set_board(self, points: dict[str, bool]) -> Motion:
-        """Sets many outputs of one board at once, by their names on the pendant: ``{"Y010": True, "Y017": False}``, of the
-        first two boards of Y or M: ``"Y1.010"``, ``"M010"`` (action 204). Points that are not named stay as they are."""
+        """Sets several outputs of one board at once, by their names on the pendant: ``{"Y010": True, "Y017":
+        False}``. The board is one of the first two of Y or M: ``"Y1.010"``, ``"M010"`` (action 204). Other
+        points do not change."""
     def wait(self, time: float) -> Motion:
-        """Waits for a time, seconds, with the arm at rest (action 100)."""
+        """Waits for a time, seconds, while the arm stands (action 100)."""
     def wait_for(self, point: str, condition: Wait = "on", *, limit: float | None = None) -> Motion:
-        """Waits for ``"X010"``, M or EUX, with the arm at rest: for ``limit`` seconds at most, else for ever (action 100)."""
-    def stop_on_input(self, input: int, on: bool) -> Motion:
-        """Lets an input, 0 to 31, stop the motion from here on when it takes a state (action 52)."""
+        """Waits for ``"X010"``, M or EUX, while the arm stands: at most ``limit`` seconds, without it for
+        ever (action 100)."""
+    def stop_on_input(self, point: str, on: bool) -> Motion:
+        """Lets an input of the first board, ``"X010"`` to ``"X047"``, stop the motion from here on when it
+        changes to this state (action 52)."""
     def workbench(self, number: int) -> Motion:
         """Changes the workbench (action 800)."""
     def extend(self, other: Motion) -> Motion:
         """Adds the steps of another motion."""
     def repeat(self) -> Motion:
-        """Lets every step so far stay in the controller's list: behind the last one it starts over, until the arm is stopped. Such
-        a motion has to fit into the list as a whole (``RunOptions.room``), and ``MotionHandle.finished`` ends only with an error: call
-        ``MotionHandle.stop`` before the end of a ``with`` block. It goes on when this program dies, too."""
+        """Keeps every step so far in the controller's list, so that the list starts over after its end until
+        the arm is stopped. Such a motion has to fit into the list as a whole (``RunOptions.room``).
+        ``MotionHandle.finished`` then ends only with an error: call ``MotionHandle.stop`` before the end
+        of a ``with`` block. The motion also continues if this program dies."""
     @property
     def repeats(self) -> bool:
-        """Whether a step stays in the controller's list, so that the motion never ends by itself."""
+        """Whether a step stays in the controller's list, so that the motion has no end of its own."""
+    def __getitem__(self, wanted: int | slice) -> Motion:
+        """A step, or steps that follow one another, as a motion of its own: ``motion[2]``, ``motion[2:5]``."""
     def __len__(self) -> int:
-        """How many steps there are."""
+        """The number of steps."""
     def __copy__(self) -> Motion: ...
     def __deepcopy__(self, _memo: Any) -> Motion: ...
 
 @final
 class RobotSettings:
-    """How a robot is talked to. The defaults suit every firmware that is known. Times are seconds.
+    """Settings of a connection to a robot. The defaults suit every known firmware. Times are seconds.
 
-    ``reply_timeout`` (2): how long a reply may take. ``connect_timeout`` (3): how long an attempt to connect may take.
-    ``max_frame_bytes`` (2048): controllers neither answer nor execute longer lists. ``heartbeat`` (None: off): the time
-    from one heartbeat to the next, 0.1 to 5 and no other; the first one arms a watchdog that raises an alarm when none comes for 10 s,
-    also after this program has died. ``suspect_after`` (1), ``dead_after`` (5): after how much silence values and
-    connection are no longer trusted. ``reconnect_first_wait`` (0.1), ``reconnect_cap`` (5), ``reconnect_seed``: the waits
-    between attempts to connect anew. ``type_key`` ("reqType"): the key of a request's type, ``"cmdType"`` for the oldest
-    firmware. ``ds_id`` ("long"): the form of ``dsID``, ``"short"`` for older firmware (``HCRemoteMonitor``).
-    ``stays_in_mode_7`` (False): whether this controller stays in mode 7 after a stop that it carried out. None is known that does. Where
-    it is true, a rest of 2 s with an empty list proves the standstill, too; a taught program that waits longer may move the arm later.
+    - ``reply_timeout`` (2): how long a reply may take.
+    - ``connect_timeout`` (3): how long an attempt to connect may take.
+    - ``max_frame_bytes`` (2048): controllers neither answer nor execute longer lists.
+    - ``heartbeat`` (None: off): the time from one heartbeat to the next, 0.1 to 5. Other values are refused.
+      The first heartbeat arms a watchdog, which raises an alarm if no heartbeat comes for 10 s, also after
+      this program has died.
+    - ``suspect_after`` (1), ``dead_after`` (5): after how much silence values and connection are no longer
+      trusted.
+    - ``reconnect_first_wait`` (0.1), ``reconnect_cap`` (5), ``reconnect_seed``: the waits between attempts to
+      reconnect.
+    - ``type_key`` ("reqType"): the key of a request's type, ``"cmdType"`` for the oldest firmware.
+    - ``ds_id`` ("long"): the form of ``dsID``, ``"short"`` for older firmware (``HCRemoteMonitor``).
+    - ``stays_in_mode_7`` (False): whether this controller stays in mode 7 after a stop that it carried out.
+      No known controller does. If it is true, a rest of 2 s with an empty list also proves the standstill. A
+      taught program that waits longer may then still move the arm.
     """
 
     def __new__(
@@ -534,7 +557,7 @@ class RobotSettings:
 
 @final
 class Program:
-    """A motion out of a file as ``r6 run`` takes it: TOML (``[[instruction]]`` tables), or AddRCC frames in JSON.
+    """A motion from a file of ``r6 run``: TOML (``[[instruction]]`` tables), or AddRCC frames in JSON.
 
     ::
 
@@ -544,38 +567,45 @@ class Program:
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Program:
-        """Reads a file of 16 MiB at most.
+        """Reads a file of at most 16 MiB.
 
-        Errors: ``FileError`` with every mistake, its line and its column; ``OSError`` and ``ValueError`` where it cannot be read.
+        Errors: ``FileError`` with every mistake, its line and its column; ``OSError`` and ``ValueError``
+        if it cannot be read.
         """
     @staticmethod
     def read(text: str) -> Program:
-        """Reads a text that is at hand. Errors: ``FileError``."""
+        """Reads a text. Errors: ``FileError``."""
     @property
     def motion(self) -> Motion:
-        """Its steps, as a motion of its own: what is added to it is not added to the program. It repeats if the file says so."""
+        """Its steps, as a copy: changing it does not change the program. It repeats if the file says so."""
     @property
     def append(self) -> bool:
-        """Whether the file says that it goes behind what is in the list: for ``RunOptions.append``."""
+        """Whether the file says to append to the list: for ``RunOptions.append``."""
     @property
     def remarks(self) -> list[str]:
-        """What the author of the file should know: older spellings, keys that mean nothing."""
+        """Remarks for the author of the file: older spellings, keys without a meaning."""
     def __len__(self) -> int: ...
 
 @final
 class RunOptions:
-    """How a motion is run. Times are seconds.
+    """Options of a motion. Times are seconds.
 
-    ``interval`` (0.05): the pause between two reads of the state; 0 reads as fast as answers come.
-    ``frame_instructions`` (8): in one frame at most. ``room`` (24):
-    instructions in the controller's list at most; what is in the list runs on when the connection breaks. ``settle``
-    (0.5): how long the arm has to stand where the controller cannot tell the length of its list. ``start_within`` (1).
-    ``stall_within`` (5): how long the arm may stand without progress. ``idle_mode`` (7): the mode in which this controller
-    waits for instructions. ``clear_leftover`` (False): clear a list that is left from before. ``append`` (False): go behind what
-    is in the list, which may be running; sent at once and as a whole, and its steps are not counted. ``stop_on_failure`` (True):
-    stop the arm when the motion fails after something has left. ``stop_on_drop`` (False): stop the arm when the handle is
-    dropped or released, or the robot is closed. Without it, a motion whose handle is dropped goes on to its end, and a motion
-    whose robot is closed ends with the instructions in the controller's list.
+    - ``interval`` (0.05): the pause between two reads of the state; 0 reads as fast as answers come.
+    - ``frame_instructions`` (8): how many instructions one frame has at most.
+    - ``room`` (24): how many instructions the controller's list has at most. They still run if the connection
+      breaks.
+    - ``settle`` (0.5): how long the arm has to stand if the controller cannot report the length of its list.
+    - ``start_within`` (1): how long the arm may stand away from the end of an accepted list while its list is
+      empty.
+    - ``stall_within`` (5): how long the arm may stand without progress.
+    - ``idle_mode`` (7): the mode in which this controller waits for instructions.
+    - ``clear_leftover`` (False): clear a list that is left from before.
+    - ``append`` (False): append to the list, which may be running. The motion is sent at once and as a whole,
+      and its steps are not counted.
+    - ``stop_on_failure`` (True): stop the arm if the motion fails after something was sent.
+    - ``stop_on_drop`` (False): stop the arm when the handle is dropped or released, or the robot is closed.
+      Without it, a motion whose handle is dropped goes on to its end. A motion whose robot is closed ends
+      with the instructions in the controller's list.
     """
 
     def __new__(
@@ -597,20 +627,25 @@ class RunOptions:
 
 @final
 class FollowOptions:
-    """How a moving target is followed. Times are seconds.
+    """Options for following a moving target. Times are seconds.
 
-    The protocol has no command for it: each step is an instruction of its own. Small steps without a pause have overloaded
-    the servos of a real arm (reported); its operator cut the speed to 20 %, made the steps larger, and sent each only while
-    the arm stood. The defaults do just that.
+    The protocol has no command for it: each step is its own instruction. Small steps without a pause have
+    overloaded the servos of a real arm (reported). Its operator cut the speed to 20 %, made the steps larger,
+    and sent each step only while the arm stood. The defaults do the same.
 
-    ``interval`` (0.05): between two looks at target and arm, 0.02 at least. ``speed`` (20 %): of each step. ``smallest_step`` (1°): nearer
-    than this the arm stays where it is. ``largest_step`` (10°): no step takes an axis further; it bounds, too, how far the
-    arm still goes when targets, program or link are gone: two such steps. Both are mm where an axis slides.
-    ``while_moving`` (False): append a step while the arm makes the one before; on a real arm try it at low speed, and look
-    at the load of the servos (``curTorque-n``). ``fresh_within`` (0.5): how long a target counts when no other comes, not
-    even the same again. ``start_within`` (1): how long after a step was accepted the arm may stand elsewhere than at its
-    end. ``stall_within`` (5): how long a step may go on without progress. ``idle_mode`` (7): as in ``RunOptions``.
-    ``stop_on_failure`` (True): stop the arm when following fails after a step has left.
+    - ``interval`` (0.05): the time between two checks of target and arm, 0.02 at least.
+    - ``speed`` (20 %): the speed of each step.
+    - ``smallest_step`` (1°): if the target is nearer than this, the arm does not move.
+    - ``largest_step`` (10°): the most that a step moves an axis. It also bounds how far the arm still goes
+      after targets, program or link are gone: two such steps. Both are mm for a linear axis.
+    - ``while_moving`` (False): append a step while the arm makes the step before. On a real arm try it at low
+      speed, and watch the load of the servos (``curTorque-n``).
+    - ``fresh_within`` (0.5): how long a target counts if no other target comes, not even the same again.
+    - ``start_within`` (1): how long the arm may stand away from the end of a step after the controller
+      accepted it.
+    - ``stall_within`` (5): how long a step may go on without progress.
+    - ``idle_mode`` (7): as in ``RunOptions``.
+    - ``stop_on_failure`` (True): stop the arm if following fails after a step was sent.
     """
 
     def __new__(
@@ -631,11 +666,12 @@ class FollowOptions:
 
 @final
 class Envelope:
-    """What a list may ask for. What is not set is not checked. Each method returns a new envelope.
+    """The limits of a list. A limit that is not set is not checked. Each method returns a new envelope.
 
-    Speeds are those of the list, before the global speed. Axis limits are held against the targets of axis moves, the
-    workspace against those of linear and curve moves: without a model of the arm nobody can tell one from the other. What
-    cannot be told counts as beyond. It compares numbers with numbers and is no safety function.
+    Speeds are those of the list, before the global speed. Axis limits apply to the targets of axis moves,
+    the workspace to those of linear and curve moves, because the client cannot convert between them
+    without a model of the arm. A value that cannot be determined counts as a violation. The envelope
+    compares numbers with numbers and is no safety function.
     """
 
     def __new__(cls) -> Envelope: ...
@@ -650,7 +686,7 @@ class Envelope:
     def axis_limits(
         self, axis: int, lowest: Degrees | Millimetres, highest: Degrees | Millimetres
     ) -> Envelope:
-        """No axis move takes this axis, 0 for J1, further than this."""
+        """No axis move takes this axis, 0 for J1, beyond these limits."""
     def workspace(
         self,
         lowest: tuple[Millimetres, Millimetres, Millimetres],
@@ -658,14 +694,16 @@ class Envelope:
     ) -> Envelope:
         """No linear or curve move leaves this box: X, Y, Z, in the work frame in use."""
     def largest_axis_step(self, largest: Degrees) -> Envelope:
-        """No axis move turns an axis by more than this, from the present position and from target to target."""
+        """No axis move turns an axis by more than this, from the present position and from target to
+        target."""
     def largest_distance(self, largest: Millimetres) -> Envelope:
-        """No linear or curve move ends further than this from where it begins."""
+        """No linear or curve move ends further than this from its start."""
     def only(self, *actions: int) -> Envelope:
-        """Only these actions: 4 axis move, 10 linear move, 17 curve move, 51 path speed, 52 stop on a signal, 100 wait,
-        200 output, 204 outputs of a board, 800 workbench."""
+        """Only these actions: 4 axis move, 10 linear move, 17 curve move, 51 path speed, 52 stop on a signal,
+        100 wait, 200 output, 204 outputs of a board, 800 workbench."""
     def check_motion(self, motion: Motion) -> None:
-        """``OutsideEnvelope`` for the first step that goes beyond; the way from the present position is not looked at."""
+        """Raises ``OutsideEnvelope`` for the first step that violates a limit. The way from the present
+        position is not checked."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __copy__(self) -> Envelope: ...
@@ -673,42 +711,44 @@ class Envelope:
 
 @final
 class Command:
-    """A command with its arguments, in the units of people: for ``Robot.command`` (manual 4.2)."""
+    """A command with its arguments, in everyday units: for ``Robot.command`` (manual 4.2)."""
 
     @staticmethod
     def typed(word: str, *arguments: object) -> Command:
-        """Any command by its word and arguments, as ``r6 command`` takes them: ``Command.typed("modifyGSPD", 20)``.
+        """Any command by its word and arguments, as in ``r6 command``: ``Command.typed("modifyGSPD", 20)``.
         ``ValueError`` says which word or argument is wrong, and what it has to be."""
     @staticmethod
     def action_stop() -> Command:
-        """Stops the motion at once. ``Robot.stop`` does more: it looks whether the arm stands and clears its list."""
+        """Stops the motion at once. ``Robot.stop`` does more: it checks that the arm stands and clears its
+        list."""
     @staticmethod
     def action_pause() -> Command:
-        """Pauses the motion; start goes on from the present step."""
+        """Pauses the motion; start continues at the present step."""
     @staticmethod
     def action_single_cycle() -> Command:
         """Enters single cycle. It can set the arm in motion."""
     @staticmethod
     def start_button() -> Command:
-        """The start button. It can set the arm in motion, with what is left in the list."""
+        """The start button. It can set the arm in motion, with the rest of the list."""
     @staticmethod
     def stop_button() -> Command:
-        """The stop button: the first press ends with the cycle, the second at once."""
+        """The stop button: the first press ends the program with the cycle, the second at once."""
     @staticmethod
     def switch_mold(mold: str) -> Command:
         """Switches to another program."""
     @staticmethod
     def modify_counter(id: int, *, current: int | None = None, target: int | None = None) -> Command:
-        """Changes a counter; ``None`` keeps what it has."""
+        """Changes a counter; ``None`` keeps the value."""
     @staticmethod
-    def modify_output(board: int, point: int, on: bool) -> Command:
-        """Sets one output: board 0–3, 4–6 M, 7 EU; point 0–31. A cell may start a motion by it."""
+    def modify_output(point: str, on: bool) -> Command:
+        """Sets one output by its name: Y on boards 0 to 3, M on boards 0 to 2, EUY. A cell may start a motion
+        by it."""
     @staticmethod
     def clear_alarm_run_next() -> Command:
         """Clears the alarm and runs the next step."""
     @staticmethod
     def clear_alarm_continue() -> Command:
-        """Clears the alarm and goes on automatically."""
+        """Clears the alarm and continues automatically."""
     @staticmethod
     def modify_stack(stack: int, spacing: Sequence[float], count: Sequence[int]) -> Command:
         """Changes a stack: spacing in X, Y, Z, mm, and count in X, Y, Z."""
@@ -720,13 +760,13 @@ class Command:
         """Writes one register, 800 to 900; ``savable`` keeps it over a power cut."""
     @staticmethod
     def rewrite_data_list(first: int, values: Sequence[int], *, savable: bool = False) -> Command:
-        """Writes registers in a row."""
+        """Writes consecutive registers."""
     @staticmethod
     def modify_acc_dec(acceleration: float, deceleration: float) -> Command:
         """Changes the acceleration and deceleration time of the path, seconds."""
     @staticmethod
     def switch_tool(tool: int) -> Command:
-        """Switches to another tool; 0 is none."""
+        """Switches to another tool; 0 means no tool."""
     @staticmethod
     def modify_tool(tool: int, offset: Sequence[float]) -> Command:
         """Changes a tool: X, Y, Z in mm and RX, RY, RZ in degrees, from the flange."""
@@ -738,7 +778,8 @@ class Command:
         """Resets and clears the alarm (207beta57)."""
     @staticmethod
     def clear_alarm_with(*, first_line: bool, only_alarm: bool) -> Command:
-        """Clears the alarm as the newest manual has it: whether the program goes to its first line, and whether only the alarm is cleared."""
+        """Clears the alarm as in the newest manual: whether the program goes to its first line, and whether
+        only the alarm is cleared."""
     @property
     def word(self) -> str:
         """The word on the wire."""
@@ -750,16 +791,22 @@ class Command:
 
 @final
 class Simulator:
-    """A virtual controller on a free port of 127.0.0.1, inside this process, on a thread of its own.
+    """A virtual controller on a free port of 127.0.0.1, inside this process, on its own thread.
 
-    It listens once it is there; ``close``, the end of a ``with`` block, or dropping it ends it and its connections.
-    ``profile``: ``"hc1"``, ``"r6-host"``, ``"r6-pendant"``, ``"legacy"``, or the path of a TOML file. ``model``: a name of
-    ``r6.models()`` or a path. ``clock``: ``"real"``, ``"max"`` (moves take no time), ``"10x"``, or how many times as fast.
-    ``seed``: of whatever is random. ``start``: ``"waiting"`` (ready for instructions), ``"auto"``, ``"manual"`` or
-    ``"stopped"``. ``program``, ``scenario``: a text, or the path of a file. ``cameras``: cameras that it dials,
-    ``"127.0.0.1:9000"`` or ``"1=127.0.0.1:9000"``. ``state``: the folder that keeps what survives a power cut.
+    It listens from the start. ``close``, the end of a ``with`` block, or dropping it ends it and its
+    connections.
 
-    Errors: ``SimulatorError`` with what is wrong; nothing is left running then.
+    - ``profile``: ``"hc1"``, ``"r6-host"``, ``"r6-pendant"``, ``"legacy"``, or the path of a TOML file.
+    - ``model``: a name of ``r6.models()`` or a path.
+    - ``clock``: ``"real"``, ``"max"`` (moves take no time), ``"10x"``, or the factor as a number.
+    - ``seed``: the seed of random values.
+    - ``start``: ``"waiting"`` (ready for instructions), ``"auto"``, ``"manual"`` or ``"stopped"``.
+    - ``program``: a program that every controller has (``"pick-and-place"``), a text, or the path of a file.
+    - ``scenario``: a text, or the path of a file.
+    - ``cameras``: cameras that it connects to, ``"127.0.0.1:9000"`` or ``"1=127.0.0.1:9000"``.
+    - ``state``: the folder that keeps what survives a power cut.
+
+    Errors: ``SimulatorError`` says what is wrong. Nothing is left running then.
     """
 
     def __new__(
@@ -782,15 +829,16 @@ class Simulator:
     def port(self) -> int:
         """The port it listens on."""
     def close(self) -> None:
-        """Ends it and its connections; raises where its state could not be written. Closing again does nothing."""
+        """Ends it and its connections. Raises if its state could not be written. Closing again does
+        nothing."""
     def __enter__(self) -> Simulator: ...
     def __exit__(self, *_exception: object) -> None: ...
     def emergency_stop(self) -> None:
         """Presses the emergency stop, which stays pressed: alarm 7."""
     def release_emergency_stop(self) -> None:
-        """Releases it; alarm 7 stays until it is cleared."""
+        """Releases the emergency stop; alarm 7 stays until it is cleared."""
     def clear_alarm(self) -> None:
-        """Clears the alarm; nothing runs by itself. ``PanelRefused`` where the machine does not."""
+        """Clears the alarm; this starts nothing. Raises ``PanelRefused`` if the machine refuses."""
     def raise_alarm(self, alarm: int) -> None:
         """Raises an alarm, 1 to 10 000."""
     def press(self, button: Literal["start", "stop", "pause", "single_cycle", "single_step"]) -> None:
@@ -798,13 +846,13 @@ class Simulator:
     def turn_key(self, key: Literal["manual", "stop", "auto"]) -> None:
         """Turns the mode key."""
     def home(self) -> None:
-        """In manual: moves all axes to 0; the machine is homed once they are there."""
+        """In manual: moves all axes to 0. The machine is homed once they are there."""
     def jog(self, axis: int, by: float, *, percent: float = 10.0) -> None:
-        """In manual: moves one axis, 0 for J1, by so many degrees, or mm where it slides."""
+        """In manual: moves one axis, 0 for J1, by this many degrees, or mm for a linear axis."""
     def switch_program(self, name: str) -> None:
         """Chooses another program."""
     def load_program(self, name: str, text: str) -> None:
-        """Loads a program, in place of one with the same name."""
+        """Loads a program. It replaces a program with the same name."""
     def set_input(self, point: str, on: bool) -> None:
         """Sets an input, ``"X010"`` or ``"EUX010"``, from now on."""
     def is_on(self, point: str) -> bool:
@@ -812,19 +860,23 @@ class Simulator:
     def request_photo(self, cam_id: int) -> None:
         """Asks a camera for a photo, as a program does."""
     def snapshot(self) -> MachineState:
-        """What a person would see at the machine, now."""
+        """The present state, as an operator sees it at the machine."""
     def log(self) -> list[LogLine]:
-        """What has happened since the last call; 256 lines are kept."""
+        """The events since the last call; 256 lines are kept."""
 
 def discovering(addresses: Sequence[str], settings: RobotSettings | None = None) -> Operation[list[Discovered]]:
     """For ``discover`` and ``async_discover``."""
 
+def word_of(name: str) -> tuple[str, int]:
+    """The query address of the word that a point is a bit of, and which bit: ``("input-0", 2)`` for X012."""
+
 def to_thousandths(value: float) -> int:
-    """Degrees or millimetres as a register has them where a program takes positions from registers: times 1000, the nearest
-    whole number. ``OutOfRange`` for what does not fit into the 32 bits of a register."""
+    """Converts degrees or millimetres to the value of a register, for programs that take positions from
+    registers: times 1000, rounded to the nearest whole number. ``OutOfRange`` for a value that does not
+    fit into the 32 bits of a register."""
 
 def from_thousandths(value: int) -> float:
-    """A register's value in degrees or millimetres."""
+    """Converts the value of a register to degrees or millimetres."""
 
 def alarm(code: int) -> Alarm:
     """What an alarm means and what to do about it."""
@@ -839,14 +891,15 @@ def models() -> list[str]:
     """The names of the robot models that come with the package; the first is the default."""
 
 def tasks() -> int:
-    """How many tasks the engine has: for tests that look for leaks."""
+    """The number of tasks of the engine: for tests that look for leaks."""
 
 def ended_as_asked(core: MotionCore | FollowCore, error: BaseException) -> bool:
-    """Whether the owner of this motion asked for the stop that ended it so, and the arm was seen to stand."""
+    """Whether the owner of this motion asked for the stop that ended it, and the arm was seen to stand."""
 
 def told(core: MotionCore | FollowCore | None, error: BaseException, report: StopReport | BaseException) -> None:
-    """Tells the exception that ended the block of this motion what became of its arm: a ``MotionError`` of this motion carries it,
-    any other has it as a line below. In place of any other a stop that failed is raised: nobody else would tell."""
+    """Adds what became of the arm to the exception that ended the block of its motion. A ``MotionError`` of
+    this motion carries the report. Any other exception gets a note. In its place this raises the error of
+    a stop that failed, because nothing else would report it."""
 
 def remade(kind: str, state: Any) -> Any:
-    """An object of this package as it was when it was pickled."""
+    """Makes an object of this package again from its pickled state."""

@@ -1,4 +1,4 @@
-"""A robot, from code that is not async: every call waits in the thread that makes it, with the interpreter released."""
+"""A robot, for code that is not async: every call waits in its own thread, with the interpreter released."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from ._r6 import (
     Listen,
     Motion,
     Percent,
+    Pose,
     RobotCore,
     RobotSettings,
     RunOptions,
     discovering,
+    word_of,
 )
 from ._subscription import PushedEvents, Subscription
 from ._types import (
@@ -47,13 +49,13 @@ if TYPE_CHECKING:
 
 
 class Robot:
-    """A handle on one controller, over one connection.
+    """A handle of one controller, over one connection.
 
-    Requests of many threads share the connection; each reply goes to whom it belongs, and a stop overtakes what waits.
-    Errors are sorted by what to do next: see ``RequestError``. "ok" means accepted, not done.
+    Many threads may share it. Each reply goes to the thread that asked, and a stop overtakes waiting
+    requests. Errors are sorted by what to do next: see ``RequestError``. "ok" means accepted, not done.
 
-    Ctrl-C ends the waiting within 50 ms with ``KeyboardInterrupt`` and sends nothing by itself. When this process ends,
-    however it does, the arm finishes the instructions that are in its list (24 at most by default); with
+    Ctrl-C ends a wait within 50 ms with ``KeyboardInterrupt`` and sends nothing. When this process ends in
+    any way, the arm finishes the instructions that are in its list (24 at most by default). With
     ``RobotSettings(heartbeat=...)`` the controller raises an alarm 10 s after the last heartbeat.
 
     A stop from here is an ordinary command on a network, and no emergency stop.
@@ -67,30 +69,34 @@ class Robot:
         self._core = connected(core)
 
     @classmethod
-    def connect(cls, address: str | Listen, settings: RobotSettings | None = None) -> Self:
+    def connect(
+        cls, address: str | Listen, port: int | RobotSettings | None = None, settings: RobotSettings | None = None
+    ) -> Self:
         """Connects to ``host`` or ``host:port``, port 9760 where none is given; or waits for a controller that dials
         (``Listen``). Nothing is sent.
 
-        Errors: ``InvalidRequest`` if the text is no address, ``NotSent`` if no connection can be made within
-        ``RobotSettings.connect_timeout``.
+        Errors: ``InvalidRequest`` if the text is no address, ``NotSent`` if no connection can be made
+        within ``RobotSettings.connect_timeout``.
         """
-        return cls(RobotCore.connect(address, settings).wait())
+        return cls(RobotCore.connect(*target(address, port, settings)).wait())
 
     @property
     def address(self) -> str:
-        """Host and port of the controller; of one that dials, where it is waited for."""
+        """Host and port of the controller. With ``Listen``, the address where this program waits for it."""
         return self._core.address
 
     def close(self) -> None:
-        """Ends the connection, for all handles of it. A stop that is under way is waited for. Closing again does nothing.
+        """Closes the connection for all its handles. Waits for a stop that is under way. Closing again does
+        nothing.
 
-        A motion that is still being streamed ends here: the arm finishes the instructions in the controller's list, or is stopped
-        first with ``RunOptions.stop_on_drop``. A ``MotionCutShort`` warning says so, unless ``finished`` or
-        ``wait_until_done`` has told it. Wait for the end of the motion before closing.
+        A motion that is still being streamed ends here: the arm finishes the instructions in the
+        controller's list. With ``RunOptions.stop_on_drop`` the arm is stopped first. A ``MotionCutShort``
+        warning says so, unless ``finished`` or ``wait_until_done`` has reported it. Wait for the end of
+        the motion before closing.
 
-        It takes half a second at most. Where an arm is being stopped, that is waited for: 15 s at most, and 15 s more for the stop
-        of a motion that is streamed. If that fails, the connection ends all the same: call ``stop`` yourself where you have to
-        know. Ctrl-C ends the waiting; the closing goes on.
+        Closing takes at most half a second. If an arm is being stopped, closing waits for that: at most 15
+        s, and 15 s more for the stop of a streamed motion. If that fails, the connection ends all the
+        same: call ``stop`` yourself if you have to know. Ctrl-C ends the wait; the closing goes on.
         """
         cut_short(self._core.close().wait())
 
@@ -106,46 +112,74 @@ class Robot:
         cut_short(self._core.close().wait())
 
     def query(self, *addresses: str) -> QueryResult:
-        """Reads the values of these addresses (``r6.addresses`` lists them): ``robot.query("axis-0", "curMode")``.
+        """Reads the values of these addresses (``r6.addresses`` lists them): ``robot.query("axis-0",
+        "curMode")``.
 
-        A long list is split. Where a reply has fewer values than were asked for, they are asked for in ever smaller parts,
-        so that no value is ever taken for another's.
+        A long list is split. If a reply has fewer values than were asked for, the client asks again in
+        smaller and smaller parts, so that a value is never taken for another one.
 
         Errors: ``UnknownAddress``; ``RequestError``.
         """
         return self._core.query(*addresses).wait()
 
     def status(self) -> Status:
-        """The state of the machine at a glance, with what keeps it from taking instructions (``unmet``).
+        """The state of the machine, with the conditions that keep it from taking instructions (``unmet``).
 
-        On a connection that was made anew this is also what lets commands through again. Errors: ``RequestError``.
+        After a reconnection this also lets commands through again. Errors: ``RequestError``.
         """
         return self._core.status().wait()
 
     def firmware(self) -> str | None:
-        """The firmware's version, asked for once per connection; ``None`` if it tells none. Errors: ``RequestError``."""
+        """The firmware's version, asked for once per connection; ``None`` if it reports no version. Errors:
+        ``RequestError``."""
         return self._core.firmware().wait()
 
     def command(self, command: Command) -> Accepted:
-        """Sends a command. It is never sent twice by itself. Errors: ``RequestError``."""
+        """Sends a command. The client never resends it. Errors: ``RequestError``."""
         return self._core.command(command).wait()
 
+    def pose(self) -> Pose:
+        """The pose of the tool in use, in the work frame in use: mm and degrees.
+
+        Errors: ``NoReading``; ``RequestError``.
+        """
+        return pose(self.query(*WORLD))
+
+    def start(self) -> Accepted:
+        """Presses start (``startButton``): the program runs, and the arm may move. "ok" comes before anything runs.
+
+        Errors: ``RequestError``.
+        """
+        return self.command(Command.start_button())
+
     def pause(self) -> Accepted:
-        """Pauses the motion, ahead of all that waits (``actionPause``). Errors: ``RequestError``."""
+        """Pauses the motion, ahead of waiting requests (``actionPause``). Errors: ``RequestError``."""
         return self.command(Command.action_pause())
 
     def clear_alarm(self) -> Accepted:
-        """Resets and clears the alarm (``clearAlarm``, firmware 207beta57 and later). Errors: ``RequestError``."""
+        """Resets and clears the alarm (``clearAlarm``, firmware 207beta57 and later). Errors:
+        ``RequestError``."""
         return self.command(Command.clear_alarm())
 
     def set_global_speed(self, speed: Percent) -> Accepted:
         """Sets the global speed, which multiplies every move. Errors: ``RequestError``."""
         return self.command(Command.modify_gspd(speed))
 
-    def set_output(self, board: int, point: int, on: bool) -> Accepted:
-        """Sets an output: board 0–3, 4–6 M, 7 EU; point 0–31. A cell may start a motion by it. Errors:
-        ``RequestError``."""
-        return self.command(Command.modify_output(board, point, on))
+    def set_output(self, point: str, on: bool) -> Accepted:
+        """Sets an output by its name on the pendant: ``robot.set_output("Y010", True)``. Y on boards 0 to 3 (``Y1.010``), M on
+        boards 0 to 2, EUY. A cell may start a motion by it.
+
+        Errors: ``ValueError`` for a point that no command sets; ``RequestError``.
+        """
+        return self.command(Command.modify_output(point_name(point), on))
+
+    def is_on(self, point: str) -> bool:
+        """Whether an input, output or M point is on: ``robot.is_on("X010")``.
+
+        Errors: ``ValueError`` for EU points, which no query address tells; ``NoReading``; ``RequestError``.
+        """
+        address, bit = word_of(point_name(point))
+        return bool(self.query(address).integer(address) >> bit & 1)
 
     def inputs(self, board: int = 0) -> npt.NDArray[np.bool_]:
         """The 32 inputs of a board: shape (32,). Errors: ``NoReading``; ``RequestError``."""
@@ -160,47 +194,49 @@ class Robot:
         return counter(self.query(f"counter-{id}"), id)
 
     def set_counter(self, id: int, *, current: int | None = None, target: int | None = None) -> Accepted:
-        """Changes a counter; ``None`` keeps what it has. Errors: ``RequestError``."""
+        """Changes a counter; ``None`` keeps the value. Errors: ``RequestError``."""
         return self.command(Command.modify_counter(id, current=current, target=target))
 
     def read_registers(self, first: int, count: int = 1) -> Integers:
-        """The values of registers in a row, 800 to 900: int64, shape (count,). Errors: ``NoReading``;
+        """The values of consecutive registers, 800 to 900: int64, shape (count,). Errors: ``NoReading``;
         ``RequestError``."""
         return self._core.read_registers(first, count).wait()
 
     def write_registers(
         self, first: int, values: Sequence[int] | Integers, *, savable: bool = False, verify: bool = True
     ) -> None:
-        """Writes registers in a row, 800 to 900: whole numbers of 32 bits with sign. A cell may start a motion by them.
+        """Writes consecutive registers, 800 to 900: signed whole numbers of 32 bits. This may start a motion
+        in a cell.
 
-        ``savable`` keeps them over a power cut; ``verify`` reads them back, because controllers say ok to values that they
-        do not take. Errors: ``NotTaken``; ``RequestError``.
+        ``savable`` keeps them over a power cut. ``verify`` reads them back, because controllers answer ok
+        to values that they do not take. Errors: ``NotTaken``; ``RequestError``.
         """
         self._core.write_registers(first, whole(values), savable=savable, verify=verify).wait()
 
     def run(self, motion: Motion, options: RunOptions | None = None) -> MotionHandle:
-        """Runs a motion: checks it, looks at the machine, then streams it in lists that the controller takes.
+        """Runs a motion: checks it, checks the machine, then streams it in lists that the controller accepts.
 
-        It returns once everything is checked; the handle tells what then happens. A list whose outcome is unknown is never
-        sent again: the motion ends there.
+        It returns once everything is checked; the handle reports what happens then. A list whose outcome
+        is unknown is never sent again: the motion ends there.
 
-        Where a signal handler raises, as that of Ctrl-C does, before the handle has come to its caller, the arm is stopped, verified,
-        and its list cleared; the exception has what became of it as a line below (Python 3.11).
+        If a signal handler raises before the caller has the handle (Ctrl-C does), the arm is stopped,
+        verified, and its list cleared. The exception then has a note with the result (Python 3.11).
 
-        Errors: ``NotReady`` with what is not met; ``MotionError`` for a wrong step, a step beyond the guard's envelope,
-        another motion that is being streamed, or a state that cannot be read. Nothing was sent then.
+        Errors: ``NotReady`` with the unmet conditions; ``MotionError`` for a wrong step, a step outside
+        the guard's envelope, another motion that is being streamed, or a state that cannot be read.
+        Nothing was sent then.
         """
         starting = self._core.run(motion, options)
         try:
             return starting.hand_over(MotionHandle)
         except BaseException as error:
-            # Native, so that no other signal comes in between.
+            # Native code, so that no other signal handler runs in between.
             starting.given_up(error)
             raise
 
     def follow(self, options: FollowOptions | None = None) -> Following:
-        """Follows a target that moves: ``Following.target`` says again and again where it is. Begins at once; nothing moves
-        before the first target.
+        """Follows a moving target. Call ``Following.target`` repeatedly with its position. It begins at once;
+        nothing moves before the first target.
 
         ::
 
@@ -209,26 +245,28 @@ class Robot:
                     following.target(position)
             print(following.finished().behind)
 
-        **A target counts for half a second** (``FollowOptions.fresh_within``), the last one too: for the arm to arrive, tell it again
-        until ``status()`` or ``Followed.behind`` says that it is there. Where an arm can go is not looked at beforehand: it goes
-        towards the target in steps, up to its soft limits.
+        **A target counts for half a second** (``FollowOptions.fresh_within``), the last one too. For the
+        arm to arrive, send the target again until ``status()`` or ``Followed.behind`` shows that the arm
+        is there. Whether the arm can reach a target is not checked: it goes towards the target in steps,
+        up to its soft limits.
 
-        Each time the arm is ready for another step, the newest target counts; those that came in between are skipped. A
-        step is never sent again, and nothing more is sent once targets are no longer fresh, the state cannot be read, or
-        a handle of this connection sends a stop. ``Following`` tells what went wrong, ``NotReady`` at the beginning
-        included.
+        Each time the arm is ready for another step, the newest target counts; older ones are skipped. A
+        step is never sent again. Nothing more is sent once targets are no longer fresh, the state cannot
+        be read, or a handle of this connection sends a stop. ``Following`` reports the error, including
+        ``NotReady`` at the beginning.
         """
         return Following(self._core.follow(options))
 
     def dry_run(self, motion: Motion, options: RunOptions | None = None) -> list[bytes]:
-        """The frames that ``run`` would send, byte by byte but for ``packID``. Nothing is sent.
+        """The frames that ``run`` would send, exact except for ``packID``. Nothing is sent.
 
         Errors: ``StepError``; ``OutsideEnvelope``.
         """
         return self._core.dry_run(motion, options)
 
     def add_rcc(self, motion: Motion, *, replace: bool) -> Accepted:
-        """Sends a motion as one list, appended or in place of what is there: for those who do without ``run``.
+        """Sends a motion as one list, which replaces the present list or is appended: for code that does not
+        use ``run``.
 
         Errors: ``RequestError``. A list longer than ``RobotSettings.max_frame_bytes`` is not sent.
         """
@@ -243,42 +281,49 @@ class Robot:
         start_within: float = 1.0,
         idle_mode: int = 7,
     ) -> Done:
-        """Watches the state until the arm stands and the list is done, ``timeout`` seconds at most.
+        """Reads the state until the arm stands and the list is done, at most ``timeout`` seconds.
 
-        ``interval``: the pause between two reads, seconds; 0 reads as fast as answers come. ``settle``: how long the arm has
-        to stand where the controller cannot tell the length of its list, seconds. ``start_within``: how long it may take to
-        begin to move, seconds. ``idle_mode``: the mode in which this controller waits for instructions. Errors:
-        ``WaitError``.
+        - ``interval``: the pause between two reads, seconds; 0 reads as fast as answers come.
+        - ``settle``: how long the arm has to stand if the controller cannot report the length of its list,
+          seconds.
+        - ``start_within``: how long it may take to begin to move, seconds.
+        - ``idle_mode``: the mode in which this controller waits for instructions.
+
+        Errors: ``WaitError``.
         """
         return self._core.wait_until_done(timeout, interval, settle, start_within, idle_mode).wait()
 
     def stop(self) -> StopReport:
-        """Stops the motion, ahead of all that waits, until the arm is seen to stand, 5 s at most; then clears the list.
+        """Stops the motion, ahead of waiting requests, until the arm is seen to stand, at most 5 s; then
+        clears the list.
 
-        A motion that is being streamed over this connection ends. Ctrl-C ends the waiting and not the stop, which goes on:
-        ``close`` and the end of the program wait for it, 15 s at most, and the program says so if it was not confirmed.
+        A motion that is being streamed over this connection ends. Ctrl-C ends the wait, not the stop:
+        ``close`` and the end of the program wait for it, at most 15 s. The program reports a stop that was
+        not confirmed.
 
-        Errors: ``RequestError`` if no stop was answered at all. Look at ``StopReport.confirmed``.
+        Errors: ``RequestError`` if no stop was answered at all. Check ``StopReport.confirmed``.
         """
         return self._core.stop().wait()
 
     def clear_list(self) -> Accepted:
-        """Empties the instruction list, so that nothing left in it runs at the next start. Errors: ``RequestError``."""
+        """Empties the instruction list, so that no old instruction runs at the next start. Errors:
+        ``RequestError``."""
         return self._core.clear_list().wait()
 
     def subscribe(self, *addresses: str, every: float) -> Subscription:
-        """Has these addresses read every so many seconds, 0.02 to 3600, until the subscription is closed or dropped.
+        """Reads these addresses every ``every`` seconds, 0.02 to 3600, until the subscription is closed or
+        dropped.
 
-        All subscriptions of a robot share one poller. A lost connection is made anew by the next poll.
+        All subscriptions of a robot share one poller. After a lost connection the next poll reconnects.
 
         Errors: ``UnknownAddress``; ``NotSubscribed``.
         """
         return Subscription(self._core.subscribe(addresses, every))
 
     def pushed(self) -> PushedEvents:
-        """What happens on the connection without being asked for, from now on: photo requests, strays, losses.
+        """Events on the connection, from now on: photo requests, strays, losses.
 
-        Who lags more than 64 events behind misses the oldest, and is told how many.
+        A reader that is more than 64 events behind misses the oldest, and learns how many.
         """
         return PushedEvents(self._core.pushed())
 
@@ -287,32 +332,38 @@ class Robot:
         self._core.answer_photo(photo.cam_id, taken).wait()
 
     def add_points(self, cam_id: int, points: Sequence[Point]) -> Accepted:
-        """Sends the points that a camera found; ``Accepted.points`` tells how many were taken. Errors:
+        """Sends the points that a camera found. ``Accepted.points`` is the number of accepted points. Errors:
         ``RequestError``."""
         return self._core.add_points(cam_id, points).wait()
 
     def serve_photos(self, look: Callable[[int], Shot]) -> PhotosEnded:
-        """Is the camera of this controller from now on: calls ``look`` with the camera's number for each photo request, answers
-        the request, and sends the points that were found, X, Y, Z in mm and angles in degrees.
+        """Serves as the camera of this controller. Calls ``look`` with the camera's number for each photo
+        request, answers the request, and sends the points that were found: X, Y, Z in mm and angles in
+        degrees.
 
         ::
 
             def look(cam_id: int) -> r6.Shot:
-                return [r6.Point(x=20.0, y=10.0, angle=90.0)]   # or "failed", or "not_mine"
+                return [r6.Point(x=400.0, y=-40.0, z=450.0, angle=90.0)]   # or "failed", or "not_mine"
 
             print(robot.serve_photos(look))
 
-        It keeps this thread until it cannot go on, and tells why; requests are served one after the other. ``look`` may take
-        its time and may use this robot: stops of other threads, heartbeats and motions do not wait for it. An exception of
-        ``look``, and Ctrl-C, end the serving at once and come out here; the request then gets no answer. What is no ``Shot``
-        is a ``TypeError`` or a ``ValueError``. Points that cannot be sent (NaN, or too many for a frame) end it too, with
-        ``reason`` ``request``: their request gets no answer, because that would promise them. A connection has one camera
-        service: a second call ends at once with ``served_already``.
+        It keeps this thread until it cannot continue, and returns the reason. Requests are served one
+        after the other. ``look`` may take time and may use this robot: stops of other threads, heartbeats
+        and motions do not wait for it. A connection has one camera service: a second call ends at once
+        with ``served_already``.
 
-        A program waits for the answer for a time of its own: where finding takes longer than taking the picture, use
-        ``pushed``, ``answer_photo`` and ``add_points``. Points can set the arm in motion, and no guard checks them: none
-        leave after a stop or a pause of this connection that came while their picture was under way. Nothing that failed
-        is sent again. Requests that come before this is called are not seen.
+        These end the serving at once, and the request then gets no answer:
+
+        - An exception of ``look``, or Ctrl-C. It is raised here.
+        - A result that is no ``Shot``: ``TypeError`` or ``ValueError``.
+        - Points that cannot be sent (NaN, or too many for a frame): ``reason`` is ``request``. An answer
+          would promise them.
+
+        A program waits for the answer for its own time. If finding takes longer than taking the picture,
+        use ``pushed``, ``answer_photo`` and ``add_points``. Points can set the arm in motion, and no guard
+        checks them. So no points are sent if this connection sent a stop or a pause while their picture
+        was under way. Nothing that failed is sent again. Requests that come before this call are not seen.
         """
         serving = self._core.serve_photos()
         try:
@@ -323,16 +374,16 @@ class Robot:
         return asked
 
     def link_quality(self) -> LinkQuality:
-        """How good the connection is. Nothing is sent."""
+        """The quality of the connection. Nothing is sent."""
         return self._core.link_quality()
 
     def identity(self) -> Identity | None:
-        """Who answers; ``None`` before anything was read. Nothing is sent."""
+        """The identity of the controller; ``None`` before anything was read. Nothing is sent."""
         return self._core.identity()
 
     def accept_identity(self, found: Identity) -> None:
-        """Takes this controller for the one that is meant, after ``NotSent`` with ``another_robot``: a cabinet was
-        exchanged, its firmware updated, or its machine renamed."""
+        """Accepts this controller as the intended one, after ``NotSent`` with ``another_robot``: a cabinet
+        was exchanged, its firmware updated, or its machine renamed."""
         self._core.accept_identity(found)
 
     def guard(self) -> Envelope | None:
@@ -340,8 +391,9 @@ class Robot:
         return self._core.guard()
 
     def with_guard(self, envelope: Envelope) -> Self:
-        """The same robot behind a guard: what this handle runs is held against the envelope first, and not sent if it
-        goes beyond. Commands are not checked. Both share one connection: closing either ends it for both."""
+        """The same robot behind a guard: each motion of the new handle is checked against the envelope first,
+        and not sent if it exceeds a limit. Commands are not checked. Both handles share one connection:
+        closing either ends it for both."""
         return type(self)(self._core.with_guard(envelope))
 
     def __repr__(self) -> str:
@@ -349,13 +401,14 @@ class Robot:
 
 
 def discover(addresses: Sequence[str], settings: RobotSettings | None = None) -> list[Discovered]:
-    """Asks at these addresses, ``host`` or ``host:port``, who is there: one ``Discovered`` for each, in their order. It only
-    reads, over one connection to each that is closed in order; no heartbeat is sent, whatever the settings say.
+    """Asks at these addresses, ``host`` or ``host:port``, which controller answers. Returns one
+    ``Discovered`` for each, in order. It only reads, over one connection to each address that is closed
+    properly. No heartbeat is sent, whatever the settings say.
 
-    Name the addresses where controllers may be, and the ports that their pendants may be set to (9760; others were seen on
-    9700, 502, 503, 3388 and 8888). Do not scan a network: controllers have very few connections, and one that is left half
-    open can make the port useless until the controller is switched off and on (reported). An address at which another
-    program is connected already may not answer.
+    Name the addresses where controllers may be, and the ports that their pendants may be set to (9760;
+    others were seen on 9700, 502, 503, 3388 and 8888). Do not scan a network: controllers have very few
+    connections, and a half-open one can make the port useless until the controller is switched off and on
+    (reported). An address that another program is connected to may not answer.
 
     Errors: none; why an address did not answer is in its ``Discovered.who``.
 
@@ -365,22 +418,53 @@ def discover(addresses: Sequence[str], settings: RobotSettings | None = None) ->
     return discovering(addresses, settings).wait()
 
 
+def target(
+    address: str | Listen, port: int | RobotSettings | None, settings: RobotSettings | None
+) -> tuple[str | Listen, RobotSettings | None]:
+    """Where to connect, and how: ``connect("host", 9760)``, ``connect("host:9760")``, ``connect("host", settings)``."""
+    if isinstance(port, RobotSettings):
+        if settings is not None:
+            raise TypeError("the settings were given twice")
+        return address, port
+    if port is None:
+        return address, settings
+    if isinstance(port, bool) or not isinstance(port, int) or not isinstance(address, str):
+        raise TypeError(f'write connect("192.168.1.10", 9760) or connect("192.168.1.10:9760"), not {address!r}, {port!r}')
+    bare = f"[{address}]" if ":" in address and not address.startswith("[") else address
+    return f"{bare}:{port}", settings
+
+
 def cut_short(motion: str | None) -> None:
-    """Warns of a motion that closing ended, in the line that closes."""
+    """Warns about a motion that closing ended, at the line that closes."""
     if motion is not None:
         warnings.warn(MotionCutShort(motion), stacklevel=3)
 
 
 def connected(core: RobotCore) -> RobotCore:
-    """What ``connect`` has made; an address, which many try first, is none."""
+    """Checks that this is a result of ``connect``, because many users try an address first."""
     if not isinstance(core, RobotCore):
         raise TypeError(f"a robot is made by connecting: Robot.connect({core!r}), or await AsyncRobot.connect({core!r})")
     return core
 
 
 def points(word: int) -> npt.NDArray[np.bool_]:
-    """The 32 points of a word, the first one first: shape (32,)."""
+    """The 32 points of a word, lowest bit first: shape (32,)."""
     return (word >> np.arange(32, dtype=np.int64) & 1).astype(np.bool_)
+
+
+WORLD = tuple(f"world-{component}" for component in range(6))
+
+
+def pose(result: QueryResult) -> Pose:
+    """The pose that was asked for."""
+    return Pose.mm_deg([result.number(component) for component in WORLD])
+
+
+def point_name(point: str) -> str:
+    """The name of a point; ``TypeError`` with what to write for a number."""
+    if not isinstance(point, str):
+        raise TypeError(f'a point goes by its name on the pendant, such as "Y010" or "X1.012", not {point!r}')
+    return point
 
 
 def counter(result: QueryResult, id: int) -> Counter:
@@ -391,7 +475,7 @@ def counter(result: QueryResult, id: int) -> Counter:
 
 
 def whole(values: Sequence[int] | Integers) -> list[int]:
-    """Whole numbers as Python has them; ``TypeError`` for others."""
+    """Converts whole numbers to Python's ``int``; ``TypeError`` for others."""
     array = np.asarray(values)
     if array.dtype.kind not in "iu":
         raise TypeError(f"registers hold whole numbers, not {array.dtype}")

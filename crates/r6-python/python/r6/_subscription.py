@@ -1,4 +1,4 @@
-"""What comes from a robot by itself: values that are read again and again, and events."""
+"""What a robot sends without a request of the caller: values that are read repeatedly, and events."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ if TYPE_CHECKING:
 
 
 class Subscription:
-    """Values that are read again and again: iterate over it. Closing or dropping it ends that."""
+    """Values that are read repeatedly: iterate over it. Closing or dropping it ends the reading."""
 
     def __init__(self, core: SubscriptionCore) -> None:
         """Use ``Robot.subscribe``."""
         self._core = core
 
     def latest(self) -> Snapshot:
-        """The values as they are known now; if another thread waits for the next ones, then. Sends nothing."""
+        """The last known values. If another thread waits for the next values, this waits too. Sends
+        nothing."""
         snapshot = self._core.latest().wait()
         if snapshot is None:
             raise RuntimeError("the subscription is closed")
         return snapshot
 
     def next(self, *, timeout: float | None = None) -> Snapshot | None:
-        """Waits until any of the values was read again, a poll failed, or the connection was lost; ``None`` once it or the robot
-        is closed, by another thread, too. Who comes late gets the latest values. Errors: ``TimeoutError``."""
+        """Waits until a value was read again, a poll failed, or the connection was lost. Returns ``None``
+        once it or the robot is closed, also by another thread. A slow reader gets the latest values.
+        Errors: ``TimeoutError``."""
         return self._core.next(timeout).wait()
 
     def __iter__(self) -> Iterator[Snapshot]:
@@ -38,7 +40,7 @@ class Subscription:
             yield snapshot
 
     def close(self) -> None:
-        """Ends it, and the waiting of others for its next values."""
+        """Ends it, and every wait for its next values."""
         self._core.close()
 
     def __enter__(self) -> Self:
@@ -54,7 +56,7 @@ class Subscription:
 
 
 class PushedEvents:
-    """What happens on a connection without being asked for: iterate over it."""
+    """Events on a connection, which come without a request: iterate over it."""
 
     def __init__(self, core: PushedCore) -> None:
         """Use ``Robot.pushed``."""

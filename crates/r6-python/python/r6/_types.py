@@ -1,4 +1,5 @@
-"""What is read from a robot. Times are seconds, lengths mm, angles degrees; positions are float64 arrays."""
+"""Values that are read from a robot. Times are seconds, lengths mm, angles degrees; positions are float64
+arrays."""
 
 from __future__ import annotations
 
@@ -20,27 +21,33 @@ Integers: TypeAlias = npt.NDArray[np.int64]
 """An array of int64."""
 
 StepState: TypeAlias = Literal["queued", "sent", "running", "done", "lost"]
-"""What has become of a step: not sent yet (or never, once the motion has ended); in the controller's list; its turn has
-come; over; left and not seen to be over when the streaming ended."""
+"""The state of a step:
+
+- ``queued``: not sent yet, or never sent if the motion has ended.
+- ``sent``: in the controller's list.
+- ``running``: the present step.
+- ``done``: over.
+- ``lost``: sent, and not seen to be over when the streaming ended.
+"""
 
 Quality: TypeAlias = Literal["fresh", "stale", "dead", "not_read", "unsupported", "unreadable"]
-"""What a value is worth: act on ``fresh`` ones alone."""
+"""The quality of a value. Act only on ``fresh`` values."""
 
 Wait: TypeAlias = Literal["on", "off", "rising", "falling"]
-"""For what a step of a motion waits."""
+"""The condition that a step of a motion waits for."""
 
 
 class OperationMode(IntEnum):
-    """``curMode``. A controller may send a number that is none of these: modes are plain ``int`` everywhere."""
+    """``curMode``. A controller may send another number, so modes are plain ``int`` everywhere."""
 
     NONE = 0
     MANUAL = 1
-    """The pendant has the arm."""
+    """The pendant controls the arm."""
     AUTO = 2
     """Automatic, not running."""
     STOP = 3
     RUNNING = 7
-    """The program runs; instructions are taken while it sits in its wait step."""
+    """The program runs. It takes instructions while it is in its wait step."""
     SINGLE_STEP = 8
     SINGLE_CYCLE = 9
 
@@ -51,28 +58,28 @@ class Counter:
 
     id: int
     target: int
-    """The count it goes to."""
+    """The target count."""
     current: int
-    """The count it has."""
+    """The present count."""
     name: str | None
-    """Only older firmware tells it."""
+    """Only older firmware reports it."""
 
 
 Reading: TypeAlias = Union[str, int, float, bool, "list[str]", Counter]
-"""The value of an address: text, whole number, decimal number in the unit of its address, 32 points as an ``int`` (bit 0
-is the first), flag, list of texts, or counter."""
+"""The value of an address: text, whole number, decimal number in the unit of its address, 32 points as an
+``int`` (bit 0 is the first), flag, list of texts, or counter."""
 
 
 class QueryResult(Mapping[str, Reading]):
-    """The values of some addresses under the names they were asked for by: only those that have one.
+    """The values of some addresses, under the names of the query. It has only addresses with a value.
 
-    Values that took several frames to read are not of one instant.
+    Values that took several frames to read are not from the same instant.
     """
 
     __slots__ = ("_values", "missing", "took")
 
     missing: dict[str, str]
-    """The addresses without a value, and why."""
+    """The addresses without a value, and the reason."""
     took: float
     """How long the slowest reply took, seconds."""
 
@@ -82,7 +89,7 @@ class QueryResult(Mapping[str, Reading]):
         self.took = took
 
     def __getitem__(self, address: str) -> Reading:
-        """The value; ``NoReading`` if it has none or was not asked for."""
+        """The value; ``NoReading`` if there is no value or it was not asked for."""
         try:
             return self._values[address]
         except KeyError:
@@ -99,32 +106,32 @@ class QueryResult(Mapping[str, Reading]):
         return len(self._values)
 
     def get(self, address: str, default: Any = None) -> Any:
-        """The value, or the default if it has none."""
+        """The value, or the default if there is no value."""
         return self._values.get(address, default)
 
     def number(self, address: str) -> float:
-        """A number, in the unit of its address; ``NoReading`` if there is none."""
+        """A number, in the unit of its address; ``NoReading`` if there is no number."""
         value = self[address]
         if isinstance(value, (int, float)):
             return float(value)
         raise NoReading(f"{address}: {value!r} is no number")
 
     def integer(self, address: str) -> int:
-        """A whole number, 32 points, or a flag as 0 and 1; ``NoReading`` if there is none."""
+        """A whole number, 32 points, or a flag as 0 and 1; ``NoReading`` if there is no such value."""
         value = self[address]
         if isinstance(value, int):
             return int(value)
         raise NoReading(f"{address}: {value!r} is no whole number")
 
     def text(self, address: str) -> str:
-        """A text; ``NoReading`` if there is none."""
+        """A text; ``NoReading`` if there is no text."""
         value = self[address]
         if isinstance(value, str):
             return value
         raise NoReading(f"{address}: {value!r} is no text")
 
     def array(self, *addresses: str) -> Floats:
-        """The numbers of these addresses, in their order: shape (n,), NaN where there is none."""
+        """The numbers of these addresses, in order: shape (n,), NaN for a missing number."""
         return np.array([_number(self._values.get(address)) for address in addresses], np.float64)
 
     def __repr__(self) -> str:
@@ -137,11 +144,11 @@ def _number(reading: Reading | None) -> float:
 
 @dataclass(frozen=True)
 class Unmet:
-    """A condition that has to hold before instructions are sent, and does not. As text it says what to do."""
+    """An unmet condition for sending instructions. As text it says what to do."""
 
     kind: Literal["mode", "alarm", "not_homed", "moving", "leftover_list", "unknown"]
     value: int | None
-    """The mode, the alarm, or how many instructions are left."""
+    """The mode, the alarm, or the number of instructions left."""
     address: str | None
     """The address that cannot be read."""
     text: str
@@ -152,39 +159,47 @@ class Unmet:
 
 @dataclass(frozen=True, eq=False)
 class Status:
-    """The state of a machine. ``None`` where the controller has no such value or sent one that cannot be read."""
+    """The state of a machine. ``None`` if the controller has no such value or sent one that cannot be
+    read."""
 
     firmware: str | None
     machine_name: str | None
     program: str | None
-    """Only the pendant's port tells."""
+    """Only the pendant's port reports it."""
     mode: int | None
     """See ``OperationMode``."""
     alarm: int | None
-    """0 for none; ``r6.alarm`` says what it means."""
+    """0 for no alarm; ``r6.alarm`` gives the meaning."""
     homed: bool | None
     moving: bool | None
     axis_count: int | None
     axes: Floats
-    """J1 to J6: shape (6,), degrees, or mm where an axis slides, which no address tells; NaN where not known."""
+    """J1 to J6: shape (6,); J1 is ``axes[0]``. Degrees, or mm for a linear axis (no address says which); NaN if
+    not known."""
     pose: Floats
-    """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN where not known."""
+    """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN if not known."""
     list_length: int | None
-    """Instructions left in the instruction list; older firmware cannot tell."""
+    """Instructions left in the instruction list. Older firmware does not report it."""
     cycle: float | None
     """Time of the present cycle, seconds."""
     last_cycle: float | None
     """Time of the last cycle, seconds."""
     unmet: tuple[Unmet, ...]
-    """What keeps the machine from taking instructions, in the order in which it is to be dealt with."""
+    """The conditions that keep the machine from taking instructions, in the order in which to resolve
+    them."""
     unproved: tuple[Literal["remote_step", "list_length"], ...]
-    """What has to hold, and no value tells: whether the program sits in its step that waits for remote commands, which no firmware tells;
-    how many instructions are left in the list, which older firmware does not tell."""
+    """Conditions that no value proves:
+
+    - ``remote_step``: whether the program is in its step that waits for remote commands. No firmware
+      reports it.
+    - ``list_length``: how many instructions are left in the list. Older firmware does not report it.
+    """
     _told: str = field(default="", repr=False)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as ``r6 status --json`` (without ``--remote-program``) prints and the panel gives, for ``json.dumps``; the keys are in
-        docs/COMMAND_LINE.md. It tells what was read, whatever was replaced in this object since.
+        """The output of ``r6 status --json`` (without ``--remote-program``) and of the panel, for
+        ``json.dumps``. The keys are in docs/COMMAND_LINE.md. It shows what was read, even if fields of
+        this object were replaced since.
 
         Errors: ``ValueError`` for a status that was not read from a robot.
         """
@@ -195,43 +210,51 @@ class Status:
 
     @property
     def is_ready(self) -> bool:
-        """Whether nothing that can be read keeps the machine from taking instructions. It is no proof that it takes them: see ``unproved``."""
+        """Whether no readable value keeps the machine from taking instructions. It does not prove that the
+        machine takes them: see ``unproved``."""
         return not self.unmet
 
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """The arm stands, without alarm, and as far as the controller tells its list is done."""
+    """The arm stands without alarm, and its list is done as far as the controller reports."""
 
     axes: Floats
-    """J1 to J6: shape (6,), degrees, or mm where an axis slides, which no address tells; NaN where not known."""
+    """J1 to J6: shape (6,); J1 is ``axes[0]``. Degrees, or mm for a linear axis (no address says which); NaN if
+    not known."""
     pose: Floats
-    """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN where not known."""
+    """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN if not known."""
     mode: int | None
     moved: bool
-    """Whether a look saw the arm move, or a list that was not empty."""
+    """Whether a read showed that the arm moved, or a list that was not empty."""
     motion: int | None
-    """The number of the motion (``MotionHandle.number``); ``None`` where none of this robot's motions was waited for."""
+    """The number of the motion (``MotionHandle.number``); ``None`` if it was none of this robot's motions."""
     proof: Literal["reached", "consumed", "cut_short", "at_rest"]
-    """What proves the end: the arm stands where the last move ends; the controller was seen to work through its list; an input
-    cut the last move short; or the arm stands with an empty list, and where it should stand is not known."""
+    """The proof of the end:
+
+    - ``reached``: the arm stands where the last move ends.
+    - ``consumed``: the controller was seen to work through its list.
+    - ``cut_short``: an input cut the last move short.
+    - ``at_rest``: the arm stands with an empty list, and it is not known where it should stand.
+    """
     cut_short: str | None
-    """Where the arm should have been, where an input cut its last move short."""
+    """Where the arm should have been, if an input cut its last move short."""
     took: float
-    """Seconds from the first read on."""
+    """Seconds since the first read."""
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A target was followed until it ended, and the arm stands."""
+    """A target was followed to the end, and the arm stands."""
 
     steps: int
-    """Steps that were made."""
+    """The number of steps made."""
     axes: Floats
-    """J1 to J6: shape (6,), degrees, or mm where an axis slides, which no address tells; NaN where not known."""
+    """J1 to J6: shape (6,); J1 is ``axes[0]``. Degrees, or mm for a linear axis (no address says which); NaN if
+    not known."""
     behind: float | None
-    """How far the farthest axis is from the last target that was told, degrees; mm where it slides. ``None`` where no target was
-    told, or it is not known where an axis is."""
+    """The distance of the farthest axis from the last target, degrees; mm for a linear axis. ``None`` if
+    there was no target, or the position of an axis is not known."""
 
 
 @dataclass(frozen=True)
@@ -241,39 +264,43 @@ class Accepted:
     after: float
     """How long the reply took, seconds."""
     points: int | None
-    """How many points were taken; only ``add_points`` tells."""
+    """The number of accepted points; only for ``add_points``."""
 
 
 @dataclass(frozen=True)
 class StopReport:
-    """What became of a stop. As text it says so."""
+    """The result of a stop. As text it says the result."""
 
     confirmed: bool
     """Whether it is proved that the arm stands. If not, use the emergency stop."""
     proof: Literal["not_running", "empty_list"] | None
-    """What proves it: a mode in which no program runs; or, where ``RobotSettings.stays_in_mode_7`` is set, a long rest with an empty
-    list (a taught program may still run)."""
+    """The proof: a mode in which no program runs. If ``RobotSettings.stays_in_mode_7`` is set, also a long
+    rest with an empty list (a taught program may still run)."""
     means: str | None
-    """The last means that left before that: ``actionStop``, ``stopButton``, ``actionPause``, or ``AddRCC`` (an empty list)."""
+    """The last request sent before that: ``actionStop``, ``stopButton``, ``actionPause``, or ``AddRCC`` (an
+    empty list)."""
     second_connection: Literal["used", "answered", "silent", "opening", "not_made", "unidentified"] | None
-    """What became of a second connection; ``None`` if the first answer was not late."""
+    """The state of a second connection; ``None`` if the first answer was in time."""
     in_doubt: bool | None
-    """Whether a frame that can move the arm is still unanswered; ``None`` if there was none when the stop began."""
+    """Whether a frame that can move the arm is still unanswered; ``None`` if there was no such frame when the
+    stop began."""
     attempts: int
     """How many stops were sent."""
     took: float
-    """Seconds until the standstill was proved, or was given up."""
+    """Seconds until the standstill was proved, or the stop was given up."""
     robot: Identity | None
-    """Who was stopped; ``None`` if it did not say who it is."""
+    """The robot that was stopped; ``None`` if it did not report its identity."""
     connection: int
-    """The number of the connection that the standstill was read over; a second connection counts its own."""
+    """The number of the connection over which the standstill was read. A second connection has its own
+    numbers."""
     moving: bool | None
     mode: int | None
     alarm: int | None
     """42 after a stop is usual on some firmware."""
     list_length: int | None
     list: Literal["was_empty", "cleared", "refused", "unknown", "not_tried"]
-    """What became of the instructions that were left: what is not cleared may run at the next start."""
+    """What became of the instructions that were left. An instruction that is not cleared may run at the next
+    start."""
     text: str
 
     def __str__(self) -> str:
@@ -282,7 +309,7 @@ class StopReport:
 
 @dataclass(frozen=True)
 class Latency:
-    """How long the last replies took, seconds: at most 1024 of the last minute."""
+    """How long recent replies took, seconds: at most 1024 of the last minute."""
 
     count: int
     p50: float
@@ -293,10 +320,11 @@ class Latency:
 
 @dataclass(frozen=True)
 class LinkQuality:
-    """How good the connection is; counts since ``connect``, over all connections."""
+    """The quality of the connection; counts since ``connect``, over all connections."""
 
     state: Literal["alive", "unknown", "suspect", "dead"]
-    """Only a reply says that a controller lives; an open socket proves nothing."""
+    """The state of the link. Only a reply proves that a controller is alive; an open socket proves
+    nothing."""
     latency: Latency | None
     """``None`` if there was no reply in the last minute."""
     requests: int
@@ -305,19 +333,19 @@ class LinkQuality:
     lost: int
     """Requests whose connection ended before their reply."""
     strays: int
-    """Frames that answered nothing."""
+    """Frames that answered no request."""
     garbled: int
     """Bytes that were no frame, and frames that were no JSON."""
     reconnects: int
     last_reply: float | None
-    """How long ago the last reply came, seconds."""
+    """Seconds since the last reply."""
     silent_for: float | None
-    """How long something was asked without any reply, or the connection is gone, seconds."""
+    """Seconds during which requests got no reply, or the connection was gone."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What a controller says of itself. There is no serial number on the wire."""
+    """The identity that a controller reports. The wire has no serial number."""
 
     firmware: str | None
     machine_name: str | None
@@ -326,10 +354,10 @@ class Identity:
 
 @dataclass(frozen=True)
 class Mistake:
-    """One mistake of a file that a person wrote."""
+    """One mistake of a file written by a person."""
 
     line: int | None
-    """Counted from 1; ``None`` if the whole file is meant."""
+    """Counted from 1; ``None`` for the whole file."""
     column: int | None
     """Counted from 1, in characters."""
     what: str
@@ -340,12 +368,12 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Discovered:
-    """What was found at one address."""
+    """The result of the search at one address."""
 
     address: str
-    """As it was given."""
+    """As the caller gave it."""
     who: Identity | RequestError
-    """Who answered, or why nobody did."""
+    """The controller that answered, or why there was no answer."""
 
 
 @dataclass(frozen=True)
@@ -360,17 +388,24 @@ class PhotosEnded:
     """Why photos are no longer served. As text it says what to do."""
 
     reason: Literal["connection_lost", "stopped", "closed", "served_already", "request", "fell_behind"]
-    """``connection_lost``: requests reach nobody; look at the machine (``Robot.status`` connects anew), then serve again.
-    ``stopped``: a handle of this connection sent a stop or a pause while a picture was under way, and its points are held
-    back; look at the machine, then serve again. ``closed``: the robot was closed. ``served_already``: another call serves the
-    photos of this connection, and nothing was sent. ``request``: an answer did not leave, the points were not taken, or they
-    cannot be sent, and then the request got no answer. ``fell_behind``: events were missed, and requests may be among them; serve again."""
+    """The reason:
+
+    - ``connection_lost``: requests no longer arrive. Check the machine (``Robot.status`` reconnects), then
+      serve again.
+    - ``stopped``: a handle of this connection sent a stop or a pause while a picture was under way, and
+      its points were not sent. Check the machine, then serve again.
+    - ``closed``: the robot was closed.
+    - ``served_already``: another call serves the photos of this connection, and nothing was sent.
+    - ``request``: an answer did not leave, the points were not accepted, or they cannot be sent. In the
+      last case the request got no answer.
+    - ``fell_behind``: events were missed, and requests may be among them. Serve again.
+    """
     cam_id: int | None
     """The camera whose request failed."""
     error: RequestError | None
-    """Why it failed."""
+    """The error of that request."""
     missed: int | None
-    """How many events were missed."""
+    """The number of missed events."""
     text: str
 
     def __str__(self) -> str:
@@ -379,11 +414,11 @@ class PhotosEnded:
 
 @dataclass(frozen=True)
 class Stray:
-    """A frame that answers nothing that waits."""
+    """A frame that does not answer any waiting request."""
 
     text: str
     frame: bytes
-    """Cut at 4096."""
+    """Cut at 4096 bytes."""
 
 
 @dataclass(frozen=True)
@@ -395,18 +430,18 @@ class Garbled:
 
 @dataclass(frozen=True)
 class ConnectionLost:
-    """The connection ended. A query or a stop makes a new one."""
+    """The connection ended. A query or a stop reconnects."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Reconnected:
-    """The connection was made anew, and the controller has said who it is and in what state."""
+    """The client has reconnected, and has read the controller's identity and state."""
 
     identity: Identity
     another: bool
-    """Whether that is another robot than before: no command leaves until ``accept_identity``."""
+    """Whether this is another robot than before. If so, no command is sent until ``accept_identity``."""
     mode: int | None
     alarm: int | None
     list_length: int | None
@@ -414,23 +449,23 @@ class Reconnected:
 
 @dataclass(frozen=True)
 class Missed:
-    """Nobody read these events in time; they are gone."""
+    """Events that were dropped because they were not read in time."""
 
     count: int
 
 
 Event: TypeAlias = Union[Photo, Stray, Garbled, ConnectionLost, Reconnected, Missed]
-"""What happens on a connection without being asked for."""
+"""An event on a connection, which comes without a request."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """The last value of an address, and what it is worth."""
+    """The last value of an address, and its quality."""
 
     address: str
     reading: Reading | None
     age: float | None
-    """How long ago it was asked for, seconds: it is no older. ``None`` if no answer ever came."""
+    """Seconds since it was asked for: it is no older. ``None`` if no answer ever came."""
     quality: Quality
     problem: str | None
     """What is wrong with an ``unreadable`` value."""
@@ -438,11 +473,12 @@ class Value:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The values of a subscription at one moment, in the order of its addresses; each has its own age."""
+    """The values of a subscription at one moment, in the order of its addresses. Each value has its own
+    age."""
 
     values: tuple[Value, ...]
     failure: RequestError | None
-    """Why the last poll failed; ``None`` if it did not."""
+    """Why the last poll failed; ``None`` if it succeeded."""
 
     def __getitem__(self, address: str) -> Value:
         """The value of an address; ``KeyError`` if it was not subscribed to."""
@@ -452,26 +488,28 @@ class Snapshot:
         raise KeyError(address)
 
     def fresh(self, address: str) -> Reading | None:
-        """What was read, if it is fresh: the only values to act on."""
+        """The reading if it is fresh. Act only on fresh values."""
         value = self[address]
         return value.reading if value.quality == "fresh" else None
 
     def array(self) -> Floats:
-        """The numbers that are fresh, in the order of the addresses: shape (n,), NaN for all others."""
+        """The fresh numbers, in the order of the addresses: shape (n,), NaN for all others."""
         return np.array([_number(self.fresh(value.address)) for value in self.values], np.float64)
 
     def ages(self) -> Floats:
-        """How old the values are, seconds, in the order of the addresses: shape (n,), NaN where there is none."""
+        """The ages of the values, seconds, in the order of the addresses: shape (n,), NaN for a missing
+        value."""
         ages = [float("nan") if value.age is None else value.age for value in self.values]
         return np.array(ages, np.float64)
 
 
 @dataclass(frozen=True)
 class Point:
-    """What a camera found, for ``add_points``: mm and degrees.
+    """A part that a camera found, for ``add_points``: mm and degrees.
 
-    What is ``None`` is left out of the frame: the tool keeps it. The manual always has all six; what a shipped controller does with
-    a point that lacks one is not known, so give all of them where the wrist matters.
+    A field that is ``None`` is left out of the frame: the tool keeps its value. The manual always has all
+    six fields. It is not known what a real controller does with a point without one, so give all of them
+    if the wrist matters.
     """
 
     x: float
@@ -489,24 +527,24 @@ class Point:
 
 
 Shot: TypeAlias = Union[Sequence[Point], Literal["failed", "not_mine"]]
-"""What came of a request for a photo: the parts that are in the picture, perhaps none; ``"failed"`` if there is no picture,
-which is answered with ``ret`` 0; ``"not_mine"`` if another program is this camera, and nothing is sent."""
+"""The result of a photo request: the parts in the picture, perhaps an empty list. ``"failed"``: there is no
+picture, and the answer is ``ret`` 0. ``"not_mine"``: another program is this camera, and nothing is sent."""
 
 
 @dataclass(frozen=True)
 class Alarm:
-    """What an alarm means."""
+    """The meaning of an alarm."""
 
     code: int
     text: str
     axis: int | None
-    """The axis that it names, 0 for J1."""
+    """The axis of the alarm, 0 for J1."""
     remedy: str
     """What to do about it."""
     seen_live: bool
     """Whether a real controller was seen to raise it."""
     known: bool
-    """Whether it is in the table at all."""
+    """Whether the table has it."""
 
     def __str__(self) -> str:
         return f"alarm {self.code}: {self.text}: {self.remedy}"
@@ -517,37 +555,38 @@ class AddressInfo:
     """One row of the table of query addresses."""
 
     name: str
-    """As the manual writes it; ``-n`` stands for the index."""
+    """As in the manual; ``-n`` stands for the index."""
     indices: tuple[int, int] | None
     """The lowest and the highest index."""
     value: str
-    """What the value is, in words."""
+    """A description of the value."""
     unit: str
     meaning: str
     ports: Literal["both", "mainboard", "pendant"]
     since: str
-    """The first manual or firmware that knows it."""
+    """The first manual or firmware that has it."""
     source: str
 
 
 @dataclass(frozen=True)
 class LogLine:
-    """What happened on a virtual controller."""
+    """An event of a virtual controller."""
 
     at: float | None
     """Seconds since it was switched on."""
     connection: int | None
-    """On which connection; ``None`` for the machine itself."""
+    """The number of the connection; ``None`` for the machine itself."""
     warning: bool
     text: str
-    """What, in English."""
+    """The event in English."""
     event: Mapping[str, Any]
-    """What, as data: its word is ``event["event"]``, such as ``"alarm_raised"`` or ``"list_taken"``; its fields stand beside it."""
+    """The event as data: ``event["event"]`` is its name, such as ``"alarm_raised"`` or ``"list_taken"``,
+    beside its fields."""
 
 
 @dataclass(frozen=True, eq=False)
 class MachineState:
-    """What a person would see at a virtual machine."""
+    """The state of a virtual machine, as an operator sees it."""
 
     firmware: str
     machine_name: str
@@ -562,11 +601,11 @@ class MachineState:
     programs: list[str]
     list_length: int
     axes: Floats
-    """Shape (number of axes,), degrees, or mm where an axis slides."""
+    """Shape (number of axes,); J1 is ``axes[0]``. Degrees, or mm for a linear axis."""
     pose: Floats
     """X, Y, Z, U, V, W: shape (6,), mm and degrees."""
     axis_limits: list[tuple[float, float]]
-    """The lowest and the highest of each axis, in its unit."""
+    """The lowest and the highest position of each axis, in its unit."""
     global_speed: float
-    """Percent."""
+    """In percent."""
     connections: int

@@ -1,4 +1,5 @@
-"""Fixtures for pytest, there once the package is installed: a virtual controller, and a robot that is connected to it.
+"""Fixtures for pytest, available once the package is installed: a virtual controller, and a robot connected
+to it.
 
 ::
 
@@ -32,8 +33,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture
 def virtual_controller(request: pytest.FixtureRequest) -> Iterator[Simulator]:
-    """A fresh virtual controller (``r6.Simulator``), gone at the end of the test."""
-    # Not before it is wanted: every run of pytest imports this file.
+    """A new virtual controller (``r6.Simulator``), closed at the end of the test."""
+    # Imported late, because every run of pytest imports this file.
     from . import Simulator
 
     mark = request.node.get_closest_marker("virtual_controller")

@@ -1,4 +1,4 @@
-//! A connection while faults of its link are in force, or what they held back is on its way.
+//! A connection while faults of its link are in force, or data that they delayed is on its way.
 
 use std::io;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use super::{Conversation, End, Next, write};
 use crate::wire::Wire;
 
 impl<W: Wire> Conversation<'_, W> {
-    /// Serves the connection over such a link; `None` once it is as good as none.
+    /// Serves the connection over this link; `None` once the link has no effect any more.
     pub(super) async fn run_faulty(&mut self, link: &mut Link) -> io::Result<Option<End>> {
         loop {
             self.give_frames(link).await;
@@ -36,8 +36,8 @@ impl<W: Wire> Conversation<'_, W> {
         }
     }
 
-    /// Gives the link what the controller sends, as long as it takes it: what it does not take piles up in the controller,
-    /// which gives a connection up that takes too little.
+    /// Gives the link the frames of the controller while it takes them. The rest piles up in the controller,
+    /// which gives up a connection that takes too little.
     async fn give_frames(&mut self, link: &mut Link) {
         while link.takes_frames() {
             match self.next_frame() {
@@ -49,7 +49,7 @@ impl<W: Wire> Conversation<'_, W> {
                 }
             }
             self.controller.kept(self.id).await;
-            // It takes frames: that was asked.
+            // The link takes frames: checked above.
             let _ = link.send(self.controller.reach(None), &self.frame);
         }
         self.change(link);
@@ -62,7 +62,7 @@ impl<W: Wire> Conversation<'_, W> {
     }
 
     fn change(&mut self, link: &mut Link) {
-        // What struck and is over with this change was there all the same.
+        // A fault that struck and ends with this change is still logged.
         self.tell_strikes(link);
         self.controller.look(|controller, now| {
             if controller.link_changes() != self.link_changes {
@@ -72,7 +72,7 @@ impl<W: Wire> Conversation<'_, W> {
         });
     }
 
-    /// Writes what has to leave now; how the connection ends, if it does.
+    /// Writes what is due now; returns how the connection ends, if it does.
     async fn write_due(&mut self, link: &mut Link) -> io::Result<Option<End>> {
         loop {
             let now = self.controller.reach(link.next_due());
@@ -83,14 +83,14 @@ impl<W: Wire> Conversation<'_, W> {
                 Some(Delivery::Bytes(bytes)) => {
                     trace!(connection = self.id.number(), bytes = %String::from_utf8_lossy(&bytes), "sent");
                     write(&mut self.stream, &bytes).await?;
-                    // A peer on the same thread, as in a test, gets to see each piece by itself.
+                    // A peer on the same thread, as in a test, can then read each piece separately.
                     tokio::task::yield_now().await;
                 }
             }
         }
     }
 
-    /// Gives the controller what has arrived by now; whether there was anything.
+    /// Gives the controller the bytes that have arrived by now. Returns whether there were any.
     fn give_input(&mut self, link: &mut Link) -> bool {
         let mut any = false;
         while let Some(bytes) = link.poll_to_controller(self.controller.reach(link.next_due())) {
@@ -101,7 +101,7 @@ impl<W: Wire> Conversation<'_, W> {
         any
     }
 
-    /// Waits for whatever comes first: bytes, a change, or what is due.
+    /// Waits for whatever comes first: bytes, a change, or a deadline.
     async fn wait(&mut self, link: &mut Link, held_back: Option<Duration>) -> io::Result<()> {
         let due = link.next_due().map(|due| self.controller.until(due));
         let due = if link.takes_frames() { held_back.into_iter().chain(due).min() } else { due };
@@ -112,7 +112,7 @@ impl<W: Wire> Conversation<'_, W> {
             read = self.stream.read(input), if !self.half_closed && room > 0 => {
                 let bytes = input.get(..read?).unwrap_or_default();
                 self.half_closed = bytes.is_empty();
-                // There is room for all of it: no more was read.
+                // There is room for all of it, because no more was read.
                 let _ = link.receive(self.controller.reach(None), bytes);
             }
             () = self.notice.notified() => {}

@@ -1,11 +1,10 @@
-//! Between what goes over HTTP and what the controller knows: the one place where the two meet.
+//! Converts between the types of HTTP and those of the controller. No other module does.
 
 use std::cell::RefCell;
 
 use axum::http::StatusCode;
-use r6_api::panel::{self, Action, Axis, Snapshot};
+use r6_api::panel::{self, Action, Axis, CameraPoints, Snapshot};
 use r6_api::{Code, Pose, Status, Unit};
-use r6_controller::io::Io;
 use r6_controller::{AxisMotion, Button, ControllerSnapshot, Key, PanelAction, Refused};
 use r6_http::Refusal;
 use r6_proto::AxisIndex;
@@ -14,7 +13,7 @@ use r6_proto::io_point::{IoPoint, PointKind};
 
 use crate::handle::ControllerHandle;
 
-/// What a person wants to do; the error says in words which name is wrong.
+/// Converts an action; the error says which name is wrong.
 pub(super) fn action(action: Action) -> Result<PanelAction, String> {
     Ok(match action {
         Action::SetInput { point, on } => input(&point, on)?,
@@ -38,6 +37,7 @@ pub(super) fn action(action: Action) -> Result<PanelAction, String> {
         Action::Jog { axis, by, speed_percent } => {
             PanelAction::Jog { axis: axis_named(&axis)?, by, percent: speed_percent }
         }
+        Action::ClearPoints {} => PanelAction::ClearPoints,
         Action::SwitchProgram { program } => PanelAction::SwitchProgram(program),
     })
 }
@@ -60,19 +60,19 @@ fn axis_named(name: &str) -> Result<AxisIndex, String> {
         .ok_or_else(|| format!("`{name}` is no axis: there are J1 to J8"))
 }
 
-/// What is told of something that the machine refuses.
+/// The answer for an action that the machine refuses.
 pub(super) fn refused(refused: Refused) -> Refusal {
     let (status, code) = status_and_code(&refused);
     Refusal::new(status, code, refused.to_string())
 }
 
-/// The word for programs for what a machine refuses.
+/// The code for an action that the machine refuses.
 #[must_use]
 pub fn code(refused: &Refused) -> Code {
     status_and_code(refused).1
 }
 
-/// 409 where the machine could do it, but not now; 422 where it never could.
+/// 409 if the machine could do it, but not now; 422 if it never could.
 fn status_and_code(refused: &Refused) -> (StatusCode, Code) {
     match refused {
         Refused::PowerOff => (StatusCode::CONFLICT, Code::PowerOff),
@@ -96,13 +96,13 @@ fn status_and_code(refused: &Refused) -> (StatusCode, Code) {
     }
 }
 
-/// A controller in the list of all.
+/// A controller as an entry of the list.
 pub(super) fn controller(number: usize, controller: &ControllerHandle) -> panel::Controller {
     let machine_name = controller.snapshot().machine_name;
     panel::Controller { number, address: controller.address().to_string(), machine_name }
 }
 
-/// The state as the controller tells it over its port.
+/// The state as read over the controller's port.
 pub(super) fn status(controller: &ControllerHandle) -> Status {
     let robot = controller.address().to_string();
     controller.look(|controller, now| {
@@ -111,7 +111,7 @@ pub(super) fn status(controller: &ControllerHandle) -> Status {
     })
 }
 
-/// What a person would see at the machine.
+/// The state of the machine that an operator can see.
 pub(super) fn snapshot(number: usize, controller: &ControllerHandle) -> Snapshot {
     let state = controller.snapshot();
     Snapshot {
@@ -124,9 +124,22 @@ pub(super) fn snapshot(number: usize, controller: &ControllerHandle) -> Snapshot
         mode_name: state.mode.to_string(),
         alarm: state.alarm,
         alarm_text: (state.alarm != 0).then(|| AlarmCode(state.alarm).decode().text),
-        inputs_on: inputs_on(&state.io),
-        outputs_on: outputs_on(&state.io),
-        m_on: names(PointKind::M, &state.io.m),
+        inputs_on: state.io.inputs_on(),
+        outputs_on: state.io.outputs_on(),
+        m_on: state.io.m_on(),
+        ready: state.is_ready(),
+        not_ready: state.not_ready(),
+        step: state.step.map(|step| panel::Step {
+            program: step.program,
+            number: step.number,
+            steps: step.steps,
+            text: step.text,
+        }),
+        camera_points: state
+            .points
+            .iter()
+            .map(|(camera, points)| CameraPoints { camera: *camera, points: *points })
+            .collect(),
         machine_name: state.machine_name,
         firmware: state.version,
         profile: state.profile,
@@ -160,28 +173,6 @@ fn axes(state: &ControllerSnapshot) -> Vec<Axis> {
     .collect()
 }
 
-fn inputs_on(io: &Io) -> Vec<String> {
-    let mut on = names(PointKind::X, &io.inputs);
-    on.extend(names(PointKind::Eux, &[io.eu_inputs]));
-    on
-}
-
-fn outputs_on(io: &Io) -> Vec<String> {
-    let mut on = names(PointKind::Y, &io.outputs);
-    on.extend(names(PointKind::Euy, &[io.eu_outputs]));
-    on
-}
-
-/// The names of the points that are on, board by board.
-fn names(kind: PointKind, words: &[u32]) -> Vec<String> {
-    let boards = (0_u8..).zip(words);
-    let points = boards.flat_map(|(board, word)| (0..32_u8).map(move |point| (board, point, word >> point)));
-    points
-        .filter(|(_, _, bits)| bits & 1 == 1)
-        .map(|(board, point, _)| IoPoint { kind, board, point }.to_string())
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -194,11 +185,5 @@ mod tests {
         assert!(input("X08", true).unwrap_err().contains("X010"));
         assert_eq!(axis_named("j8").map(AxisIndex::number), Ok(7));
         assert!(axis_named("J9").is_err() && axis_named("").is_err());
-    }
-
-    #[test]
-    fn points_that_are_on_have_names() {
-        assert_eq!(names(PointKind::Y, &[1 | 1 << 31, 0, 2]), ["Y010", "Y047", "Y2.011"]);
-        assert_eq!(names(PointKind::Eux, &[0]), [""; 0]);
     }
 }

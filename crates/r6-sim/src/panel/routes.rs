@@ -25,7 +25,7 @@ use utoipa_axum::routes;
 use super::convert;
 use crate::handle::ControllerHandle;
 
-/// The longest body: the longest action has about a hundred bytes, and a program's name.
+/// The longest body. The longest action has about a hundred bytes, plus a program's name.
 const MAX_BODY_BYTES: usize = 4096;
 
 /// The controllers of this process, in the order of their numbers.
@@ -116,7 +116,7 @@ async fn status(
     Ok(Json(convert::status(controller)))
 }
 
-/// Does what a person does at the machine; the answer is what he would then see.
+/// Does what an operator does at the machine, and returns the new state.
 #[utoipa::path(
     post,
     path = "/v1/controllers/{n}/actions",
@@ -138,7 +138,7 @@ async fn status(
         (status = 415, description = "`not_json`", body = Problem),
         (
             status = 422,
-            description = "No such action, or one that is never possible: `bad_action`, `no_such_input`, \
+            description = "No such action, or an action that is never possible: `bad_action`, `no_such_input`, \
                            `no_such_axis`, `no_distance`, `bad_speed`, `no_such_alarm`",
             body = Problem
         ),
@@ -161,8 +161,8 @@ async fn act(
     Ok(Json(convert::snapshot(number, controller)))
 }
 
-/// Loads a program, in place of one with the same name; `switch_program` chooses it. The answer is what a person would then see; the program
-/// then survives a power cut, where the controllers keep their state.
+/// Loads a program, and replaces one with the same name; `switch_program` chooses it.
+/// The answer is the new state. If the controllers save their state, the program then survives a power cut.
 #[utoipa::path(
     put,
     path = "/v1/controllers/{n}/programs/{name}",
@@ -198,7 +198,7 @@ async fn load(
     Ok(Json(convert::snapshot(number, controller)))
 }
 
-/// What a path names, where it is text.
+/// The names in a path, if they are text.
 fn named<T>(path: Result<Path<T>, PathRejection>) -> Result<T, Refusal> {
     let Path(names) = path.map_err(|_| {
         Refusal::not_found(

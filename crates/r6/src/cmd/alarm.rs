@@ -31,7 +31,7 @@ fn code(text: &str) -> Result<u32, String> {
     text.parse().map_err(|_| format!("an alarm code is a whole number from 0 to {}", u32::MAX))
 }
 
-/// Explains the codes.
+/// Prints what the codes mean.
 pub fn run(args: &AlarmArgs) -> Result<Exit, Failure> {
     let alarms: Vec<_> = args.codes.iter().map(|code| AlarmCode(*code).decode()).collect();
     if args.json {

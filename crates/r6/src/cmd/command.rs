@@ -15,7 +15,7 @@ use crate::output::{self, table::Table};
 use crate::robot::RobotArgs;
 use crate::words::CommandWord;
 
-/// Send one command, with its arguments in the units of people
+/// Send one command, with its arguments in everyday units
 #[derive(Debug, Args)]
 #[command(
     arg_required_else_help = true,
@@ -95,7 +95,7 @@ fn quoted(words: &[String]) -> String {
     words.join(" ")
 }
 
-/// Whether the machine runs what is left in its list after this command.
+/// Whether the machine runs the rest of its instruction list after this command.
 fn starts(name: CommandName) -> bool {
     [
         CommandName::StartButton,
@@ -106,7 +106,7 @@ fn starts(name: CommandName) -> bool {
     .contains(&name)
 }
 
-/// Refuses if instructions are left in the list. Firmware without `RemoteCmdLen` cannot be asked.
+/// Refuses if instructions are left in the list. Passes if the firmware does not have `RemoteCmdLen`.
 async fn check_list(robot: &Robot, name: CommandName) -> Result<(), Failure> {
     let length = robot.query(&[Address::RemoteCmdLen]).await?.integer(Address::RemoteCmdLen);
     let left = match length {
@@ -131,7 +131,7 @@ fn named(word: &str) -> Result<CommandName, Failure> {
     })
 }
 
-/// How a command is typed, with the meaning of each argument.
+/// How to type a command, with the meaning of each argument.
 fn usage(info: &CommandInfo) -> String {
     let meanings: Vec<_> =
         info.arguments.iter().map(|argument| format!("{}: {}", argument.name, argument.meaning)).collect();

@@ -1,4 +1,4 @@
-//! `r6 discover`: who answers at the addresses that are named.
+//! `r6 discover`: asks named addresses which controller answers.
 
 use clap::Args;
 use r6_client::{Discovered, Identity, OutcomeUnknown, RequestError, check_address, discover};
@@ -9,10 +9,10 @@ use crate::exit::{Exit, Failure};
 use crate::output::{self, problem};
 use crate::robot;
 
-/// More addresses than a cell has; a network is not scanned.
+/// The most addresses in one call: more than a cell has. There is no scan of a network.
 const MOST_ADDRESSES: usize = 64;
 
-/// Ask at the addresses that are named who is there; nothing moves
+/// Ask the named addresses which controller answers; nothing moves
 #[derive(Debug, Args)]
 #[command(
     arg_required_else_help = true,
@@ -23,7 +23,7 @@ that is left half open can block their port. The port is 9760 where none is give
 seen on 9700, 502, 503, 3388 and 8888.
 
 The exit code is 0 if a controller answers at each address, else 3; it is 2 if one of them is no \
-address, and nobody was asked.
+address, and no controller was asked.
 
 Examples:
   r6 discover 192.168.1.10 192.168.1.11
@@ -38,7 +38,7 @@ pub struct DiscoverArgs {
     json: bool,
 }
 
-/// Asks all of them and prints who answered.
+/// Asks all addresses and prints what answered.
 pub async fn run(args: DiscoverArgs) -> Result<Exit, Failure> {
     let addresses: Vec<_> = args.addresses.iter().map(String::as_str).collect();
     for address in &addresses {
@@ -64,13 +64,13 @@ pub async fn run(args: DiscoverArgs) -> Result<Exit, Failure> {
     }
     if silent > 0 {
         let asked = found.len();
-        // Each of those that are silent has its problem in the array.
+        // The array already has the problem of each silent address.
         return Err(Failure::no_reply(format!("no controller answered at {silent} of {asked}")).told());
     }
     Ok(Exit::Done)
 }
 
-/// Why nobody answered. Each address is asked over a connection of its own.
+/// Why an address did not answer. Each address is asked over its own connection.
 fn failure(error: &RequestError) -> Failure {
     let failure = Failure::from(error.clone());
     if is_silence(error) { failure.unanswered() } else { failure }

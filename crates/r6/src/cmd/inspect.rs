@@ -94,7 +94,7 @@ impl Report {
         counts
     }
 
-    /// The frames that are shown, each with its number from 1.
+    /// The frames to show, each with its number, counted from 1.
     fn shown(&self, only_problems: bool) -> impl Iterator<Item = (usize, &Place, &Finding)> {
         let frames = (1..).zip(&self.frames).map(|(number, (place, finding))| (number, place, finding));
         frames.filter(move |(_, _, finding)| !only_problems || !finding.problems.is_empty())

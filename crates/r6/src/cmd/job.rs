@@ -1,4 +1,4 @@
-//! Sends instructions and follows them: what `r6 move` and `r6 run` have in common.
+//! Sends instructions and follows them: the common part of `r6 move` and `r6 run`.
 
 mod empty;
 mod ended;
@@ -27,14 +27,15 @@ pub struct JobArgs {
     /// Append to the instruction list, which may be running; else the list is replaced
     #[arg(long)]
     pub append: bool,
-    /// Wait until the arm stands, judged by its state, and print where it ended
+    /// Wait until the state shows that the arm stands, then print where it ended
     #[arg(long)]
     pub wait: bool,
-    /// How long --wait waits at most; nothing more is sent then [default: to the end; with --append 60s]
+    /// How long --wait waits at most; after that nothing more is sent [default: to the end; with --append
+    /// 60s]
     #[arg(long, value_name = "TIME", value_parser = units::duration, requires = "wait")]
     timeout: Option<Duration>,
-    /// Stop the arm, verified, and clear its list on Ctrl-C, after --timeout, or if stdout cannot be written; else it
-    /// finishes its list
+    /// On Ctrl-C, after --timeout, or if stdout cannot be written: stop the arm, verify that it stands, and
+    /// clear its list; else the arm finishes its list
     #[arg(long)]
     stop_on_interrupt: bool,
     #[command(flatten)]
@@ -52,13 +53,13 @@ pub struct JobArgs {
 pub struct Job {
     /// The steps.
     pub motion: Motion,
-    /// How they get to the controller.
+    /// How the client sends them.
     pub options: RunOptions,
 }
 
 impl Job {
-    /// A program that replaces the list and runs once is streamed; what is appended, or repeats, goes out at once, in the frames that its
-    /// file has, or shorter ones.
+    /// A program that replaces the list and runs once is streamed. A program that is appended or repeats is
+    /// sent at once, in the frames of its file or shorter ones.
     pub fn of(lists: Vec<MotionList>, options: RunOptions) -> Self {
         let append = lists.first().is_some_and(|list| !list.replace);
         if !append && !repeats(&lists) {
@@ -66,18 +67,19 @@ impl Job {
             return Self { motion: steps.collect(), options };
         }
         let motion = in_frames(lists);
-        // Nobody can see how far such a list is, so that nobody can tell whether the arm has to be stopped.
+        // The progress of such a list cannot be observed, so the client cannot decide whether the arm has to
+        // be stopped.
         let options =
             RunOptions { append, frame_instructions: usize::MAX, stop_on_failure: false, ..options };
         Self { motion, options }
     }
 
-    /// Whether it goes out at once, however far the arm is.
+    /// Whether all steps are sent at once, without waiting for the arm.
     fn is_whole(&self) -> bool {
         self.options.append || self.motion.repeats()
     }
 
-    /// What goes out at once has to fit into the list.
+    /// Checks that a motion that is sent at once fits into the list.
     fn has_room(&self) -> Result<(), Failure> {
         let (count, room) = (self.motion.len(), self.options.room);
         if !self.is_whole() || count <= room {
@@ -102,7 +104,7 @@ impl Job {
     }
 }
 
-/// Checks the machine, sends the lists and, if so asked, waits until they are done.
+/// Checks the machine, sends the lists and, with `--wait`, waits until they are done.
 pub async fn carry_out(
     args: &JobArgs,
     lists: Vec<MotionList>,
@@ -147,40 +149,40 @@ async fn attempt(
     robot.with(run).await?
 }
 
-/// The steps, those of each list in frames of their own.
+/// The steps; each list begins a new frame.
 pub fn in_frames(lists: Vec<MotionList>) -> Motion {
     lists
         .into_iter()
         .fold(Motion::new(), |motion, list| motion.begin_frame().extend(&Motion::of_list(list.instructions)))
 }
 
-/// Whether the list never ends: one of its instructions stays in it.
+/// Whether the list repeats without end: one of its instructions stays in it.
 pub fn repeats(lists: &[MotionList]) -> bool {
     lists.iter().flat_map(|list| &list.instructions).any(|instruction| !instruction.oneshot)
 }
 
-/// That the list has no end of its own, and how to end it.
+/// Says that the list repeats until stopped, and how to stop it.
 fn repeats_until_stopped() -> String {
     format!("this list repeats until stopped: {}", hint::r6("stop"))
 }
 
-/// Says what is not met, and that nothing was sent.
+/// Says which conditions are not met, and that nothing was sent.
 fn not_ready(robot: &Robot, unmet: &[Unmet]) -> Ended {
     output::note(format_args!("r6: nothing was sent. {}", status::not_ready(unmet)));
     events::not_sent(robot.address(), unmet).into()
 }
 
-/// Waits until stdout cannot be written, where the arm has to be stopped then: for ever, where it has not.
+/// With `--stop-on-interrupt`, waits until stdout cannot be written. Without it, never returns.
 async fn untold(args: &JobArgs) {
     if args.stop_on_interrupt { output::fails().await } else { std::future::pending().await }
 }
 
-/// Whether the arm has to be stopped because what was said last could not be written.
+/// Whether the arm has to be stopped because the last output could not be written.
 fn is_untold(args: &JobArgs) -> bool {
     args.stop_on_interrupt && !output::is_written()
 }
 
-/// How to go on from here.
+/// Prints the commands that end and follow the motion.
 fn say_how_to_follow() {
     let watch = "watch isMoving RemoteCmdLen axis-0 axis-1 axis-2 axis-3 axis-4 axis-5";
     output::line(format_args!("end it with:    {}", hint::r6("stop")));

@@ -94,10 +94,10 @@ Examples:
     },
 }
 
-/// How a motion goes.
+/// Manner of a motion.
 #[derive(Debug, Args)]
 struct How {
-    /// Speed in percent, 0.1 to 100, in steps of 0.1; the controller's global speed comes on top
+    /// Speed in percent, 0.1 to 100, in steps of 0.1; the controller's global speed multiplies it
     #[arg(long, value_name = "PERCENT", default_value = "10", value_parser = units::speed_percent)]
     speed: f64,
     /// Blend level, 0 to 9: how far the corner to the next motion is rounded
@@ -112,7 +112,7 @@ struct How {
 }
 
 impl How {
-    /// The manner of a motion for which so many coordinates were given.
+    /// The manner of a motion with so many coordinates.
     fn manner(&self, given: usize) -> Result<Manner, Failure> {
         let mask = self.mask.unwrap_or_else(|| first_axes(given));
         if let Some(axis) = mask.axes().find(|axis| axis.index() >= given) {

@@ -1,4 +1,4 @@
-//! `r6 panel`: what a person does at a virtual machine.
+//! `r6 panel`: simulates the operator of a virtual machine.
 
 mod file;
 mod http;
@@ -19,7 +19,7 @@ use crate::output::{self, alarm, panel};
 use crate::units;
 use http::Panel;
 
-/// Do what a person does at a virtual machine: inputs, buttons, emergency stop, moves by hand
+/// Act as the operator of a virtual machine: inputs, buttons, emergency stop, moves by hand
 #[derive(Debug, Args)]
 #[command(
     arg_required_else_help = true,
@@ -39,6 +39,7 @@ Examples:
   r6 panel alarm 850
   r6 panel clear
   r6 panel program register-move
+  r6 panel clear-points                         what cameras sent and no program took
   r6 panel load cell.toml                       then: program cell, button start
   r6 panel --panel 127.0.0.1:9771 --controller 2 status --json"
 )]
@@ -65,7 +66,7 @@ pub struct PanelArgs {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// Show what a person would see at the machine
+    /// Show what an operator sees at the machine
     Status,
     /// Set an input
     #[command(after_help = "\
@@ -100,7 +101,7 @@ Examples:
         #[arg(value_parser = clap::value_parser!(u32).range(1..=10_000))]
         number: u32,
     },
-    /// Clear the alarm; nothing runs by itself
+    /// Clear the alarm; this starts nothing
     Clear,
     /// Move one axis by hand, in manual
     #[command(after_help = "\
@@ -114,7 +115,7 @@ Examples:
         /// J1 to J8
         #[arg(value_parser = axis_name)]
         axis: String,
-        /// How far, degrees, or mm where the axis slides
+        /// How far: degrees, or mm for a linear axis
         #[arg(allow_hyphen_values = true, value_parser = units::coordinate)]
         by: f64,
         /// Percent of the axis's full speed, times the global speed
@@ -123,15 +124,17 @@ Examples:
     },
     /// Move all axes to 0, where the machine is homed; in manual
     Home,
+    /// Remove the points of cameras that no program has used yet
+    ClearPoints,
     /// Choose another program
     Program {
         /// Its name
         name: String,
     },
-    /// Load a program out of a file, in place of one with the same name
+    /// Load a program from a file; it replaces a program with the same name
     #[command(after_help = "\
-The program is then there (`moldList`), and with `--state` it survives a restart; `r6 panel program` chooses it. One that runs, or \
-that the running one may call, is not replaced: stop it first.
+The program is then there (`moldList`), and with `--state` it survives a restart; `r6 panel program` chooses it. A program that runs, or \
+that the running program may call, is not replaced: stop it first.
 
 Examples:
   r6 panel load cell.toml                       it is called `cell`
@@ -139,7 +142,7 @@ Examples:
     Load {
         /// A .toml or .json file (docs/PROGRAMS.md)
         file: PathBuf,
-        /// How it is called, 1 to 64 bytes [default: as the file, without its ending]
+        /// Its name, 1 to 64 bytes [default: the file's name without its extension]
         #[arg(long)]
         name: Option<String>,
     },
@@ -157,7 +160,7 @@ enum ButtonWord {
     Start,
     /// The program ends with its cycle, at a second press at once; a move by hand ends
     Stop,
-    /// The motion rests; start goes on from there
+    /// The motion pauses; start continues it
     Pause,
     /// The program runs to the end of its pass
     SingleCycle,
@@ -175,7 +178,7 @@ enum KeyWord {
     Stop,
 }
 
-/// Asks the panel, and prints what a person then sees.
+/// Sends the action to the panel, and prints what an operator then sees.
 pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
     let panel = Panel::at(&args.panel)?;
     let starts = args.what.starts();
@@ -189,7 +192,7 @@ pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
             .inspect(|_| output::acts())
             .map_err(|failure| failure.while_doing(file.display()))?,
     };
-    // A start is refused while there is an alarm: this one is new.
+    // The panel refuses a start while there is an alarm, so this alarm is new.
     let alarmed = (starts && state.alarm != 0).then(|| {
         let code = i64::from(state.alarm);
         Failure::refused(format!("the program ended at once with alarm {}", alarm::short(code)))
@@ -207,7 +210,7 @@ pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
     alarmed.map_or(Ok(Exit::Done), Err)
 }
 
-/// The state of a machine, and what went wrong with it.
+/// The state of a machine, and the problem if there is one.
 #[derive(Serialize)]
 struct Seen<'s> {
     #[serde(flatten)]
@@ -216,14 +219,15 @@ struct Seen<'s> {
     problem: Option<Value>,
 }
 
-/// `--robot` names a port of the protocol: a panel has another address, and another machine may be behind the usual one.
+/// Refuses `--robot`: it names a port of the protocol, not a panel. The default panel may belong to another
+/// machine.
 pub fn no_robot(robot: &str) -> Failure {
     Failure::usage(format!("--robot {robot} does not say which panel is meant; nothing was done")).advise(format!(
         "--panel ADDR:PORT says where the panel is (else R6_PANEL, or {DEFAULT_PANEL}), --controller N which of its machines"
     ))
 }
 
-/// What is asked of the panel.
+/// What to ask of the panel.
 enum Wish {
     Look,
     Act(Action),
@@ -231,7 +235,7 @@ enum Wish {
 }
 
 impl What {
-    /// Whether a program runs after it.
+    /// Whether a program runs after this.
     fn starts(&self) -> bool {
         match self {
             Self::Button { button } => match button {
@@ -269,12 +273,13 @@ impl What {
             Self::Clear => Action::ClearAlarm {},
             Self::Jog { axis, by, speed } => Action::Jog { axis, by, speed_percent: speed },
             Self::Home => Action::Home {},
+            Self::ClearPoints => Action::ClearPoints {},
             Self::Program { name } => Action::SwitchProgram { program: name },
         }))
     }
 }
 
-/// The name of an input, as it is sent.
+/// Reads the name of an input, and returns it as it is sent.
 fn input_name(text: &str) -> Result<String, String> {
     let point = text.parse::<IoPoint>().map_err(|error| error.to_string())?;
     match point.kind {
@@ -285,7 +290,7 @@ fn input_name(text: &str) -> Result<String, String> {
     }
 }
 
-/// The name of an axis, as it is sent.
+/// Reads the name of an axis, and returns it as it is sent.
 fn axis_name(text: &str) -> Result<String, String> {
     let mut names = AxisIndex::ALL.iter().map(ToString::to_string);
     names.find(|name| name.eq_ignore_ascii_case(text)).ok_or_else(|| "there are J1 to J8".to_owned())

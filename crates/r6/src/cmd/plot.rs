@@ -1,4 +1,4 @@
-//! `r6 plot`: draws what a program does, without a robot.
+//! `r6 plot`: draws the motion of a program, without a robot.
 
 mod inputs;
 mod playback;
@@ -23,10 +23,10 @@ use crate::recording::Recording;
 use crate::units;
 use r6_program::MotionProgram;
 
-/// After how long a terminal is told how far it is.
+/// After this time the terminal shows progress.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// How often it is told.
+/// How often the terminal shows progress.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Draw what a program does: axis positions, axis speeds and tool path, without a robot
@@ -67,7 +67,8 @@ pub struct PlotArgs {
     /// The controller's global speed
     #[arg(long, value_name = "PERCENT", default_value = "100", value_parser = units::speed_percent)]
     global_speed: f64,
-    /// Where the axes stand at the beginning, degrees or mm with commas between; 0 for those that are not given
+    /// Where the axes stand at the beginning, degrees or mm with commas between; 0 for those that are not
+    /// given
     #[arg(
         long,
         value_name = "J1,J2,…",
@@ -133,7 +134,7 @@ pub fn run(args: PlotArgs) -> Result<Exit, Failure> {
     failure.map_or(Ok(Exit::Done), Err)
 }
 
-/// Whether both names lead to one file that is there.
+/// Whether both names lead to the same existing file.
 fn is_same_file(one: &Path, other: &Path) -> bool {
     match (std::fs::canonicalize(one), std::fs::canonicalize(other)) {
         (Ok(one), Ok(other)) => one == other,
@@ -141,7 +142,7 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
     }
 }
 
-/// Reads the program; a list that repeats is run once.
+/// Reads the program. A list that repeats runs once.
 fn program(file: &Path) -> Result<MotionProgram, Failure> {
     let mut program = run::read(file)?;
     run::show_remarks(&program, file);
@@ -159,7 +160,7 @@ fn draw(
     trouble: Option<&str>,
 ) -> String {
     let name = run::name(&args.file);
-    // Where the file lies is nobody's business but the reader's own: the picture goes elsewhere.
+    // The picture shows the file's name without its folder, because the picture may be passed on.
     let name = args.file.file_name().map_or(name, |name| name.to_string_lossy().into_owned());
     let name = if args.file == Path::new("-") { "program".to_owned() } else { name };
     let subtitle = format!(
@@ -222,9 +223,9 @@ fn advice(recording: &Recording) -> String {
     }
 }
 
-/// Tells a terminal how far a long program is.
+/// Shows the progress of a long program on a terminal.
 struct Progress {
-    /// When it is told next; `None` where nobody looks.
+    /// When to show it next; `None` if stderr is no terminal.
     next: Option<Instant>,
     shown: bool,
 }

@@ -54,8 +54,8 @@ pub async fn run(args: QueryArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         .await
 }
 
-/// Says on stderr which addresses have no value and why, but for those of which it was `said`; and how a run ends that reads
-/// only this.
+/// Says on stderr which addresses have no value and why, except those in `said`. Returns the exit code of a
+/// run that only reads.
 pub fn report_missing(result: &QueryResult, said: &[Address]) -> Exit {
     let mut exit = Exit::Done;
     for (address, error) in readings::problems(result) {

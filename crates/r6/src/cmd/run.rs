@@ -12,7 +12,7 @@ use crate::output;
 use crate::robot::RobotArgs;
 use crate::text_file;
 
-/// As [`RunOptions::room`] has it.
+/// The default of [`RunOptions::room`].
 const USUAL_ROOM: u16 = 24;
 
 /// Send the instructions of a file
@@ -99,14 +99,14 @@ pub struct RunArgs {
     /// Run a list that repeats only once
     #[arg(long)]
     once: bool,
-    /// How many instructions may be in the controller's list: a longer program is streamed as it gets room
+    /// How many instructions the controller's list holds; a longer program is streamed as the list gets room
     #[arg(long, value_name = "INSTRUCTIONS", default_value_t = USUAL_ROOM, value_parser = clap::value_parser!(u16).range(1..=1000))]
     room: u16,
     #[command(flatten)]
     job: JobArgs,
 }
 
-/// Prints what the reader of the file should know.
+/// Prints the remarks on a program.
 pub fn show_remarks(program: &MotionProgram, file: &Path) {
     let name = name(file);
     for remark in &program.remarks {
@@ -114,7 +114,7 @@ pub fn show_remarks(program: &MotionProgram, file: &Path) {
     }
 }
 
-/// A file's name as messages have it.
+/// The file's name in messages.
 pub fn name(file: &Path) -> String {
     if is_stdin(file) { "stdin".to_owned() } else { file.display().to_string() }
 }
@@ -123,7 +123,7 @@ fn is_stdin(file: &Path) -> bool {
     file == Path::new("-")
 }
 
-/// Reads the file and sends what it says.
+/// Reads the file and sends its instructions.
 pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     let mut program = read(&args.file)?;
     show_remarks(&program, &args.file);
@@ -149,7 +149,7 @@ pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
 /// Reads a program from a file, or from stdin.
 ///
 /// # Errors
-/// It cannot be read, or is wrong: where, and what.
+/// The file cannot be read, or is wrong. The error says where and what.
 pub fn read(file: &Path) -> Result<MotionProgram, Failure> {
     let name = name(file);
     let extension = file.extension().and_then(|extension| extension.to_str());

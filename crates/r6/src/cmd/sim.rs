@@ -1,4 +1,4 @@
-//! `r6 sim`: virtual controllers, for programs to talk to.
+//! `r6 sim`: virtual controllers for client programs.
 
 pub mod given;
 mod stdin;
@@ -7,7 +7,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use r6_controller::{Level, LogEntry, StartState};
+use r6_controller::{ControllerSnapshot, Level, LogEntry, StartState};
 use r6_proto::Language;
 use r6_sim::{Camera, Clock, ControllerHandle, SimSettings, Simulation};
 use serde::Serialize;
@@ -16,15 +16,15 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::task::JoinSet;
 
 use crate::exit::{Exit, Failure};
-use crate::output;
 use crate::output::queue::{LineQueue, WhenFull};
+use crate::output::{self, alarm};
 use crate::signals::Ending;
 use crate::units;
 
-/// Where `r6 sim` and `r6 up` listen unless told: the port of the real controllers, for this machine alone.
+/// The default address of `r6 sim` and `r6 up`: the port of the real controllers, on this machine only.
 pub const DEFAULT_LISTEN: &str = "127.0.0.1:9760";
 
-/// What a virtual controller is and how it stands.
+/// Kind and initial state of a virtual controller.
 #[derive(Debug, Args)]
 pub struct CellArgs {
     /// The arm: BRTIRUS0707A, 0805A, 1510A, 1820A or 2030A, GENERIC-SCARA, GENERIC-CARTESIAN, or a .toml file
@@ -33,35 +33,36 @@ pub struct CellArgs {
     /// The firmware: hc1, r6-host, r6-pendant, legacy, or a .toml file that changes one of them
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "hc1")]
     profile: String,
-    /// How it stands when it is switched on
+    /// The state when it is switched on
     #[arg(long, value_enum, default_value = "waiting")]
     start: Start,
-    /// The program it runs: one that every controller has (remote, register-move, register-follow, pick-and-place,
-    /// palletise, default), or a .toml or .json file; may be given several times: the first one runs, all are there
+    /// The program it runs: a built-in one (remote, register-move, register-follow, pick-and-place,
+    /// palletise, default), or a .toml or .json file; may be given several times: the first one runs, all are
+    /// there
     #[arg(long, value_name = "NAME|FILE")]
     program: Vec<String>,
-    /// A camera that listens: the controller dials it, and dials again whenever the connection is lost; 1=ADDR:PORT,
-    /// several times, for cameras with a camID of their own
+    /// A camera that listens: the controller connects to it, and connects again whenever the connection is
+    /// lost; 1=ADDR:PORT, several times, for cameras with a camID of their own
     #[arg(long, value_name = "[ID=]ADDR:PORT")]
     camera: Vec<Camera>,
-    /// What happens to it by itself: people, other masters, power cuts, inputs that follow outputs, and faults of link, replies
-    /// and controller; a .toml or .json file
+    /// What happens during the run: people, other masters, power cuts, inputs that follow outputs, and faults
+    /// of link, replies and controller; a .toml or .json file
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// How fast time goes: real, 10x (0.01x to 1000x), or max: it jumps from event to event, and stands while
-    /// nobody says anything
+    /// How fast time passes: real, 10x (0.01x to 1000x), or max: it jumps from event to event, and waits
+    /// while no client sends anything
     #[arg(long, value_name = "real|Nx|max", default_value = "real")]
     clock: Clock,
-    /// Seed of whatever is random, such as how long AddRCC takes to be acknowledged; a scenario has one of its own besides
+    /// Seed of random values, such as how long AddRCC takes to be acknowledged; a scenario has its own seed
     #[arg(long, default_value = "0")]
     seed: u64,
-    /// Folder that keeps what survives a power cut, one file for each controller; --start then counts only for
-    /// a controller that has none yet
+    /// Folder that keeps what survives a power cut, one file for each controller; --start then counts only
+    /// for a controller without a file
     #[arg(long, value_name = "DIR")]
     state: Option<PathBuf>,
 }
 
-/// How a virtual controller stands when it is switched on.
+/// The state of a virtual controller when it is switched on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Start {
     /// Homed, in automatic, a program waits for remote commands: ready for motion
@@ -74,24 +75,24 @@ enum Start {
     Auto,
 }
 
-/// How the log is told.
+/// Form and language of the log.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct LogArgs {
-    /// How each thing that happens is printed
+    /// The form of each log line
     #[arg(long, value_enum, default_value = "text")]
     log: Form,
-    /// In which language
+    /// The language of the log
     #[arg(long, value_enum, default_value = "en")]
     lang: Lang,
 }
 
-/// How a line of the log is printed.
+/// The form of a log line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 enum Form {
-    /// A line for eyes
+    /// A line for people
     #[default]
     Text,
-    /// A JSON object: its word is `event`, its fields stand beside it, `text` says it in words
+    /// A JSON object: `event` names the event, its fields stand beside it, `text` describes it
     Json,
 }
 
@@ -118,7 +119,7 @@ impl LogArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The first lines name the addresses that the controllers listen on; then comes one line for each \
-thing that happens. Ctrl-C ends it. What nobody reads is lost: controllers wait for nobody.
+thing that happens. Ctrl-C ends it. Lines that are not read in time are lost: controllers do not wait for a reader.
 
 A line on stdin does what a person or a machine in the cell would do:
   input BOARD POINT on|off    sets an input, board 0-7, point 0-31
@@ -156,7 +157,8 @@ pub struct SimArgs {
     count: u16,
     #[command(flatten)]
     told: LogArgs,
-    /// Where to offer the panel over HTTP: what a person does at the machine; port 0 takes any free port
+    /// Where to offer the panel over HTTP, which acts as the operator of the machine; port 0 takes any free
+    /// port
     #[arg(long, value_name = "ADDR:PORT", value_parser = units::panel_address)]
     panel: Option<SocketAddr>,
     /// Let --panel be an address that other machines can reach: it has no login
@@ -203,7 +205,7 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
     kept.map(|()| Exit::Done)
 }
 
-/// Ends the controllers. A state that cannot be written is no good end.
+/// Ends the controllers. Fails if a state cannot be written.
 pub async fn end(simulation: Simulation) -> Result<(), Failure> {
     simulation.shutdown().await.map_err(|error| {
         Failure::refused(error)
@@ -212,7 +214,7 @@ pub async fn end(simulation: Simulation) -> Result<(), Failure> {
 }
 
 impl CellArgs {
-    /// One controller of this kind.
+    /// The settings of one controller of this kind.
     pub fn settings(self) -> Result<SimSettings, Failure> {
         let Self { model, profile, start, program, camera, scenario, clock, seed, state } = self;
         let (library, mold) = given::library(&program)?;
@@ -241,15 +243,35 @@ impl CellArgs {
 /// Starts the controllers.
 pub async fn start(settings: SimSettings) -> Result<Simulation, Failure> {
     crate::limits::open_as_many_files_as_allowed();
-    Simulation::start(settings).await.map_err(Failure::usage)
+    let simulation = Simulation::start(settings).await.map_err(Failure::usage)?;
+    for controller in simulation.controllers() {
+        if let Some(told) = alarm_at_start(&controller.snapshot(), controller.address()) {
+            output::note(told);
+        }
+    }
+    Ok(simulation)
 }
 
-/// The line that tells where the panel is.
+/// The message for a controller that has an alarm as soon as it is switched on, because the first step of its
+/// program cannot be carried out.
+fn alarm_at_start(state: &ControllerSnapshot, address: SocketAddr) -> Option<String> {
+    let code = i64::from(state.alarm);
+    (code != 0).then(|| {
+        format!(
+            "r6: {address}: program `{}` ended at once with alarm {}; {}",
+            state.program,
+            alarm::short(code),
+            alarm::advice(code)
+        )
+    })
+}
+
+/// The line that names the address of the panel.
 pub fn panel_line(address: SocketAddr) -> String {
     format!("panel on http://{address}")
 }
 
-/// Says as JSON where the controllers and the panel listen.
+/// Prints as JSON where the controllers and the panel listen.
 fn say_where(simulation: &Simulation, lines: &LineQueue) {
     for controller in simulation.controllers() {
         let address = controller.address().to_string();
@@ -261,7 +283,7 @@ fn say_where(simulation: &Simulation, lines: &LineQueue) {
 }
 
 fn json_line(line: &impl Serialize, lines: &LineQueue) {
-    // Numbers, words and lists: nothing in it can fail.
+    // The line has only numbers, words and lists, so this cannot fail.
     if let Ok(text) = serde_json::to_string(line) {
         lines.push(format!("{text}\n").into_bytes(), WhenFull::DropJson);
     }
@@ -277,7 +299,7 @@ struct Line<'l> {
     text: String,
 }
 
-/// Prints what happens, for ever.
+/// Prints the events of a controller until it ends.
 pub async fn print_log(
     controller: ControllerHandle,
     mut log: broadcast::Receiver<LogEntry>,
@@ -307,7 +329,7 @@ pub async fn print_log(
     }
 }
 
-/// A line of a controller's log with its time since it was switched on.
+/// A line of a controller's log, with the seconds since it was switched on.
 pub fn log_text(entry: &LogEntry, language: Language) -> String {
     format!("{:10.3} s  {}", entry.at.as_secs_f64(), entry.text(language))
 }

@@ -26,7 +26,7 @@ pub struct StatusArgs {
     /// Print one JSON object, units in the names
     #[arg(long)]
     json: bool,
-    /// A program that does nothing but wait for remote commands: that it runs proves that instructions are taken
+    /// A program that only waits for remote commands: if it runs, the controller takes instructions
     #[arg(long, value_name = "NAME")]
     remote_program: Option<String>,
 }

@@ -17,7 +17,7 @@ use crate::waiting;
 
 const NO_EMERGENCY_STOP: &str = "This is an ordinary command over a network, not an emergency stop: only the wired button protects people.";
 
-/// What is said while nothing else is.
+/// What stderr says during a stop.
 pub const UNDER_WAY: &str = "the stop is under way: waiting until the arm is seen to stand";
 
 /// End the motion and clear the instruction list (not an emergency stop)
@@ -33,7 +33,7 @@ This is an ordinary command over a network, not an emergency stop: only the wire
 people.
 
 The exit code is 0 once the machine was seen to stand, 3 if it cannot be reached, else 4. It is 4, too, \
-if stdout cannot be written: the stop was sent, and nobody was told what was seen.
+if stdout cannot be written: the stop was sent, and its result could not be told.
 
 Ctrl-C and a closed terminal do not end a stop that is under way; Ctrl-C twice does, with exit code 4.
 
@@ -71,7 +71,7 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     Ok(if report.confirmed { Exit::Done } else { Exit::Unknown })
 }
 
-/// Stops; a signal does not end that halfway, a second one ends this program.
+/// Stops the arm. The first signal does not interrupt the stop; the second ends this program.
 async fn stop(robot: &Robot) -> Result<Result<StopReport, RequestError>, Failure> {
     let mut ending = Ending::watch()?;
     let stop = waiting::told(UNDER_WAY, robot.stop());
@@ -93,14 +93,14 @@ async fn stop(robot: &Robot) -> Result<Result<StopReport, RequestError>, Failure
     }
 }
 
-/// Somebody does not want to wait for the end of the stop.
+/// The failure when the user interrupts a stop twice.
 fn given_up() -> Failure {
     Failure::unknown("interrupted twice; the stop was under way, and it is not known whether the arm stands")
         .with_code(Code::NotStopped)
         .advise(format!("use the emergency stop if the arm moves; `{}` stops again", hint::r6("stop")))
 }
 
-/// What has to be done before the next motion, where the mode shows that the program does not run any more.
+/// What to do before the next motion, if the mode shows that the program no longer runs.
 pub fn start_again(report: &StopReport) -> Option<String> {
     let ended = report.confirmed && report.mode.is_some_and(|mode| !mode.may_run());
     ended.then(|| {

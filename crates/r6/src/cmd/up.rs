@@ -1,4 +1,4 @@
-//! `r6 up`: the whole cell on this machine, with its live state.
+//! `r6 up`: a whole cell on this machine, with its live state.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
@@ -20,10 +20,10 @@ use crate::units;
 /// How often the screen is drawn: smooth to the eye, and little work.
 const DRAW_INTERVAL: Duration = Duration::from_millis(50);
 
-/// The port of the real controllers, and of `r6 up` unless told.
+/// The port of the real controllers, and the default port of `r6 up`.
 const DEFAULT_LISTEN_PORT: u16 = 9760;
 
-/// Where the panel is to be.
+/// Where to offer the panel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum PanelPlace {
     Off,
@@ -57,8 +57,8 @@ pub struct UpArgs {
     /// Where to listen; port 0 takes any free port
     #[arg(long, value_name = "ADDR:PORT", default_value = sim::DEFAULT_LISTEN, value_parser = units::listen_address)]
     listen: SocketAddr,
-    /// Where to offer the panel over HTTP, or off [default: 127.0.0.1:9770 with --listen on port 9760 and if it is
-    /// free, else any free port]
+    /// Where to offer the panel over HTTP, or off [default: 127.0.0.1:9770 with --listen on port 9760 and if
+    /// it is free, else any free port]
     #[arg(long, value_name = "ADDR:PORT|off", value_parser = panel_place)]
     panel: Option<PanelPlace>,
     /// Let --panel be an address that other machines can reach: it has no login
@@ -69,7 +69,7 @@ pub struct UpArgs {
 }
 
 impl UpArgs {
-    /// Whether the state is shown on a screen of its own.
+    /// Whether the state is shown on a full screen.
     pub fn has_screen(&self) -> bool {
         output::is_terminal()
     }
@@ -94,7 +94,7 @@ async fn show(simulation: &Simulation, has_screen: bool) -> Result<(), Failure> 
     if has_screen { show_screen(controller, panel).await } else { show_lines(controller, panel).await }
 }
 
-/// Starts the cell; where nobody said where the panel has to be, it is where there is room for it.
+/// Starts the cell. Without `--panel`, the panel takes its usual port if that is free, else any free port.
 async fn start(args: UpArgs) -> Result<Simulation, Failure> {
     let settings =
         SimSettings { listen: vec![args.listen], panel_open: args.panel_open, ..args.cell.settings()? };

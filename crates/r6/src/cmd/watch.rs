@@ -1,7 +1,7 @@
 //! `r6 watch`: reads values again and again.
 
 use std::io::Write;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use clap::Args;
 use crossterm::{cursor, queue, terminal};
@@ -22,8 +22,8 @@ use crate::words::AddressWord;
 #[command(
     arg_required_else_help = true,
     after_help = "\
-On a terminal one table is refreshed in place; elsewhere there is one line for each reading, with \
---json one object. A reading that fails is reported, and watching goes on; with \
+On a terminal one table is refreshed in place. Elsewhere there is one line for each reading, with its \
+time (UTC) and the values under a heading that has their units; with --json one object. A reading that fails is reported, and watching goes on; with \
 --times the exit code is then that of the last failure, mostly 3. A value that the controller does not \
 have is shown as `-`, and the exit code is then 1. If stdout cannot be written, watching ends \
 with exit code 1.
@@ -63,18 +63,18 @@ pub async fn run(args: WatchArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         .await
 }
 
-/// What the readings came to so far.
+/// The results of the readings so far.
 #[derive(Default)]
 struct Seen {
     readings: u64,
     failed: u64,
-    /// Whether the robot was ever reached.
+    /// Whether the robot ever answered.
     reached: bool,
-    /// The addresses that have no value, as far as it was said.
+    /// The addresses without a value that were reported.
     missing: Vec<Address>,
     /// How the last reading ended.
     last: Exit,
-    /// How the last reading ended that did not give every value.
+    /// How the last reading that did not give every value ended.
     worst: Exit,
 }
 
@@ -93,7 +93,8 @@ async fn watch(args: &WatchArgs, robot: &Robot, seen: &mut Seen) -> Result<Exit,
                 seen.missing.sort_unstable();
                 seen.missing.dedup();
             }
-            // It was never reached: there is no robot here. Later on it may come back.
+            // The robot never answered, so there is no robot here. A robot that answered before may come
+            // back.
             Err(error @ (RequestError::NotSent(_) | RequestError::Invalid(_))) if !seen.reached => {
                 return Err(error.into());
             }
@@ -105,7 +106,7 @@ async fn watch(args: &WatchArgs, robot: &Robot, seen: &mut Seen) -> Result<Exit,
             }
         }
         seen.readings += 1;
-        // A reader that does not read keeps no Ctrl-C waiting.
+        // A reader that does not read must not delay Ctrl-C.
         output::settled().await;
         if seen.last != Exit::Done {
             seen.worst = seen.last;
@@ -122,11 +123,11 @@ async fn watch(args: &WatchArgs, robot: &Robot, seen: &mut Seen) -> Result<Exit,
 /// How the readings are shown.
 enum View {
     Json,
-    /// A table in place; the number of lines to go back up.
+    /// A table that is overwritten; the number of lines to go back up.
     Screen {
         lines: u16,
     },
-    /// A line each, under a heading that is printed once.
+    /// One line per reading, under a heading that is printed once.
     Lines {
         headed: bool,
     },
@@ -156,12 +157,10 @@ impl View {
             }
             Self::Lines { headed } => {
                 if !*headed {
-                    let names: Vec<_> =
-                        result.rows().iter().map(|(address, _)| address.to_string()).collect();
-                    output::line(names.join("  "));
+                    output::line(readings::heading_line(result));
                     *headed = true;
                 }
-                output::line(readings::values_line(result));
+                output::line(readings::values_line(SystemTime::now(), result));
             }
         }
     }
@@ -184,7 +183,7 @@ impl View {
     }
 }
 
-/// Writes over the last lines of the terminal.
+/// Overwrites the last lines of the terminal.
 fn redraw(lines: u16, text: &str) {
     let mut screen = Vec::new();
     // Writing to memory cannot fail.
@@ -192,7 +191,7 @@ fn redraw(lines: u16, text: &str) {
         0 => Ok(()),
         lines => queue!(screen, cursor::MoveToPreviousLine(lines)),
     };
-    // A line that wraps would take two, and going back up would end in the wrong one.
+    // A line that wraps would take two lines, and the cursor would go back to the wrong one.
     let width = terminal::size().map_or(usize::MAX, |(columns, _)| usize::from(columns));
     for line in output::clean(text).lines() {
         let line: String = line.chars().take(width).collect();

@@ -1,4 +1,4 @@
-//! Instructions in a few words.
+//! Instructions in short text.
 
 use r6_proto::io_point::{IoPoint, PointKind};
 use r6_proto::message::Action;
@@ -9,7 +9,7 @@ pub fn instructions(count: usize) -> String {
     super::counted(count, "instruction")
 }
 
-/// What an action does, with the signal where there is one: `wait until X010 is on`.
+/// What an action does, with its signal if it has one: `wait until X010 is on`.
 pub fn text(action: &Action) -> String {
     match action {
         Action::Wait(wait) => wait_text(wait),
@@ -49,7 +49,7 @@ fn output_text(output: &Output) -> String {
         OutputKind::Euy => (PointKind::Euy, false),
         OutputKind::TimedY => (PointKind::Y, true),
     };
-    // Point 32 is the first one of the next board.
+    // Point 32 is the first point of the next board.
     let (board, point) = (output.point / 32, output.point % 32);
     let state = if output.on { "on" } else { "off" };
     let time = match (timed, output.delay > 0.0) {

@@ -1,4 +1,4 @@
-//! A recording as a picture: axis positions and speeds over time, and the way of the tool.
+//! Draws a recording: axis positions and speeds over time, and the path of the tool.
 
 mod canvas;
 mod scale;
@@ -15,35 +15,35 @@ use crate::recording::{Ending, Recording};
 /// The size of the picture, pixels.
 const SIZE: (f64, f64) = (1200.0, 1130.0);
 
-/// Where the curves over time are.
+/// The areas of the curves over time.
 const POSITIONS: Area = Area { left: 80.0, top: 120.0, width: 1040.0, height: 270.0 };
 const SPEEDS: Area = Area { left: 80.0, top: 430.0, width: 1040.0, height: 190.0 };
 
-/// Where the tool's way is, from above and from the side.
+/// The areas of the tool's path, from above and from the side.
 const TOP_VIEW: Area = Area { left: 80.0, top: 725.0, width: 480.0, height: 340.0 };
 const SIDE_VIEW: Area = Area { left: 640.0, top: 725.0, width: 480.0, height: 340.0 };
 
-/// One colour for each axis, told apart by those who see red and green alike too.
+/// One colour for each axis. Readers with red-green colour blindness can distinguish them too.
 const AXIS_COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc3399", "#b8860b", "#56a8e0"];
 
-/// From here on the instructions of a program are no longer told apart.
+/// Above this number of instructions the picture does not separate them.
 const MANY_INSTRUCTIONS: usize = 80;
 
-/// The width of each axis' line, pixels.
+/// The line width of each axis, pixels.
 const AXIS_WIDTHS: [f64; 6] = [3.6, 3.2, 2.8, 2.4, 1.9, 1.4];
 
-/// Words and marks.
+/// Colours and styles of text and marks.
 const INK: &str = "#222222";
 const PALE_INK: &str = "#666666";
 const GRID: &str = "stroke=\"#e6e6e6\" stroke-width=\"1\"";
 const FRAME: &str = "fill=\"none\" stroke=\"#999999\" stroke-width=\"1\"";
 const ALARM: &str = "#c00020";
 
-/// What a picture shows.
+/// The content of a picture.
 pub struct Picture<'p> {
-    /// What was played, in large letters.
+    /// The program and the arm, in large letters.
     pub title: &'p str,
-    /// The figures, in small ones.
+    /// The figures, in small letters.
     pub subtitle: &'p str,
     /// What went wrong.
     pub trouble: Option<&'p str>,
@@ -53,7 +53,7 @@ pub struct Picture<'p> {
     pub recording: &'p Recording,
 }
 
-/// The picture as an SVG file. The same recording gives the same bytes.
+/// Returns the picture as an SVG file. The same recording gives the same bytes.
 pub fn svg(picture: &Picture<'_>) -> String {
     let mut canvas = Canvas::new(SIZE.0, SIZE.1, picture.title);
     canvas.text(
@@ -94,18 +94,19 @@ fn legend(canvas: &mut Canvas, axes: usize) {
     canvas.end_group();
 }
 
-/// Whether there are so many instructions that neither their numbers nor wide lines help.
+/// Whether there are so many instructions that numbers and wide lines do not help.
 fn is_dense(recording: &Recording) -> bool {
     recording.turns.len() > MANY_INSTRUCTIONS
 }
 
-/// The line of an axis. Later ones are narrower: where two run together, both are seen.
+/// The line style of an axis. Later axes have narrower lines, so that both are visible where two lines
+/// coincide.
 fn stroke(axis: usize, colour: &str, is_dense: bool) -> String {
     let width = if is_dense { 1.0 } else { AXIS_WIDTHS.get(axis).copied().unwrap_or(1.5) };
     format!("stroke=\"{colour}\" stroke-width=\"{width}\" stroke-linejoin=\"round\"")
 }
 
-/// The two panels over time.
+/// Draws the two panels over time.
 fn over_time(canvas: &mut Canvas, picture: &Picture<'_>) {
     let recording = picture.recording;
     let curves = |value: &dyn Fn(usize, usize) -> f64, unit: &dyn Fn(AxisMotion) -> Unit| -> Vec<Curve> {

@@ -1,4 +1,4 @@
-//! The end of a run: the last lines, and the exit code where stdout cannot be written.
+//! The end of a run: the last lines, and the exit code if stdout cannot be written.
 
 use std::io::ErrorKind;
 use std::time::Duration;
@@ -8,10 +8,11 @@ use super::{OUTPUT, has_acted, json, note, problem};
 use crate::exit::{Exit, Failure};
 use crate::signals::{self, Ending};
 
-/// How often it is looked whether a slow reader has read the last lines.
+/// How often r6 checks whether a slow reader has read the last lines.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// Says why a run failed, waits until everything is written, and tells how the run ends. `as_json`: programs read stdout.
+/// Says why a run failed, waits until everything is written, and returns the exit code. `as_json`: programs
+/// read stdout.
 pub fn conclude(ended: Result<Exit, Failure>, as_json: bool) -> Exit {
     let (exit, failed) = match &ended {
         Ok(exit) => (*exit, false),
@@ -33,7 +34,7 @@ pub fn conclude(ended: Result<Exit, Failure>, as_json: bool) -> Exit {
             where_nobody_was_told(exit, has_acted())
         }
         (None, false) if has_acted() => {
-            note("r6: nobody reads stdout: what it says of the machine was not read");
+            note("r6: stdout is not read: what r6 says of the machine was lost");
             where_nobody_was_told(exit, true)
         }
         (None, _) => exit,
@@ -42,7 +43,8 @@ pub fn conclude(ended: Result<Exit, Failure>, as_json: bool) -> Exit {
     exit
 }
 
-/// How a run ends whose stdout could not be written. Nobody was told what became of a machine that was acted on.
+/// The exit code of a run that could not write stdout. If it acted on a machine, the caller does not know the
+/// outcome.
 fn where_nobody_was_told(exit: Exit, acted: bool) -> Exit {
     match (exit, acted) {
         (Exit::Done | Exit::Refused, true) => Exit::Unknown,
@@ -51,8 +53,8 @@ fn where_nobody_was_told(exit: Exit, acted: bool) -> Exit {
     }
 }
 
-/// Says on stderr that stdout cannot be written, and what it does not say. A reader of mere answers who has had enough
-/// (`r6 query --list | head`) needs no words.
+/// Says on stderr that stdout cannot be written, and what is missing there. It is silent if the run only
+/// reads and the reader has ended (`r6 query --list | head`).
 fn say_unwritten(unwritten: &Unwritten, text: Option<String>) {
     if unwritten.kind == ErrorKind::BrokenPipe && !has_acted() {
         return;
@@ -64,8 +66,8 @@ fn say_unwritten(unwritten: &Unwritten, text: Option<String>) {
     }
 }
 
-/// Waits until everything is written: as long as a slow reader takes, or until a signal asks for the end. Whether everything is
-/// written, or never will be.
+/// Waits until everything is written, however slow the reader is, or until a signal asks for the end. Returns
+/// whether everything is written or never will be.
 fn settle(queue: &LineQueue) -> bool {
     if queue.flush_within(FLUSH_WITHIN) {
         return true;

@@ -1,11 +1,11 @@
-//! What a person sees at a virtual machine, as text.
+//! What an operator sees at a virtual machine, as text.
 
 use r6_api::panel::{Axis, Snapshot};
 use r6_proto::printable;
 
 use crate::output::table::Table;
 
-/// Everything.
+/// The whole state.
 pub fn text(state: &Snapshot) -> String {
     let yes_no = |flag| if flag { "yes" } else { "no" };
     let mut table = Table::new();
@@ -14,13 +14,19 @@ pub fn text(state: &Snapshot) -> String {
     table.row([&"emergency stop", &if state.emergency_stop { "PRESSED" } else { "released" }]);
     table.row([&"homed", &yes_no(state.homed)]);
     table.row([&"moving", &yes_no(state.moving)]);
+    table.row([&"ready", &ready(state)]);
     table.row([&"program", &format!("{} (of {})", state.program, state.programs.join(", "))]);
+    if let Some(step) = &state.step {
+        table
+            .row([&"step", &format!("{} of {} in {}: {}", step.number, step.steps, step.program, step.text)]);
+    }
     table.row([&"list", &state.list_length]);
     table.row([&"global speed", &format!("{:.1} %", state.global_speed_percent)]);
     table.row([&"cycle", &format!("{:.1} s, last {:.1} s", state.cycle_seconds, state.last_cycle_seconds)]);
     table.row([&"inputs on", &points(&state.inputs_on)]);
     table.row([&"outputs on", &points(&state.outputs_on)]);
     table.row([&"M on", &points(&state.m_on)]);
+    table.row([&"camera points", &camera_points(state)]);
     table.row([&"connections", &state.connections]);
     format!(
         "{}, firmware {}, controller {} at {}, a virtual controller\n\n{table}\n\n{}",
@@ -32,7 +38,7 @@ pub fn text(state: &Snapshot) -> String {
     )
 }
 
-/// What matters after something was done, in one line.
+/// The result of an action, in one line.
 pub fn summary(state: &Snapshot) -> String {
     let motion = if state.moving { "moving" } else { "at rest" };
     let pressed = if state.emergency_stop { ", EMERGENCY STOP pressed" } else { "" };
@@ -47,6 +53,22 @@ fn alarm(state: &Snapshot) -> String {
     }
 }
 
+fn ready(state: &Snapshot) -> String {
+    match state.not_ready.first() {
+        None => "READY".to_owned(),
+        Some(reason) => format!("NOT READY: {reason}"),
+    }
+}
+
+fn camera_points(state: &Snapshot) -> String {
+    let counts: Vec<_> = state
+        .camera_points
+        .iter()
+        .map(|waiting| format!("camera {}: {}", waiting.camera, waiting.points))
+        .collect();
+    if counts.is_empty() { "none wait".to_owned() } else { counts.join(", ") }
+}
+
 fn points(names: &[String]) -> String {
     if names.is_empty() { "none".to_owned() } else { names.join(" ") }
 }
@@ -55,7 +77,7 @@ fn axes(axes: &[Axis]) -> Table {
     let mut table = Table::with_right_columns(&[1, 3, 4]);
     table.row([&"axis", &"position", &"", &"lowest", &"highest"]);
     for axis in axes {
-        // What rounds to zero has no sign.
+        // A value that rounds to zero has no sign.
         let position = if axis.position.abs() < 0.0005 { 0.0 } else { axis.position };
         table.row([
             &axis.name,

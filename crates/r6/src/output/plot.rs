@@ -1,4 +1,4 @@
-//! What a program did, in figures: for eyes and for programs.
+//! What a program did, in figures: for people and for programs.
 
 use r6_controller::{AxisMotion, RobotModel};
 use r6_proto::message::Instruction;
@@ -8,7 +8,7 @@ use crate::output::table::Table;
 use crate::output::{action, alarm};
 use crate::recording::{Ending, Recording};
 
-/// The most turns that the table shows: more than that scroll the figures off the screen.
+/// The most rows of the table. More would scroll the figures off the screen.
 const MAX_ROWS: usize = 40;
 
 /// The unit of an axis.
@@ -28,7 +28,7 @@ fn stops_text(stops: usize) -> String {
     }
 }
 
-/// The whole in one line.
+/// A summary in one line.
 pub fn summary(recording: &Recording) -> String {
     format!(
         "{:.3} s, {}, tool path {:.1} mm, {}",
@@ -60,7 +60,7 @@ pub fn trouble(recording: &Recording, program: &[Instruction]) -> Option<String>
     })
 }
 
-/// The axes, one row each.
+/// A table with one row for each axis.
 pub fn axis_table(recording: &Recording, model: &RobotModel) -> Table {
     let mut table = Table::with_right_columns(&[1, 2, 3, 4, 5, 7, 8]);
     table.row([&"AXIS", &"FROM", &"TO", &"LOWEST", &"HIGHEST", &"WAY", &"", &"TOP SPEED", &"OF FULL"]);
@@ -82,7 +82,7 @@ pub fn axis_table(recording: &Recording, model: &RobotModel) -> Table {
     table
 }
 
-/// The instructions that were begun, one row each.
+/// A table with one row for each instruction that began.
 pub fn turn_table(recording: &Recording, program: &[Instruction]) -> Table {
     let mut table = Table::with_right_columns(&[0, 2, 3, 4]);
     table.row([&"N", &"INSTRUCTION", &"BEGIN", &"END", &"TOOK"]);
@@ -165,7 +165,7 @@ fn percent(speed: f64, full: f64) -> f64 {
     100.0 * speed / full
 }
 
-/// Six decimals: microseconds and nanometres, and no noise behind them.
+/// Rounds to six decimals: microseconds and nanometres, without noise.
 fn rounded(value: f64) -> f64 {
     let rounded = (value * 1e6).round() / 1e6;
     if rounded == 0.0 { 0.0 } else { rounded }

@@ -1,4 +1,4 @@
-//! What programs are told of a failure: one JSON object, the same for every command.
+//! The JSON object for programs that describes a failure. It is the same for every command.
 
 pub use r6_api::Code;
 use r6_api::CommandProblem;
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::exit::Failure;
 
-/// The problem object of a failure: a [`CommandProblem`]. Members that a command adds stand beside its own.
+/// The object of a failure: a [`CommandProblem`], and the members that a command adds.
 pub fn object(failure: &Failure) -> Value {
     let mut object = json!(CommandProblem {
         code: failure.code(),

@@ -1,5 +1,5 @@
-//! Lines that a thread of its own writes: a reader who stops reading stops nothing but the lines, and output that cannot be
-//! written ends nothing.
+//! A queue of lines that a separate thread writes. A slow reader delays only the lines, and a failed write
+//! does not end the program.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -9,36 +9,37 @@ use std::time::Duration;
 
 use tokio::sync::Notify;
 
-/// Lines that wait to be written. A burst of a busy second fits; lines are at most a few kilobytes long, so that the
+/// How many lines may wait. The lines of a busy second fit. Lines are at most a few kilobytes long, so the
 /// queue stays within a few megabytes.
 const MOST_WAITING: usize = 1024;
 
-/// How many of the pieces that could not be written are kept, the last ones: what a command says at its end.
+/// How many unwritten pieces are kept. These are the last ones: what a command says at its end.
 const MOST_UNWRITTEN: usize = 4;
 
-/// How long the end of the program waits for the last lines once somebody asked for that end: longer than any reader who
-/// reads, and hardly noticed.
+/// How long the end of the program waits for the last lines after a signal: longer than an active reader
+/// takes, and hardly noticeable.
 pub const FLUSH_WITHIN: Duration = Duration::from_millis(500);
 
-/// What becomes of a line where [`MOST_WAITING`] lines wait already.
+/// What happens to a line if [`MOST_WAITING`] lines wait already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
     /// The caller waits until there is room.
     Wait,
-    /// It waits with the others. For the few lines that are said while an arm moves and must not be lost.
+    /// The line is added all the same. For the few lines that are printed while an arm moves and must not be
+    /// lost.
     Exceed,
-    /// It is dropped and counted, and a line in its place says how many were lost.
+    /// The line is dropped and counted, and a line in its place says how many were lost.
     Drop,
     /// As [`WhenFull::Drop`]; the line in its place is a JSON object.
     DropJson,
 }
 
-/// The first failure to write: from then on nothing more is written.
+/// The first failed write. After it nothing more is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unwritten {
-    /// What the system calls it.
+    /// The system's kind of error.
     pub kind: io::ErrorKind,
-    /// What the system says.
+    /// The system's message.
     pub why: String,
 }
 
@@ -48,7 +49,7 @@ impl fmt::Display for Unwritten {
     }
 }
 
-/// Where lines wait for the thread that writes them. Clones are the same queue.
+/// A queue of lines for the thread that writes them. Clones share the queue.
 #[derive(Clone, Debug, Default)]
 pub struct LineQueue {
     shared: Arc<Shared>,
@@ -66,17 +67,17 @@ struct State {
     entries: VecDeque<Entry>,
     /// How many of the entries are text.
     texts: usize,
-    /// The thread writes what it took out last.
+    /// Whether the thread is writing the entry it took last.
     writing: bool,
     failure: Option<Unwritten>,
-    /// The last pieces of what was not written.
+    /// The last unwritten pieces.
     unwritten: VecDeque<Vec<u8>>,
 }
 
 #[derive(Debug)]
 enum Entry {
     Text(Vec<u8>),
-    /// So many lines were dropped here.
+    /// The number of lines that were dropped here.
     Lost {
         count: u64,
         json: bool,
@@ -84,7 +85,8 @@ enum Entry {
 }
 
 impl LineQueue {
-    /// A queue, and the thread that hands its lines to `write` in order. The thread lives as long as the program.
+    /// Starts a queue and the thread that passes its lines to `write` in order. The thread lives as long as
+    /// the program.
     pub fn start(write: impl FnMut(&[u8]) -> io::Result<()> + Send + 'static) -> io::Result<Self> {
         let queue = Self::default();
         let shared = Arc::clone(&queue.shared);
@@ -92,7 +94,7 @@ impl LineQueue {
         Ok(queue)
     }
 
-    /// Adds one line (or several that belong together) without its end; where many wait already, it is dropped.
+    /// Adds one line (or several that belong together) without its end. If the queue is full, it is dropped.
     pub fn line(&self, text: impl fmt::Display) {
         self.push(format!("{}\n", super::clean(&text.to_string())).into_bytes(), WhenFull::Drop);
     }
@@ -122,7 +124,7 @@ impl LineQueue {
         self.shared.changed.notify_all();
     }
 
-    /// Says in its place that lines were lost before they came here.
+    /// Adds a line that says that lines were lost before they reached this queue.
     pub fn lose(&self, count: u64) {
         self.shared.lock().lose(count, false);
         self.shared.changed.notify_all();
@@ -133,25 +135,26 @@ impl LineQueue {
         self.flush_within(FLUSH_WITHIN);
     }
 
-    /// Waits until everything is written or cannot be written, at most so long; whether nothing waits any more.
+    /// Waits until everything is written or cannot be written, at most for `most`. Returns whether nothing
+    /// waits any more.
     pub fn flush_within(&self, most: Duration) -> bool {
         let busy = |state: &mut State| state.is_busy();
         let waited = self.shared.changed.wait_timeout_while(self.shared.lock(), most, busy);
         !waited.unwrap_or_else(PoisonError::into_inner).0.is_busy()
     }
 
-    /// Why nothing is written any more.
+    /// The failed write, if there was one.
     pub fn failure(&self) -> Option<Unwritten> {
         self.shared.lock().failure.clone()
     }
 
-    /// The end of what was not written.
+    /// The last unwritten pieces, as text.
     pub fn unwritten(&self) -> String {
         let state = self.shared.lock();
         state.unwritten.iter().map(|bytes| String::from_utf8_lossy(bytes)).collect()
     }
 
-    /// Waits until something cannot be written.
+    /// Waits until a write fails.
     pub async fn fails(&self) {
         loop {
             let mut failed = std::pin::pin!(self.shared.failed.notified());
@@ -197,7 +200,7 @@ impl State {
         self.unwritten.push_back(bytes);
     }
 
-    /// What could not be written, and what waits behind it, is never written.
+    /// Keeps the last unwritten pieces and drops the queue: nothing more is written.
     fn fail(&mut self, bytes: Vec<u8>, error: &io::Error) {
         self.keep_unwritten(bytes);
         for entry in std::mem::take(&mut self.entries) {
@@ -212,7 +215,7 @@ impl State {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, State> {
-        // Whoever panicked with the lock left whole entries.
+        // A thread that panicked with the lock left complete entries.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -271,7 +274,7 @@ mod tests {
         .unwrap();
         queue.line("first");
         begins.recv().unwrap();
-        // The thread is stuck with the first line: this many more wait, and the rest is lost.
+        // The thread is blocked in the first line: this many more wait, and the rest is lost.
         for number in 0..MOST_WAITING + 5 {
             queue.line(number);
         }
@@ -283,7 +286,7 @@ mod tests {
         assert_eq!(got[0], "first\n");
         assert_eq!(got[MOST_WAITING], format!("{}\n", MOST_WAITING - 1));
         assert_eq!(got[MOST_WAITING + 1], "(7 lines were lost)\n");
-        // From then on every line counts again.
+        // After that no line is dropped.
         queue.line("late\u{1b}");
         go_on.send(()).unwrap();
         assert_eq!(lines.recv().unwrap(), "late\\u{1b}\n");
@@ -317,7 +320,7 @@ mod tests {
         }
         queue.flush();
         assert_eq!(queue.failure().map(|failure| failure.kind), Some(io::ErrorKind::StorageFull));
-        // Nobody waits for what is never written.
+        // After the failure no caller waits.
         for _ in 0..2 * MOST_WAITING {
             queue.push(b"four\n".to_vec(), WhenFull::Wait);
         }
@@ -335,7 +338,7 @@ mod tests {
         });
         queue.line("one");
         waiting.await.unwrap();
-        // Later, too.
+        // It also returns at once after the failure.
         queue.fails().await;
     }
 }

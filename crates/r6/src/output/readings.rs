@@ -1,4 +1,4 @@
-//! Values of query addresses, for eyes and for programs.
+//! Values of query addresses, for people and for programs.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -11,7 +11,7 @@ use crate::exit::Failure;
 use crate::output::problem::{self, Code};
 use crate::output::table::Table;
 
-/// Each address with its value, unit and meaning.
+/// A table of each address with its value, unit and meaning.
 pub fn table(result: &QueryResult) -> Table {
     let mut table = Table::with_right_columns(&[1]);
     for (address, value) in result.rows() {
@@ -20,14 +20,25 @@ pub fn table(result: &QueryResult) -> Table {
     table
 }
 
-/// One line: only the values, in the order asked.
-pub fn values_line(result: &QueryResult) -> String {
-    let values = result.rows().iter().map(|(address, value)| value_text(*address, value));
-    let values: Vec<_> = values.map(|value| printable(&value).to_string()).collect();
-    values.join("  ")
+/// The heading of [`values_line`]: `time`, then each address with its unit in brackets.
+pub fn heading_line(result: &QueryResult) -> String {
+    let mut words = vec!["time".to_owned()];
+    words.extend(result.rows().iter().map(|(address, _)| match unit(*address) {
+        "" => address.to_string(),
+        unit => format!("{address} [{unit}]"),
+    }));
+    words.join("  ")
 }
 
-/// A value as people read it; `-` where there is none.
+/// One line: when the values came (UTC, RFC 3339 with milliseconds), then the values in the order asked.
+pub fn values_line(at: SystemTime, result: &QueryResult) -> String {
+    let mut words = vec![humantime::format_rfc3339_millis(at).to_string()];
+    let values = result.rows().iter().map(|(address, value)| value_text(*address, value));
+    words.extend(values.map(|value| printable(&value).to_string()));
+    words.join("  ")
+}
+
+/// A value as text for people; `-` if there is no value.
 fn value_text(address: Address, value: &Result<Reading, NoReading>) -> String {
     match value {
         Ok(Reading::Word(word)) => format!("0x{word:08X}"),
@@ -47,7 +58,8 @@ fn value_text(address: Address, value: &Result<Reading, NoReading>) -> String {
     }
 }
 
-/// The unit of one address: a pose has mm for its first three components and degrees for the others. The wire does not tell the unit of an axis.
+/// The unit of an address. A pose has mm for its first three components and degrees for the others. The wire
+/// does not say the unit of an axis.
 pub fn unit(address: Address) -> &'static str {
     match (address, Unit::of(address)) {
         (_, Some(unit)) => unit.word(),
@@ -56,7 +68,7 @@ pub fn unit(address: Address) -> &'static str {
     }
 }
 
-/// What one address tells: the table's words, with its own index in them.
+/// The meaning of an address: the text of the table, with the index of this address.
 fn meaning(address: Address) -> String {
     let words = address.info().meaning;
     match (address, address.index()) {
@@ -75,18 +87,18 @@ fn meaning(address: Address) -> String {
     }
 }
 
-/// The addresses that have no value, each with the reason.
+/// The addresses without a value, each with the reason.
 pub fn problems(result: &QueryResult) -> impl Iterator<Item = (Address, &NoReading)> {
     result.rows().iter().filter_map(|(address, value)| value.as_ref().err().map(|error| (*address, error)))
 }
 
-/// Why some addresses have no value, if some have none.
+/// The failure for addresses without a value; `None` if all have values.
 pub fn missing(result: &QueryResult) -> Option<Failure> {
     let words: Vec<_> = problems(result).map(|(address, error)| problem_text(address, error)).collect();
     (!words.is_empty()).then(|| Failure::refused(words.join("; ")).with_code(Code::NoValue))
 }
 
-/// Why one address has no value.
+/// Why an address has no value.
 pub fn problem_text(address: Address, error: &NoReading) -> String {
     match error {
         NoReading::Unsupported => format!("{address}: {error}"),
@@ -94,7 +106,7 @@ pub fn problem_text(address: Address, error: &NoReading) -> String {
     }
 }
 
-/// One sample as a JSON object: when, how long it took, the values by address, and why some are missing.
+/// A reading as a JSON object: time, duration, values by address, and why some are missing.
 pub struct Sample<'r> {
     robot: &'r str,
     at: SystemTime,
@@ -102,7 +114,7 @@ pub struct Sample<'r> {
 }
 
 impl<'r> Sample<'r> {
-    /// A sample taken now.
+    /// A sample with the current time.
     pub fn now(robot: &'r str, result: &'r QueryResult) -> Self {
         Self { robot, at: SystemTime::now(), result }
     }

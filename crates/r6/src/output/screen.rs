@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 
 use r6_controller::{AxisMotion, ControllerSnapshot};
 use r6_proto::AxisIndex;
+use r6_proto::readiness::Unmet;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -13,10 +14,10 @@ use ratatui::widgets::{Block, Paragraph};
 
 use crate::output::alarm;
 
-/// Log lines that are kept: more than any terminal is high.
+/// How many log lines are kept: more than any terminal is high.
 const KEPT_LINES: usize = 200;
 
-/// What is shown besides the controller's state.
+/// The content of the screen besides the controller's state.
 #[derive(Debug)]
 pub struct View {
     address: SocketAddr,
@@ -39,13 +40,13 @@ impl View {
     }
 }
 
-/// The terminal while it is drawn on; dropping it gives the terminal back as it was.
+/// The terminal while r6 draws on it. Dropping it restores the terminal.
 pub struct Screen {
     terminal: ratatui::DefaultTerminal,
 }
 
 impl Screen {
-    /// Takes the terminal. A panic gives it back too.
+    /// Takes over the terminal. A panic restores it too.
     pub fn open() -> std::io::Result<Self> {
         Ok(Self { terminal: ratatui::try_init()? })
     }
@@ -65,7 +66,7 @@ impl Drop for Screen {
 fn draw(frame: &mut Frame<'_>, view: &View, state: &ControllerSnapshot) {
     let axes = u16::try_from(state.axis_limits.len()).unwrap_or(8).min(8);
     let [head, middle, log, hints] = Layout::vertical([
-        Constraint::Length(5),
+        Constraint::Length(7),
         Constraint::Length(axes + 2),
         Constraint::Min(3),
         Constraint::Length(u16::try_from(view.hints.len() + 2).unwrap_or(u16::MAX)),
@@ -106,14 +107,52 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, view: &View, state: &ControllerS
             "list {}   global speed {:.1} %   cycle {:.1} s   connections {}",
             state.list_length, state.global_speed_percent, state.cycle_seconds, state.connections
         )),
+        Line::from(vec![ready(state), Span::raw("   "), Span::raw(program(state))]),
+        Line::raw(points_on(state)),
         Line::raw(format!("firmware {}   profile {}", state.version, state.profile)),
     ];
     let title = format!(" {} at {} ", state.machine_name, view.address);
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
 }
 
+/// Whether the machine takes instructions, and the first reason why not, in a few words.
+fn ready(state: &ControllerSnapshot) -> Span<'static> {
+    if state.is_ready() {
+        return Span::styled("READY", Style::new().fg(Color::Green).add_modifier(Modifier::BOLD));
+    }
+    let why = match state.unmet.first() {
+        None => "the program is not at its remote step".to_owned(),
+        Some(Unmet::Mode { found }) => format!("mode {found}"),
+        Some(Unmet::Alarm { code }) => format!("alarm {code}"),
+        Some(Unmet::NotHomed) => "not homed".to_owned(),
+        Some(Unmet::Moving) => "moving".to_owned(),
+        Some(Unmet::LeftoverList { length }) => format!("{length} left in the list"),
+        Some(Unmet::Unknown { address }) => format!("{address} unknown"),
+    };
+    Span::styled(format!("NOT READY: {why}"), Style::new().fg(Color::Yellow).add_modifier(Modifier::BOLD))
+}
+
+/// The program, and the step whose turn it is.
+fn program(state: &ControllerSnapshot) -> String {
+    match &state.step {
+        None => format!("program {}", state.program),
+        Some(step) => {
+            format!("program {}, step {} of {}: {}", step.program, step.number, step.steps, step.text)
+        }
+    }
+}
+
+/// The names of all points that are on, and the camera points that wait.
+fn points_on(state: &ControllerSnapshot) -> String {
+    let named = state.io.names_on();
+    let on = if named.is_empty() { "no inputs or outputs".to_owned() } else { named.join(" ") };
+    let waiting: usize = state.points.iter().map(|(_, count)| count).sum();
+    let points = if waiting > 0 { format!("   camera points waiting: {waiting}") } else { String::new() };
+    format!("on: {on}{points}")
+}
+
 fn draw_axes(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
-    // `J1  -155 ` in front of the bar and ` 155  10.000 deg` behind it, and the frame.
+    // The text before the bar is `J1  -155 `, the text after it ` 155  10.000 deg`; the frame is added.
     let width = usize::from(area.width).saturating_sub(35);
     let lines: Vec<_> = AxisIndex::ALL
         .iter()
@@ -136,7 +175,7 @@ fn draw_axes(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
     );
 }
 
-/// A scale from limit to limit with a mark where the axis stands.
+/// A bar from limit to limit with a mark at the position of the axis.
 fn bar(position: f64, lowest: f64, highest: f64, width: usize) -> String {
     let last = width.saturating_sub(1);
     let share = ((position - lowest) / (highest - lowest)).clamp(0.0, 1.0);
@@ -150,7 +189,7 @@ fn bar(position: f64, lowest: f64, highest: f64, width: usize) -> String {
     (0..width).map(|column| if column == at { '█' } else { '·' }).collect()
 }
 
-/// A value as three decimals show it: what rounds to zero has no sign.
+/// Removes the sign of a value that three decimals show as zero.
 fn shown(value: f64) -> f64 {
     if value.abs() < 0.0005 { 0.0 } else { value }
 }
@@ -201,6 +240,15 @@ mod tests {
             moving: true,
             program: "remote".to_owned(),
             programs: vec!["remote".to_owned()],
+            step: Some(r6_controller::ProgramStep {
+                program: "remote".to_owned(),
+                number: 2,
+                steps: 4,
+                text: "wait for remote commands".to_owned(),
+            }),
+            unmet: vec![Unmet::Alarm { code: 135 }],
+            takes_remote: true,
+            points: vec![(0, 2)],
             list_length: 3,
             axes: [10.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0],
             axis_limits: vec![(-155.0, 155.0); 6],
@@ -209,7 +257,7 @@ mod tests {
             global_speed_percent: 100.0,
             cycle_seconds: 1.5,
             last_cycle_seconds: 0.0,
-            io: r6_controller::io::Io::default(),
+            io: r6_controller::io::Io { outputs: [1, 0, 0, 0, 0, 0, 0, 0], ..Default::default() },
             connections: 2,
         }
     }
@@ -239,6 +287,9 @@ mod tests {
             "moving",
             "EMERGENCY STOP",
             "list 3",
+            "NOT READY: alarm 135",
+            "program remote, step 2 of 4: wait for remote commands",
+            "on: Y010   camera points waiting: 2",
             "10.000 deg",
             "-50.000 mm",
             "line 299",

@@ -1,4 +1,4 @@
-//! The state of a machine, for eyes and for programs.
+//! The state of a machine, for people and for programs.
 
 use r6_api::position::{AxisPosition, Pose, SHOWN_AXES};
 use r6_client::{Readiness, Status, Unmet, Unproved};
@@ -9,12 +9,13 @@ use crate::hint;
 use crate::output::alarm;
 use crate::output::table::Table;
 
-/// The state as programs are told it (`docs/COMMAND_LINE.md`). `remote_program` is one that does nothing but wait for remote commands.
+/// The state for programs (`docs/COMMAND_LINE.md`). `remote_program` names a program that only waits for
+/// remote commands.
 pub fn told(address: &str, status: &Status, remote_program: Option<&str>) -> r6_api::Status {
     r6_api::Status::read(address, remote_program, |address| status.reading(address))
 }
 
-/// The whole state as text; the last lines say whether it takes motion, and if not, why.
+/// The whole state as text. The last lines say whether the machine takes motion, and if not, why.
 pub fn text(address: &str, status: &Status, remote_program: Option<&str>) -> String {
     let unknown = || "?".to_owned();
     let yes_no = |flag: Option<bool>| flag.map_or("?", |flag| if flag { "yes" } else { "no" });
@@ -55,7 +56,8 @@ fn list_text(length: i64) -> String {
     }
 }
 
-/// Axes and pose, one under the other, as many axes as are given. Whether an axis turns or slides is not told over the wire.
+/// A table of axes above the pose, with at least the usual number of axes. The wire does not say whether an
+/// axis turns or slides.
 pub fn position_table(axes: &[Option<f64>], pose: &[Option<f64>]) -> Table {
     let mut table = Table::with_right_columns(&[1, 2, 3, 4, 5, 6, 7, 8]);
     let number = |value: &Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3}"));
@@ -69,7 +71,8 @@ pub fn position_table(axes: &[Option<f64>], pose: &[Option<f64>]) -> Table {
     table
 }
 
-/// `READY`, `UNKNOWN` with what no value tells, or `NOT READY` with each unmet condition; below what to do about it.
+/// `READY`, `UNKNOWN` with the conditions that no value proves, or `NOT READY` with each unmet condition.
+/// Lines below say what to do.
 pub fn verdict(status: &Status, remote_program: Option<&str>) -> String {
     match status.readiness(remote_program) {
         Readiness::Ready => "READY".to_owned(),
@@ -86,7 +89,7 @@ pub fn verdict(status: &Status, remote_program: Option<&str>) -> String {
     }
 }
 
-/// Where to look for what no value tells.
+/// Advice for a condition that no value proves: where to look.
 fn what_to_look_at(unproved: Unproved, status: &Status, remote_program: Option<&str>) -> String {
     match unproved {
         Unproved::RemoteStep => {
@@ -162,17 +165,17 @@ fn advice(unmet: Unmet) -> String {
     }
 }
 
-/// Conditions as JSON.
+/// Unmet conditions as JSON.
 pub fn unmet_json(unmet: &[Unmet]) -> Value {
     json!(unmet.iter().map(r6_api::Unmet::of).collect::<Vec<_>>())
 }
 
-/// Axes as JSON, as many as are shown.
+/// Axes as JSON, the ones that are shown.
 pub fn axes_json(positions: &[Option<f64>]) -> Value {
     json!(AxisPosition::read(positions.get(..SHOWN_AXES).unwrap_or(positions)))
 }
 
-/// A pose as JSON, units in the names.
+/// A pose as JSON, with the units in the names.
 pub fn pose_json(components: &[Option<f64>]) -> Value {
     json!(Pose::of(components))
 }
@@ -247,7 +250,8 @@ mod tests {
         assert!(text.contains("r6 stop"), "{text}");
     }
 
-    /// No value tells the step of a program; a program that is known to do nothing but wait is proof where its name is told.
+    /// No value says at which step a program is. A program that only waits is proof if the controller tells
+    /// its name.
     #[test]
     fn a_program_that_may_be_at_any_step_is_not_called_ready() {
         let status = ready();

@@ -12,7 +12,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// An empty table whose columns with these numbers stand to the right, as numbers do.
+    /// An empty table. The columns with these indices are aligned right, as numbers are.
     pub fn with_right_columns(right: &'static [usize]) -> Self {
         Self { rows: Vec::new(), right }
     }
@@ -27,7 +27,7 @@ impl Table {
         self.push(cells.iter().map(ToString::to_string).collect());
     }
 
-    /// Adds a row of any length. A cell is one line, whatever a peer has put into it.
+    /// Adds a row of any length. A cell stays one line, because control characters are escaped.
     pub fn push(&mut self, cells: Vec<String>) {
         self.rows.push(cells.iter().map(|cell| printable(cell).to_string()).collect());
     }

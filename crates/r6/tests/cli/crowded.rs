@@ -1,4 +1,4 @@
-//! A controller all of whose connections are in use: it takes another one and never answers on it.
+//! A controller with all its connections in use: it accepts another one and never answers on it.
 
 use std::net::TcpListener;
 
@@ -21,7 +21,7 @@ fn where_nothing_ever_answered_the_others_have_to_be_closed() {
     let profile = TempFile::new("one.toml", "base = \"hc1\"\nname = \"one\"\nmax_connections = 1\n");
     let robot = Robot::start(&["--profile", profile.path()]);
     let mut watching = Running::start(&["-r", robot.address(), "watch", "axis-0", "--every", "100ms"]);
-    assert_eq!(watching.line(), "axis-0");
+    assert_eq!(watching.line(), "time  axis-0 [deg or mm]");
     for (args, code) in [
         (&["status"][..], 3),
         (&["query", "axis-0"], 3),
@@ -43,13 +43,13 @@ fn where_nothing_ever_answered_the_others_have_to_be_closed() {
     assert!(problem["message"].as_str().unwrap().contains("use the emergency stop"), "{problem}");
 }
 
-/// It answered before: then it is not full.
+/// A controller that answered before is not full, so the advice about other programs is missing.
 #[test]
 fn where_something_answered_nothing_is_said_of_others() {
     let robot = Robot::start(&[]);
     let outcome = robot.r6(&["query", "axis-9"]);
     assert!(!outcome.err.contains(CLOSE_OTHERS), "{outcome:?}");
-    // It cannot even be connected to.
+    // The connection itself is refused.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     drop(listener);

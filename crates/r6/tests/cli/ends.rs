@@ -1,4 +1,4 @@
-//! What is said of the end of a motion, and what proves it.
+//! What r6 says about the end of a motion, and what proves the end.
 
 use std::time::Duration;
 
@@ -92,7 +92,8 @@ fn workbench() -> String {
         .to_owned()
 }
 
-/// A list that was answered ok and dropped, whose end cannot be compared with where the arm is.
+/// The controller answers ok and drops the list, and r6 cannot compare the end of the list with the arm's
+/// position.
 #[test]
 fn an_appended_list_whose_end_cannot_be_compared_is_not_done() {
     let tool = "[[instruction]]\ndo = \"linear-move\"\nto = [420, 30, 520]\nspeed = 20\ntool = 1\n";
@@ -120,7 +121,7 @@ fn an_appended_list_whose_end_cannot_be_compared_is_not_done() {
     }
 }
 
-/// It ends where it begins, so where the arm stands proves nothing.
+/// The list ends where it begins, so the arm's position proves nothing.
 #[test]
 fn an_appended_list_that_leads_back_and_never_moved_is_not_done() {
     let (address, _controller) =
@@ -162,7 +163,7 @@ fn another_robot_in_the_middle_of_a_motion_is_told_once_and_in_words_of_the_shel
     assert_eq!(message.matches("cell 5").count(), 1, "{message}");
     assert!(!outcome.out.contains("accept_identity"), "{failed}");
     assert!(text(&failed, "advice").contains("r6 --robot"), "{failed}");
-    // A mere question, too.
+    // The same for a query.
     assert!(!outcome.err.contains("accept_identity"), "{outcome:?}");
 }
 
@@ -180,7 +181,7 @@ fn a_state_that_cannot_be_read_after_the_list_left_does_not_say_that_nothing_was
         let message = text(&failed, "message");
         let (_, read) = message.split_once("the list was sent, then the state could not be read: ").unwrap();
         assert!(!read.contains("nothing was sent") && !read.contains("ask again"), "{message}");
-        // Of the motion that was not the case, of the stop after it it is said in other words.
+        // Something of the motion was sent. The text about the stop after it uses other words.
         assert!(!message.contains("nothing was sent"), "{message}");
         assert!(!outcome.err.contains("r6 up"), "{outcome:?}");
         assert!(text(&failed, "advice").contains("look at the arm"), "{failed}");
@@ -221,7 +222,7 @@ fn after_a_stop_the_program_has_to_be_started_again_and_that_is_said() {
     let stop = cell.r6(&["stop"]);
     assert!(stop.out.contains("start the program again before the next motion"), "{stop:?}");
     assert_eq!(cell.r6(&["command", "startButton"]).code, 0);
-    // Here the mode stays what it was.
+    // Here the mode does not change.
     let stays = Reaction::default();
     let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
     let (address, _controller) = hostile(Character { stops, ..Character::default() });

@@ -1,4 +1,4 @@
-//! The help of every subcommand, as snapshots, and that its examples are right.
+//! The help of every subcommand, as snapshots. The tests also check the examples in the help.
 
 use crate::support::r6;
 
@@ -77,14 +77,14 @@ fn every_example_can_be_parsed() {
     for subcommand in SUBCOMMANDS {
         let args: Vec<_> = subcommand.split(' ').chain(["--help"]).collect();
         for line in r6(&args).out.lines().filter_map(|line| line.strip_prefix("  r6 ")) {
-            // What stands behind two blanks explains, what stands behind a bar or an arrow is for the shell.
+            // Text after two blanks is an explanation. A bar or an arrow begins text for the shell.
             let example =
                 line.split("  ").next().unwrap_or_default().split(['|', '>', '<']).next().unwrap_or_default();
             let mut args: Vec<_> = example.split_whitespace().collect();
             if example.contains(".toml") && example.starts_with("sim") {
                 continue;
             }
-            // The parser reads everything before it finds the one word that it does not know.
+            // The parser accepts everything before the one unknown word.
             args.push("--no-such-option");
             let outcome = r6(&args);
             assert_eq!(outcome.code, 2, "{example}");

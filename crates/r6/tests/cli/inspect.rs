@@ -1,4 +1,4 @@
-//! `r6 inspect` on what people capture.
+//! `r6 inspect` on captured traffic.
 
 use crate::support::{r6, r6_with_input};
 
@@ -43,7 +43,7 @@ fn a_transcript_is_read_on_both_sides() {
     assert_eq!(outcome.code, 0, "{outcome:?}");
     let directions: Vec<_> = outcome.out.lines().filter_map(|line| line.split("  ").nth(1)).collect();
     assert_eq!(directions, ["PC → controller", "controller → PC", "controller → PC", "PC → controller"]);
-    // Captured: the controller leaves out what it does not know.
+    // In this capture the controller leaves out the addresses that it does not know.
     let outcome = r6(&["inspect", "vectors/transcripts/connect_and_query.jsonl", "--problems"]);
     assert_eq!(outcome.code, 1);
     assert!(outcome.out.contains("2 addresses were asked for and 1 values came"), "{}", outcome.out);

@@ -1,10 +1,10 @@
-//! Files without an end, and files that are too long: nothing is read beyond its limit.
+//! Endless files and files that are too long: r6 reads nothing beyond its limit.
 
 use std::os::unix::fs::symlink;
 
 use crate::support::shell;
 
-/// What a run may take, KiB: far less than a file without an end, and enough for threads that are started and do nothing.
+/// The memory of a run, KiB: far less than an endless file, and enough for idle threads.
 const MEMORY_KIB: u32 = 1024 * 1024;
 
 /// Runs r6 with little memory.
@@ -34,7 +34,7 @@ fn a_file_without_an_end_is_read_up_to_its_limit() {
         (&["plot", "examples/programs/square.toml", "--model", &toml], model),
         (&["panel", "load", &toml], "a program has 262144 bytes at most"),
         (&["inspect", "/dev/zero"], "has more than 268435456 bytes"),
-        // It has no name that tells what it is, and is not read at all.
+        // The name has no extension, so r6 does not read the file at all.
         (&["run", "/dev/zero"], "a program ends in .json or .toml"),
     ] {
         let outcome = with_little_memory(r#"exec "$R6" "$@""#, args);

@@ -1,4 +1,5 @@
-//! The built binary as people use it: its help, the commands that need no robot, and all others against `r6 sim`.
+//! The built binary as users run it: its help, the commands that need no robot, and all others against `r6
+//! sim`.
 
 mod crowded;
 mod ends;

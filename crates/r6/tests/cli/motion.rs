@@ -1,4 +1,4 @@
-//! Motion, from the pre-flight to the stop.
+//! Motion, from the check of the machine to the stop.
 
 use crate::support::{Robot, Running, r6};
 
@@ -45,12 +45,13 @@ fn a_curve_goes_to_its_end() {
     let tool_down = ["move", "axes", "0", "10", "-20", "0", "-80", "0", "--speed", "100", "--wait"];
     assert_eq!(robot.r6(&tool_down).code, 0);
     let numbers = ["400", "50", "500", "180", "0", "180", "350", "100", "500", "180", "0", "180"];
-    // The orientation is kept: +180 told to a tool that reads -180 is a whole turn.
+    // The orientation is kept. A target of +180 for a tool that reads -180 would be a full turn.
     let curve = |more: &[&str]| {
         robot.r6(&[&["move", "curve"][..], &numbers, &["--speed", "20", "--mask", "0x07", "--wait"], more]
             .concat())
     };
-    // A curve without a line before it in its list is accepted and not executed: that is told.
+    // The controller accepts a curve without a line before it in the list, and does not execute it. r6
+    // reports that.
     let lone = curve(&[]);
     assert_eq!(lone.code, 1, "{lone:?}");
     assert!(
@@ -141,7 +142,7 @@ fn giving_up_waiting_says_that_the_arm_goes_on() {
         outcome.err
     );
     assert_eq!(robot.r6(&["stop"]).code, 0);
-    // Ctrl-C is the same.
+    // Ctrl-C has the same result.
     assert_eq!(robot.r6(&["command", "startButton"]).code, 0);
     let mut waiting =
         Running::start(&["-r", robot.address(), "move", "axes", "90", "--speed", "1", "--wait"]);
@@ -153,7 +154,7 @@ fn giving_up_waiting_says_that_the_arm_goes_on() {
 fn appending_goes_behind_what_runs() {
     let robot = Robot::start(&[]);
     assert_eq!(robot.r6(&["move", "axes", "5", "--speed", "1"]).code, 0);
-    // Without --append a robot that moves is sent nothing.
+    // Without --append r6 sends nothing to a moving robot.
     assert_eq!(robot.r6(&["move", "axes", "8", "--speed", "5"]).code, 1);
     let outcome = robot.r6(&["move", "axes", "8", "--speed", "100", "--append", "--wait"]);
     assert_eq!(outcome.code, 0, "{outcome:?}");
@@ -179,7 +180,7 @@ fn programs_are_told_what_happens_line_by_line() {
     assert_eq!((&stands["event"], &stands["moved"]), (&"stands".into(), &true.into()));
     assert!((stands["axes"][0]["position"].as_f64().unwrap() - 5.0).abs() < 1e-3, "{stands}");
     assert_eq!(stands["pose"]["x_mm"], robot.value("world-0"));
-    // The way to the limit is an alarm, and the last line says so.
+    // A move beyond the limit raises an alarm, and the last line says so.
     let outcome = robot.r6(&["move", "axes", "500", "--speed", "100", "--wait", "--json"]);
     assert_eq!(outcome.code, 1, "{outcome:?}");
     let events_of = events(&outcome.out);
@@ -187,7 +188,7 @@ fn programs_are_told_what_happens_line_by_line() {
     assert_eq!((&failed["event"], &failed["exit"]), (&"failed".into(), &1.into()));
     assert!(failed["message"].as_str().unwrap().contains("alarm 130"), "{failed}");
     assert!(outcome.err.contains("alarm 130"), "{}", outcome.err);
-    // Then it is not ready.
+    // After the alarm the machine is not ready.
     let outcome = robot.r6(&["move", "axes", "1", "--json"]);
     assert_eq!(outcome.code, 1);
     let [not_sent] = &events(&outcome.out)[..] else { panic!("{outcome:?}") };

@@ -1,4 +1,4 @@
-//! Commands that need no robot, and what a wrong command line comes to.
+//! Commands that need no robot, and wrong command lines.
 
 use crate::support::{TempFile, r6};
 
@@ -79,7 +79,7 @@ fn completions_are_for_every_shell() {
         assert_eq!(outcome.code, 0);
         assert!(outcome.out.contains(part), "{shell}");
         let words = ["plot", "global-speed", "curAlarm", "axis-0", "modifyGSPD", "startButton"];
-        // The scripts for fish know no words of arguments without an option.
+        // The script for fish does not complete arguments without an option.
         let known = if shell == "fish" { 2 } else { words.len() };
         for word in &words[..known] {
             assert!(outcome.out.contains(word), "{shell} does not complete {word}");
@@ -130,7 +130,7 @@ fn lines_and_curves_have_their_own_actions() {
     assert_eq!(step["delay"], "0.5");
 }
 
-/// Each of these is wrong; the message has to say this.
+/// Each command line is wrong, and the message must contain the text beside it.
 #[test]
 fn a_wrong_command_line_is_code_2_and_says_why() {
     let cases: [(&[&str], &str); 18] = [

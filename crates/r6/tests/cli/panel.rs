@@ -82,9 +82,16 @@ fn inputs_alarms_and_programs_show_in_the_status() {
     assert_eq!(r6(&["-r", &cell.robot, "query", "input-1", "--json"]).json()["values"]["input-1"], 2);
     cell.done(&["input", "X1.011", "off"]);
     let text = cell.done(&["status"]).out;
-    for part in
-        ["a virtual controller", "alarm           135 (J6: positive soft limit)", "EUX010", "J6", "340"]
-    {
+    for part in [
+        "a virtual controller",
+        "alarm           135 (J6: positive soft limit)",
+        "EUX010",
+        "J6",
+        "340",
+        "NOT READY: alarm 135",
+        "1 of 4 in register-move: wait until M011 goes on",
+        "camera points   none wait",
+    ] {
         assert!(text.contains(part), "{part} in\n{text}");
     }
     assert!(!text.contains("X1.011"), "{text}");
@@ -119,7 +126,7 @@ fn an_axis_is_moved_by_hand() {
     let cell = Cell::start(&["--start", "manual"]);
     assert_eq!(cell.done(&["jog", "j1", "-10", "--speed", "100"]).out, "mode manual (1), no alarm, moving\n");
     let wait = || {
-        // A move of a tenth of a second is over long before so many programs have run.
+        // The loop is long enough: the move takes a tenth of a second, and each round runs a program.
         let states = (0..10_000).map(|_| cell.done(&["status", "--json"]).json());
         let mut states = states.skip_while(|state| state["moving"] == true);
         states.next().expect("the arm came to rest")
@@ -150,7 +157,7 @@ fn a_program_is_loaded_out_of_a_file() {
         r6(&["-r", &cell.robot, "query", "counter-0", "--json"]).json()["values"]["counter-0"]["current"],
         1
     );
-    // Without a name it is called as the file.
+    // Without `--name` the program has the name of its file.
     let state = cell.done(&["load", good.path(), "--json"]).json();
     let stem = std::path::Path::new(good.path()).file_stem().unwrap().to_str().unwrap();
     assert!(state["programs"].as_array().unwrap().iter().any(|name| name == stem), "{state}");
@@ -187,7 +194,7 @@ fn a_start_that_ends_at_once_in_an_alarm_is_no_success() {
     cell.done(&["clear"]);
     let outcome = cell.panel(&["button", "start", "--json"]);
     assert_eq!((outcome.code, &outcome.json()["alarm"]), (1, &5007.into()));
-    // A press that starts nothing is done all the same.
+    // A press that starts nothing still succeeds.
     assert_eq!(cell.panel(&["button", "stop"]).code, 0);
 }
 
@@ -235,7 +242,7 @@ fn a_panel_that_is_not_there_or_says_nothing_is_no_reply() {
         }
     });
     assert_eq!(r6(&["panel", "--panel", &address, "status"]).code, 3);
-    // It may have been carried out.
+    // The panel may have carried out the action.
     assert_eq!(r6(&["panel", "--panel", &address, "estop"]).code, 4);
     hang_up.join().unwrap();
 }

@@ -1,4 +1,4 @@
-//! `r6 plot`: the picture and the figures of a program.
+//! `r6 plot`: the picture of a program and its figures.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::support::{Outcome, Robot, TempFile, r6, r6_with_input, root};
 
-/// A program, and the picture of it that a test makes; both go with it.
+/// A program, and the picture that a test draws of it. Both files are removed at the end.
 struct Plotted {
     program: TempFile,
     picture: PathBuf,
@@ -60,7 +60,7 @@ fn attribute<'l>(line: &'l str, name: &str) -> &'l str {
     line.split(&format!(" {name}=\"")).nth(1).unwrap_or_else(|| panic!("{line}")).split('"').next().unwrap()
 }
 
-/// The labels of an axis of the picture: what is written, and the pixel beside it.
+/// The labels of an axis of the picture: the number, and its pixel.
 fn labels(lines: &[&str], coordinate: &str, offset: f64) -> Vec<(f64, f64)> {
     let texts = lines.iter().filter(|line| line.starts_with("<text x"));
     texts
@@ -71,7 +71,7 @@ fn labels(lines: &[&str], coordinate: &str, offset: f64) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// The value at a pixel, by the first and the last label.
+/// The value at a pixel, interpolated between the first and the last label.
 fn value_at(labels: &[(f64, f64)], pixel: f64) -> f64 {
     let ((low, from), (high, to)) = (labels[0], labels[labels.len() - 1]);
     low + (pixel - from) / (to - from) * (high - low)
@@ -94,7 +94,7 @@ fn the_curves_end_where_the_axes_are() {
     let (curves, values, times) =
         (groups(&picture, "curves"), groups(&picture, "values"), groups(&picture, "time"));
     assert_eq!(curves.iter().map(Vec::len).collect::<Vec<_>>(), [6, 6], "an axis has a line in both panels");
-    // What the eye reads off the picture, from its own labels.
+    // Reads values off the picture with its own labels.
     let (degrees, seconds) = (labels(&values[0], "y", 4.0), labels(&times[0], "x", 0.0));
     let duration = plotted.figures(&[])["duration_s"].as_f64().unwrap();
     for (line, wanted) in curves[0].iter().zip([30.0, 0.0, -20.0, 0.0, -80.0, 0.0]) {
@@ -103,7 +103,7 @@ fn the_curves_end_where_the_axes_are() {
         assert!((value_at(&seconds, x) - duration).abs() < 0.005, "{duration}: {line}");
         assert!(value_at(&degrees, points(line)[0].1).abs() < 0.1);
     }
-    // J5 has the longest way at its speed and sets the pace: half of its full speed, backwards.
+    // J5 needs the most time and sets the pace: half of its full speed, backwards.
     let percent = labels(&values[1], "y", 4.0);
     let fastest = points(curves[1][4]).into_iter().map(|(_, y)| value_at(&percent, y)).fold(0.0, f64::min);
     assert!((fastest + 50.0).abs() < 0.5, "{fastest}");
@@ -122,7 +122,7 @@ fn the_figures_are_those_of_the_running_controller() {
     let robot = Robot::start(&[]);
     let radius = robot.value("world-0").as_f64().unwrap();
     assert_eq!(robot.r6(&["run", plotted.program.path(), "--wait"]).code, 0);
-    // The controller tells its cycle time in the same seconds; the way is an arc about J1.
+    // The cycle time of the controller is in the same seconds. The tool path is an arc about J1.
     assert_near(&figures["duration_s"], robot.value("lastCycle").as_f64().unwrap(), 0.002);
     assert_near(&figures["tool_path_mm"], radius * 20.0_f64.to_radians(), 0.01);
     assert_near(&figures["axes"][0]["way"], 20.0, 1e-6);
@@ -191,7 +191,7 @@ fn a_wait_needs_somebody_who_sets_the_input() {
     let figures = plotted.figures(&["--input", "X013=on@1s", "--input", "X012=on@2.5s"]);
     assert_eq!(figures["ended"], "done");
     assert_near(&figures["instructions"][1]["end_s"], 2.5, 1e-9);
-    // A wait with a limit runs out, as it does at the machine.
+    // A wait with a limit times out, as on the machine.
     let limited = Plotted::new("limit.toml", &format!("{wait}limit = 1.5\n"));
     let outcome = limited.plot(&["--json"]);
     assert_eq!(outcome.code, 1);

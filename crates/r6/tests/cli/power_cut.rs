@@ -1,7 +1,8 @@
-//! `r6 sim --state` is killed at random moments while clients write: nothing that was acknowledged is lost, and no file is
-//! ever half written.
+//! `r6 sim --state` is killed at random moments while clients write. Nothing that was acknowledged is lost,
+//! and no file is ever half written.
 //!
-//! `R6_POWER_CUTS=10000 cargo nextest run -p r6 power_cut` does it more often, `R6_SEED=7` at other moments.
+//! For more power cuts: `R6_POWER_CUTS=10000 cargo nextest run -p r6 power_cut`. `R6_SEED=7` changes the
+//! moments.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -16,16 +17,16 @@ use tempfile::TempDir;
 
 use crate::support::{Running, r6};
 
-/// How often the power is cut in an ordinary run of the tests.
+/// How many times an ordinary run of the tests cuts the power.
 const POWER_CUTS: u64 = 1000;
 
-/// Long enough for a loaded machine and a slow disk.
+/// The timeout: long enough for a loaded machine and a slow disk.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The most that one client writes between two power cuts.
 const MOST_WRITES: u64 = 150;
 
-/// A number from the environment.
+/// Reads a number from the environment.
 fn setting(name: &str, default: u64) -> u64 {
     std::env::var(name).map_or(default, |text| text.parse().unwrap())
 }
@@ -42,21 +43,21 @@ impl Random {
     }
 }
 
-/// Something that survives, by its place in the file: `/registers/800`.
+/// A value that survives a power cut, by its place in the file: `/registers/800`.
 type Place = String;
 
-/// What has to be found in a place: the last value that was acknowledged, or one that was sent after it.
+/// The values that a place may hold: the last acknowledged value, or a value that was sent after it.
 #[derive(Debug, Default)]
 struct Written {
     acknowledged: Option<Value>,
     sent: Vec<Value>,
 }
 
-/// A client that writes to places of its own.
+/// A client that writes only to its own places.
 struct Writer {
     number: u64,
     stream: TcpStream,
-    /// What was sent and not acknowledged yet, in order.
+    /// Writes that were sent and are not acknowledged yet, in order.
     pending: Vec<(Place, Value)>,
     received: Vec<u8>,
     acknowledged: usize,
@@ -70,7 +71,7 @@ impl Writer {
         Self { number, stream, pending: Vec::new(), received: Vec::new(), acknowledged: 0 }
     }
 
-    /// Sends one write of something that survives.
+    /// Sends one write of a value that survives a power cut.
     fn write(&mut self, random: &mut Random) {
         let value = random.below(1_000_000);
         let number = self.number;
@@ -106,17 +107,17 @@ impl Writer {
         }
     }
 
-    /// Reads once; false at the end of the connection.
+    /// Reads once. Returns false at the end of the connection.
     fn read(&mut self) -> bool {
         let mut bytes = [0; 4096];
         let Ok(count @ 1..) = self.stream.read(&mut bytes) else { return false };
         self.received.extend_from_slice(&bytes[..count]);
-        // One object for each write, and no other braces.
+        // Each write has a reply of one JSON object, without inner braces.
         self.acknowledged = self.received.iter().filter(|byte| **byte == b'}').count();
         true
     }
 
-    /// What is known now of the places of this client.
+    /// Records what is known now about the places of this client.
     fn settle(self, places: &mut BTreeMap<Place, Written>) {
         let replies = String::from_utf8(self.received).unwrap();
         assert!(!replies.contains("err"), "{replies}");
@@ -132,7 +133,7 @@ impl Writer {
     }
 }
 
-/// Lets a few microseconds pass without giving the processor away: the moment is what matters.
+/// Waits a few microseconds without yielding the processor, so that the moment of the power cut is exact.
 fn spin(time: Duration) {
     let start = Instant::now();
     while start.elapsed() < time {
@@ -140,7 +141,7 @@ fn spin(time: Duration) {
     }
 }
 
-/// Compares what is on the disk with what was written, and takes it over.
+/// Compares the state on disk with what was written, and takes the state on disk as the new base.
 fn check(folder: &Path, places: &mut BTreeMap<Place, Written>, context: &str) {
     let names: Vec<_> = std::fs::read_dir(folder)
         .unwrap()
@@ -160,14 +161,14 @@ fn check(folder: &Path, places: &mut BTreeMap<Place, Written>, context: &str) {
         let found = state.pointer(place).cloned();
         let fits = found == written.acknowledged
             || found.as_ref().is_some_and(|found| written.sent.contains(found))
-            // A counter that was never written has been there all the same.
+            // A counter that was never written exists with the value 0.
             || (written.acknowledged.is_none() && found == Some(Value::from(0)));
         assert!(fits, "{context}: {place}: {found:?} is there, of {written:?}");
         *written = Written { acknowledged: found, sent: Vec::new() };
     }
 }
 
-/// Asks the controller that was started anew for what is on the disk.
+/// Asks the restarted controller for the values on disk.
 fn ask(address: &str, places: &BTreeMap<Place, Written>, context: &str) {
     let mut known: Vec<(String, Value)> = Vec::new();
     for (place, written) in places {

@@ -1,4 +1,4 @@
-//! What programs are told of failures: one JSON object on stdout, the same for every command.
+//! Failures as programs see them: one JSON object on stdout, the same for every command.
 
 use std::net::{TcpListener, TcpStream};
 
@@ -6,14 +6,14 @@ use serde_json::{Value, json};
 
 use crate::support::{Outcome, Robot, TempFile, r6};
 
-/// The problem object of a run that failed: the only document on stdout.
+/// The problem object of a failed run. It must be the only document on stdout.
 fn problem(outcome: &Outcome) -> Value {
     let problem = outcome.json();
     holds(&problem, outcome);
     problem
 }
 
-/// A problem object says as much as the run itself.
+/// Checks that a problem object agrees with the run itself.
 fn holds(problem: &Value, outcome: &Outcome) {
     assert_eq!(problem["exit"], outcome.code, "{outcome:?}");
     assert!(problem["code"].as_str().is_some_and(|code| !code.is_empty()), "{outcome:?}");
@@ -56,7 +56,7 @@ fn a_wrong_command_line_is_a_problem() {
             outcome.err.contains(message.split(": <").next().unwrap()),
             "people are told, too: {outcome:?}"
         );
-        // Without the option stdout is for people.
+        // Without `--json` stdout is for people.
         let without: Vec<_> = args.iter().copied().filter(|arg| *arg != "--json").collect();
         assert_eq!(r6(&without).out, "", "{without:?}");
     }
@@ -64,7 +64,7 @@ fn a_wrong_command_line_is_a_problem() {
 
 #[test]
 fn nobody_there_is_a_problem() {
-    // The near end of a connection: its port is taken, and nobody listens on it.
+    // The local end of a connection: its port is in use, and no program listens on it.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let taken = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
     let address = taken.local_addr().unwrap().to_string();
@@ -132,7 +132,7 @@ fn a_result_that_is_not_all_right_has_its_problem_in_it() {
     let plot = r6(&["plot", wait.path(), "--out", picture.path(), "--json"]);
     holds(&plot.json()["problem"], &plot);
     assert_eq!(plot.json()["problem"]["code"], "not_finished");
-    // What is all right has none.
+    // A run without a failure has no problem object.
     let ready = Robot::start(&[]);
     for args in [&["status"][..], &["query", "axis-0"], &["stop"]] {
         let outcome = ready.r6(&[args, &["--json"]].concat());
@@ -147,10 +147,15 @@ fn watching_what_is_not_there_ends_as_asking_for_it() {
     let watch = robot.r6(&["watch", "axis-0", "curMold", "--every", "1ms", "--times", "3"]);
     assert_eq!((watch.code, watch.code), (1, query.code), "{watch:?}");
     assert_eq!(watch.err, query.err, "said once");
-    assert_eq!(watch.out, "axis-0  curMold\n0.000  -\n0.000  -\n0.000  -\n");
+    let (heading, lines) = watch.out.split_once('\n').unwrap();
+    assert_eq!(heading, "time  axis-0 [deg or mm]  curMold");
+    let values: Vec<_> =
+        lines.lines().filter_map(|line| line.split_once("  ")).map(|(_, values)| values).collect();
+    assert_eq!(values, ["0.000  -"; 3]);
     let mut watch =
         crate::support::Running::start(&["-r", robot.address(), "watch", "curMold", "--every", "10ms"]);
-    assert_eq!((watch.line().as_str(), watch.line().as_str()), ("curMold", "-"));
+    assert_eq!(watch.line(), "time  curMold");
+    assert!(watch.line().ends_with("Z  -"));
     // The line comes before the reading is counted.
     watch.line();
     assert_eq!(watch.end("INT"), Some(1));

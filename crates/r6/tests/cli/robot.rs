@@ -23,8 +23,7 @@ fn a_robot_that_may_be_ready_says_what_no_value_tells() {
     assert!(json["pose"]["x_mm"].is_number());
 }
 
-/// Where the controller tells its program, the name of one that only waits is the proof.
-/// What the quick start and `r6 status` warn of.
+/// The quick start and `r6 status` warn about this.
 #[test]
 fn a_list_that_a_production_program_refuses_stops_the_machine() {
     let robot = Robot::start(&["--program", "register-move"]);
@@ -41,6 +40,7 @@ fn a_list_that_a_production_program_refuses_stops_the_machine() {
     assert!(page.contains("`r6 run` stops production"), "{page}");
 }
 
+/// If the controller reports its program, the name of a program that only waits is the proof.
 #[test]
 fn a_program_that_only_waits_makes_it_ready() {
     let profile = TempFile::new("tells-all.toml", "unsupported_addresses = []\n");
@@ -49,7 +49,7 @@ fn a_program_that_only_waits_makes_it_ready() {
     let status = robot.r6(&known);
     assert_eq!((status.code, status.last_line()), (0, "READY"), "{status:?}");
     assert_eq!(robot.r6(&[&known[..], &["--json"]].concat()).json()["ready"], true);
-    // Another program runs just as well: nothing proves that it waits.
+    // With another program, nothing proves that it waits for remote commands.
     assert_eq!(robot.r6(&["command", "switchMold", "register-follow"]).code, 0);
     let status = robot.r6(&known);
     assert!(
@@ -80,7 +80,7 @@ fn every_profile_can_be_asked() {
     for profile in ["hc1", "r6-host", "r6-pendant", "legacy"] {
         let robot = Robot::start(&["--profile", profile]);
         let status = robot.r6(&["status"]);
-        // Only some tell how many instructions are left.
+        // Only some profiles report how many instructions are left.
         let tells = robot.r6(&["query", "RemoteCmdLen"]).code == 0;
         let wanted = "whether instructions are left in the list";
         assert_eq!(status.code, 0, "{profile}: {status:?}");
@@ -116,8 +116,10 @@ fn watching_ends_by_count_or_by_signal() {
     assert_eq!(samples[2]["values"], serde_json::json!({"axis-0": 0.0, "isMoving": false}));
     assert!(samples[0]["unix_ms"].as_u64() <= samples[2]["unix_ms"].as_u64());
     let mut watch = Running::start(&["-r", robot.address(), "watch", "axis-0", "--every", "10ms"]);
-    assert_eq!(watch.line(), "axis-0");
-    assert_eq!(watch.line(), "0.000");
+    assert_eq!(watch.line(), "time  axis-0 [deg or mm]");
+    let line = watch.line();
+    let (time, value) = line.split_once("  ").unwrap();
+    assert!(humantime::parse_rfc3339(time).is_ok() && time.ends_with('Z') && value == "0.000", "{line}");
     assert_eq!(watch.end("INT"), Some(0));
 }
 
@@ -155,7 +157,7 @@ fn a_refusal_is_code_1() {
 
 #[test]
 fn nobody_there_is_code_3_and_names_the_way_out() {
-    // The near end of a connection: its port is taken, and nobody listens on it.
+    // The local end of a connection: its port is in use, and no program listens on it.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let taken = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
     let address = taken.local_addr().unwrap().to_string();
@@ -166,7 +168,7 @@ fn nobody_there_is_code_3_and_names_the_way_out() {
         assert_eq!(outcome.err.lines().count(), 2, "{args:?}: {}", outcome.err);
     }
     assert_eq!(r6(&["-r", "127.0.0.1:no", "status"]).code, 2);
-    // A stop has more to say, and says it first.
+    // A stop has a more important message, which comes first.
     let stop = r6(&["-r", &address, "stop"]);
     let first = format!(
         "r6: the arm was NOT stopped: it may go on with what is in its list; use the emergency stop; nothing was sent: {address} "
@@ -184,7 +186,7 @@ fn nobody_there_is_code_3_and_names_the_way_out() {
 
 #[test]
 fn no_reply_is_code_3() {
-    // It takes connections into its backlog and never says a word.
+    // The listener accepts connections into its backlog and never answers.
     let silent = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = silent.local_addr().unwrap().to_string();
     let outcome = r6(&["-r", &address, "query", "axis-0"]);
@@ -238,7 +240,7 @@ fn the_address_comes_from_option_or_environment() {
 fn a_leftover_list_is_not_started_without_a_word() {
     let robot = Robot::start(&[]);
     assert_eq!(robot.r6(&["move", "axes", "90", "--speed", "1"]).code, 0);
-    // The list stays when the motion is stopped by this command alone.
+    // This command alone stops the motion and keeps the list.
     assert_eq!(robot.r6(&["command", "actionStop"]).code, 0);
     let mode = robot.value("curMode");
     for command in ["startButton", "actionSingleCycle", "clearAlarmContinue", "clearAlarmRunNext"] {
@@ -252,7 +254,7 @@ fn a_leftover_list_is_not_started_without_a_word() {
     assert_eq!(outcome.code, 0, "{outcome:?}");
     assert_eq!(robot.r6(&["stop"]).code, 0);
     assert_eq!(robot.r6(&["command", "startButton"]).code, 0);
-    // Firmware that does not tell the length of the list.
+    // This firmware does not report the length of the list.
     let old = Robot::start(&["--profile", "r6-pendant", "--start", "auto"]);
     assert_eq!(old.r6(&["command", "startButton"]).code, 0);
 }
@@ -262,7 +264,8 @@ fn watching_a_robot_that_goes_away_is_not_code_0() {
     let robot = Robot::start(&[]);
     let watch = ["-r", robot.address(), "watch", "axis-0", "--every", "200ms", "--times", "2"];
     let mut watch = Running::start_with_pipes(&watch);
-    assert_eq!((watch.line().as_str(), watch.line().as_str()), ("axis-0", "0.000"));
+    assert_eq!(watch.line(), "time  axis-0 [deg or mm]");
+    assert!(watch.line().ends_with("Z  0.000"));
     drop(robot);
     assert_eq!(watch.code(), Some(3));
 }
@@ -277,6 +280,33 @@ fn advice_is_for_the_robot_that_was_asked() {
         "{status}"
     );
     assert!(status.contains("turn the key to auto at its panel"), "{status}");
+}
+
+#[test]
+fn older_firmware_is_asked_in_its_own_words() {
+    let robot = Robot::start(&["--profile", "legacy"]);
+    let outcome = robot.r6(&["--type-key", "cmdType", "--ds-id", "short", "-vvv", "query", "version"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    assert!(outcome.err.contains("cmdType") && outcome.err.contains("HCRemoteMonitor"), "{}", outcome.err);
+    let usual = robot.r6(&["-vvv", "query", "version"]);
+    assert!(usual.err.contains("reqType") && usual.err.contains("www.hc-system.com"), "{}", usual.err);
+    let wrong = robot.r6(&["--ds-id", "shrt", "status"]);
+    assert!(wrong.code == 2 && wrong.err.contains("short"), "{wrong:?}");
+}
+
+#[test]
+fn a_robot_is_not_named_where_none_is_asked() {
+    for (args, advice) in [
+        (&["-r", "192.168.1.10", "up"][..], "`r6 up --listen 192.168.1.10`"),
+        (&["-r", "192.168.1.10", "up"], "`r6 -r 192.168.1.10 status`"),
+        (&["sim", "--robot", "10.0.0.7:9761"], "`r6 sim --listen 10.0.0.7:9761`"),
+        (&["-r", "10.0.0.7", "discover", "127.0.0.1:9"], "`r6 discover 10.0.0.7`"),
+        (&["-r", "10.0.0.7", "alarm", "27"], "leave --robot out"),
+    ] {
+        let outcome = r6(args);
+        assert_eq!((outcome.code, outcome.out.as_str()), (2, ""), "{outcome:?}");
+        assert!(outcome.err.contains("asks no robot") && outcome.err.contains(advice), "{}", outcome.err);
+    }
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn every_example_is_read() {
     for entry in std::fs::read_dir(root().join("examples/programs")).unwrap() {
         let path = entry.unwrap().path();
         if path.extension().is_some_and(|extension| extension == "svg") {
-            // Somebody has plotted it.
+            // A picture that a user plotted.
             continue;
         }
         let outcome = r6(&["run", path.to_str().unwrap(), "--dry-run"]);
@@ -92,7 +92,7 @@ fn nothing_is_sent_of_a_program_of_which_a_part_cannot_be() {
     }
 }
 
-/// A controller may take 0 for a coordinate that is left out, and sends no setting back that it rounded.
+/// A controller may take 0 for a coordinate that is left out, and does not report that it rounded a setting.
 #[test]
 fn what_a_controller_would_have_to_guess_is_not_sent() {
     let step = |mask: &str, speed: &str| {
@@ -211,7 +211,7 @@ fn five_mistakes_are_five_lines_with_their_places_in_run_and_plot() {
     assert_eq!((&mistakes[1]["line"], &mistakes[1]["column"]), (&5.into(), &1.into()), "{problem}");
 }
 
-/// The two kinds of programs point at each other.
+/// The errors for the two kinds of programs point at each other.
 #[test]
 fn a_taught_program_is_told_apart() {
     let taught = TempFile::new("taught.toml", "[[step]]\ndo = \"remote\"\n");

@@ -1,4 +1,4 @@
-//! `r6 sim` and `r6 up` as programs.
+//! `r6 sim` and `r6 up` as processes.
 
 use std::io::{BufRead, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -69,7 +69,7 @@ fn up_without_a_terminal_prints_lines() {
     }
 }
 
-/// A program out of a file runs, another is there for it to call, and a wrong one says where.
+/// A program from a file runs and can call another one. The error for a wrong program says where it is wrong.
 #[test]
 fn programs_of_ones_own_are_played() {
     let part = r#"{"step": [{"do": "register", "number": 850, "to": 77}]}"#;
@@ -92,7 +92,7 @@ fn programs_of_ones_own_are_played() {
     refused(&["--program", wrong.path()], "wrong.toml:3:1: step 1 (wait): there is no key `second`");
 }
 
-/// What people write has five mistakes, and each is told with its place.
+/// A file with five mistakes gets five lines, each with its place.
 #[test]
 fn five_mistakes_of_a_program_and_of_a_profile_are_five_lines() {
     let program = "[[step]]\ndo = \"axis-move\"\nto = [1]\nspeed = 0\n[[step]]\ndo = \"wait\"\npoint = \"X10\"\n\
@@ -110,7 +110,7 @@ fn five_mistakes_of_a_program_and_of_a_profile_are_five_lines() {
             lines.filter_map(|line| line.strip_prefix(file.path())?.split(": ").next()).collect();
         assert_eq!(found, places, "{}", outcome.err);
     }
-    // An older spelling is read, and told.
+    // An older spelling is accepted with a hint.
     let old = TempFile::new(
         "old.toml",
         "[[step]]\ndo = \"output\"\nkind = \"y\"\npoint = 1\non = true\n[[step]]\ndo = \"remote\"\n",
@@ -125,7 +125,7 @@ fn a_model_of_four_axes_is_played() {
     let document = include_str!("../../../../docs/MODELS.md");
     let (_, example) = document.split_once("```toml\n").unwrap();
     let file = TempFile::new("my-scara.toml", example.split_once("```").unwrap().0);
-    // Stretched, and with the second link 10 degrees off.
+    // First stretched, then with the second link turned by 10 degrees.
     let bent = 225.0 + 175.0 * 10.0_f64.to_radians().cos();
     for (model, x, height, turn) in [("generic-scara", 600.0, 300.0, 0.0), (file.path(), bent, 220.0, 10.0)] {
         let robot = Robot::start(&["--model", model]);
@@ -168,7 +168,7 @@ fn a_controller_can_be_started_in_every_state() {
     }
 }
 
-/// Reads until a text came.
+/// Reads until `wanted` has come.
 fn read_until(stream: &mut TcpStream, wanted: &str) -> String {
     let mut text = String::new();
     let mut bytes = [0; 4096];
@@ -183,7 +183,7 @@ fn read_until(stream: &mut TcpStream, wanted: &str) -> String {
 #[test]
 fn nobody_has_to_read_what_sim_and_up_print() {
     for command in ["sim", "up"] {
-        // With -v the same lines go to stderr too, which nobody reads either.
+        // With -v the same lines go to stderr too, which has no reader either.
         let count = if command == "sim" { 3 } else { 1 };
         let listen = ["-v", command].into_iter().chain(["--listen", "127.0.0.1:0"].repeat(count));
         let mut running = Running::start_with_pipes(&listen.collect::<Vec<_>>());
@@ -231,7 +231,7 @@ fn a_line_on_stdin_sets_an_input_or_asks_for_a_photo() {
         error,
         "r6: unknown line `wave`; there are: input BOARD POINT on|off, photo CAM, key auto|manual|stop\n"
     );
-    // The end of stdin is not the end of sim.
+    // The end of stdin does not end `r6 sim`.
     assert_eq!(r6(&["-r", &address, "query", "version"]).code, 0);
     assert_eq!(sim.end("TERM"), Some(0));
 }
@@ -270,7 +270,7 @@ fn a_camera_that_listens_is_dialled() {
     }
 }
 
-/// An input follows an output, as the scenario says, and a wrong scenario says where it is wrong.
+/// An input follows an output, as the scenario says. The error for a wrong scenario says where it is wrong.
 #[test]
 fn a_scenario_happens() {
     let text = "[[react]]\nwhen = \"Y010\"\nthen = \"X012\"\nafter = 0.2\n\
@@ -283,7 +283,7 @@ fn a_scenario_happens() {
     assert_eq!(r6(&["-r", &address, "command", "modifyOutput", "0", "0", "1"]).code, 0);
     let read = r6(&["-r", &address, "query", "input-0", "--json"]).json();
     assert_eq!(read["values"]["input-0"], 4, "{read}");
-    // Nobody waits for the timeline: it comes at its time.
+    // The timeline runs on its own clock; no client has to wait for it.
     let lines: Vec<_> = (0..3).map(|_| sim.line()).collect();
     let wanted = ["modifyOutput", "scenario: input X012 on", "scenario: alarm 5001"];
     assert!(lines.iter().zip(wanted).all(|(line, wanted)| line.contains(wanted)), "{lines:?}");
@@ -348,7 +348,7 @@ fn connections_that_cannot_be_accepted_are_told_once() {
     let cannot = event(&mut sim, "cannot_accept");
     assert_eq!(cannot["level"], "warning", "{cannot}");
     assert!(cannot["text"].as_str().unwrap().contains("os error 24"), "{cannot}");
-    // It is tried every 100 ms.
+    // The simulation tries to accept every 100 ms.
     std::thread::sleep(std::time::Duration::from_millis(350));
     drop(connections);
     let _served = connect();
@@ -365,7 +365,7 @@ fn the_log_speaks_chinese() {
     assert!(lines.iter().any(|line| line.ends_with("连接 0：命令 actionStop")), "{lines:?}");
 }
 
-/// Where the new file would go there is a folder: as on a full disk, it cannot be written.
+/// A folder has the name of the new file. So the file cannot be written, as on a full disk.
 #[test]
 fn a_state_that_cannot_be_written_is_told_and_is_no_good_end() {
     for command in ["sim", "up"] {
@@ -389,4 +389,13 @@ fn a_state_that_cannot_be_written_is_told_and_is_no_good_end() {
         assert_eq!(running.code(), Some(1), "{command}");
         assert_eq!(std::fs::read_to_string(&kept).unwrap(), before);
     }
+}
+
+#[test]
+fn a_program_that_alarms_at_its_first_step_says_so_at_once() {
+    let file = TempFile::new("far.toml", "[[step]]\ndo = \"axis-move\"\nto = [400]\nspeed = 50\n");
+    let mut sim = Running::start_with_pipes(&["sim", "--listen", "127.0.0.1:0", "--program", file.path()]);
+    let mut told = String::new();
+    sim.close_stdin().read_line(&mut told).unwrap();
+    assert!(told.contains("ended at once with alarm 130 (J1: positive soft limit); "), "{told}");
 }

@@ -1,4 +1,4 @@
-//! Signals while `r6 stop` is under way: they never end a stop halfway.
+//! Signals during `r6 stop`: the first one does not interrupt a stop.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,7 +9,8 @@ use serde_json::json;
 
 use crate::support::{Running, hostile};
 
-/// A controller whose arm is moved by a program that `actionStop` and `stopButton` do not end: a stop takes a second and more.
+/// A controller with a program that keeps moving the arm: `actionStop` and `stopButton` have no effect, so
+/// that a stop takes more than a second.
 fn stubborn() -> (String, Arc<HostileController>) {
     let no_effect = Reaction { effect: Effect::NoEffect, ..Reaction::default() };
     let stops = Stops { action_stop: no_effect, stop_button: no_effect, ..Stops::default() };
@@ -30,7 +31,7 @@ fn a_signal_does_not_end_a_stop_halfway() {
         let report: serde_json::Value =
             serde_json::from_str(&report).unwrap_or_else(|_| panic!("{signal}: {report:?}"));
         assert_eq!(report["confirmed"], true, "{signal}: {report}");
-        // The signal came in the middle of it.
+        // The signal came during the stop.
         assert!(report["took_ms"].as_f64().unwrap() > 500.0, "{signal}: {report}");
         assert_eq!(running.code(), Some(0), "{signal}");
     }

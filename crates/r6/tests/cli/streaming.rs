@@ -1,4 +1,4 @@
-//! `r6 run` with more than fits into the controller's list, and what ends it before its time.
+//! `r6 run` with more instructions than the controller's list holds, and what ends such a run early.
 
 use std::fmt::Write;
 
@@ -10,13 +10,14 @@ use tokio::sync::broadcast::Receiver;
 
 use crate::support::{Outcome, Running, TempFile, r6};
 
-/// The instructions that may be in the controller's list.
+/// How many instructions fit into the controller's list.
 const ROOM: usize = 24;
 
-/// Looks at a controller before it is given up: each takes a program that is started, so this is minutes.
+/// How many times a test polls a controller before it fails. Each poll starts a program, so this takes
+/// minutes.
 pub const MANY_LOOKS: usize = 10_000;
 
-/// A virtual controller in this process, and what it logs.
+/// A virtual controller in this process, with its log.
 pub struct Cell {
     _runtime: Runtime,
     pub controller: VirtualController,
@@ -54,7 +55,7 @@ impl Cell {
         self.controller.handle().snapshot().axes
     }
 
-    /// How many instructions the controller took since the last time.
+    /// How many instructions the controller took since the last call.
     pub fn taken(&mut self) -> usize {
         let mut taken = 0;
         while let Ok(line) = self.log.try_recv() {
@@ -63,21 +64,21 @@ impl Cell {
         taken
     }
 
-    /// Looks until the arm has finished its list.
+    /// Polls until the arm has finished its list.
     fn has_finished(&self) {
         for _ in 0..MANY_LOOKS {
             let snapshot = self.controller.handle().snapshot();
             if !snapshot.moving && snapshot.list_length == 0 {
                 return;
             }
-            // Every look starts a program, so nobody waits in a circle.
+            // Each poll starts a program, so this is no busy loop.
             assert_eq!(self.r6(&["query", "isMoving"]).code, 0);
         }
         panic!("the arm never stood");
     }
 }
 
-/// The points of a wave: every axis sways in its own time.
+/// The points of a wave: every axis swings with its own period.
 pub fn wave(points: u32) -> Vec<[f64; 6]> {
     let point = |n| {
         let t = f64::from(n) / 12.0;
@@ -86,7 +87,7 @@ pub fn wave(points: u32) -> Vec<[f64; 6]> {
     (1..=points).map(point).collect()
 }
 
-/// A program in TOML that goes through these points.
+/// A program in TOML that moves through these points.
 pub fn through(points: &[[f64; 6]], speed: u32) -> String {
     let mut text = String::new();
     for point in points {
@@ -102,7 +103,7 @@ fn count(event: &Value, what: &str) -> usize {
     usize::try_from(event["steps"][what].as_u64().unwrap()).unwrap()
 }
 
-/// Reads events until this many steps are done; what was seen last.
+/// Reads events until this many steps are done, and returns the last event.
 fn until_done(running: &mut Running, steps: usize) -> Value {
     loop {
         let event = running.event().expect("it ended before its time");
@@ -112,12 +113,13 @@ fn until_done(running: &mut Running, steps: usize) -> Value {
     }
 }
 
-/// The controller took what was accepted, and nothing that was not sent: in between is a list whose answer nobody waited for.
+/// Checks that the controller took everything that was accepted, and nothing that was not sent. The numbers
+/// may differ by a list whose answer the client did not wait for.
 fn is_what_was_sent(taken: usize, failed: &Value) {
     assert!((count(failed, "accepted")..=count(failed, "sent")).contains(&taken), "{taken} taken: {failed}");
 }
 
-/// The last event.
+/// Reads to the end of the output and returns the last event.
 fn last(running: &mut Running) -> Value {
     std::iter::from_fn(|| running.event()).last().expect("it said nothing more")
 }
@@ -202,7 +204,7 @@ fn interrupted_in_the_middle_the_arm_finishes_its_list() {
     assert!(text(&failed, "message").starts_with("interrupted; the arm may go on moving: "), "{failed}");
     assert!(text(&failed, "message").ends_with(&wanted), "{failed}");
     assert!(text(&failed, "advice").contains(" stop`"), "{failed}");
-    // Nothing more comes, and what was there is carried out.
+    // Nothing more is sent, and the controller carries out the rest of its list.
     assert!(cell.list_length() > 0);
     cell.has_finished();
     let taken = cell.taken();
@@ -277,7 +279,8 @@ fn a_list_that_nobody_answers_is_not_sent_again() {
     assert!(
         text(&failed, "message").contains("0 of 100 steps done, 8 sent and not seen to be done, 92 never")
     );
-    // It was carried out, once. The stop was not answered either, but the state proves that the arm stands.
+    // The controller carried the list out once. It did not answer the stop either, but the state proves that
+    // the arm stands.
     assert!(text(&failed, "message").contains("stopped: the arm stands"), "{failed}");
     assert!(text(&failed, "message").contains("a frame that can move the arm had no answer"), "{failed}");
     assert_eq!(cell.taken() % 8, 0, "one list, and empty ones");
@@ -286,7 +289,8 @@ fn a_list_that_nobody_answers_is_not_sent_again() {
 
 #[test]
 fn a_list_in_the_middle_that_nobody_answers_ends_it() {
-    // Waits make short frames, moves of eight axes long ones: those this controller takes in silence.
+    // Waits make short frames and moves of eight axes make long ones. This controller does not answer the
+    // long ones.
     let mut profile = Profile::hc1();
     profile.add_rcc_silent_over = Some(1000);
     let mut cell = Cell::with(profile, Clock::Times(10.0), "");
@@ -315,7 +319,7 @@ fn when_the_time_is_up_nothing_more_is_sent() {
     is_what_was_sent(cell.taken(), &failed);
     assert_eq!(cell.r6(&["stop"]).code, 0);
     assert_eq!(cell.r6(&["command", "startButton"]).code, 0);
-    // With the wish to stop the arm, it stands.
+    // With `--stop-on-interrupt` the arm stands.
     let outcome = cell.r6(&[&run[..], &["--stop-on-interrupt"]].concat());
     assert_eq!(outcome.code, 1, "{outcome:?}");
     let failed: Value = serde_json::from_str(outcome.last_line()).unwrap();
@@ -343,7 +347,7 @@ fn what_goes_beyond_the_limits_is_not_sent() {
             assert!(outcome.err.starts_with(&wanted), "{limits:?} {more:?}: {}", outcome.err);
         }
     }
-    // From where the arm is: only a robot can be asked for that.
+    // This step begins at the arm's position, which only a robot can report.
     let far = ["move", "axes", "30", "--max-axis-step", "25"];
     assert_eq!(cell.r6(&[&far[..], &["--dry-run"]].concat()).code, 0);
     for more in [&["--wait"][..], &["--append"]] {
@@ -352,7 +356,8 @@ fn what_goes_beyond_the_limits_is_not_sent() {
         assert!(outcome.err.contains("J1 goes 30 deg in one step"), "{}", outcome.err);
     }
     assert_eq!(cell.taken(), 0);
-    // Within the limits all is as without them. The arm ends elsewhere than it begins: this clock shows no motion.
+    // Within the limits the run succeeds. The arm ends elsewhere than it begins, because this clock shows no
+    // motion.
     points[2][1] = 20.0;
     let file = TempFile::new("within-limits.toml", &through(&points, 50));
     let outcome = cell.r6(&["run", file.path(), "--max-speed", "50", "--max-axis-step", "20", "--wait"]);

@@ -1,4 +1,4 @@
-//! Runs the built binary, and virtual controllers for it to talk to.
+//! Runs the built binary, and virtual controllers for it.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use std::sync::Arc;
 use r6_testkit::hostile::Character;
 use r6_testkit::hostile::serve::HostileController;
 
-/// What a run of r6 came to.
+/// The result of a run of r6.
 #[derive(Debug)]
 pub struct Outcome {
     pub code: i32,
@@ -28,7 +28,7 @@ impl Outcome {
     }
 }
 
-/// The binary, with nothing of the tester's own terminal and environment.
+/// The binary, without the tester's terminal and environment.
 fn command(args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_r6"));
     command
@@ -37,7 +37,7 @@ fn command(args: &[&str]) -> Command {
         .env_remove("R6_PANEL")
         .env_remove("RUST_LOG")
         .env("COLUMNS", "110")
-        // As on a small machine: few threads, so that one that is stuck is missed.
+        // Few threads, as on a small machine, so that a blocked thread is noticed.
         .env("TOKIO_WORKER_THREADS", "2")
         .current_dir(root());
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -54,33 +54,33 @@ pub fn r6(args: &[&str]) -> Outcome {
     outcome(command(args).output().unwrap())
 }
 
-/// Where nothing can be written: the device is always full.
+/// An output that cannot be written: the device is always full.
 pub fn full() -> Stdio {
     std::fs::File::options().write(true).open("/dev/full").unwrap().into()
 }
 
-/// A pipe that nobody reads any more.
+/// A pipe whose reader has ended.
 pub fn broken() -> Stdio {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
     writer.into()
 }
 
-/// Runs r6 to its end with these in the place of stdout and stderr; `None`: a pipe that is read.
+/// Runs r6 to its end with this stdout and stderr. `None` is a pipe that the test reads.
 pub fn r6_onto(args: &[&str], out: Option<Stdio>, err: Option<Stdio>) -> Outcome {
     let mut command = command(args);
     command.stdout(out.unwrap_or_else(Stdio::piped)).stderr(err.unwrap_or_else(Stdio::piped));
     outcome(command.output().unwrap())
 }
 
-/// Runs r6 to its end out of a line of the shell, where it is `"$R6"`.
+/// Runs a shell line to its end. The line calls r6 as `"$R6"`.
 pub fn shell(line: &str, args: &[&str]) -> Outcome {
     let mut shell = Command::new("sh");
     shell.args(["-c", line, "sh"]).args(args).env("R6", env!("CARGO_BIN_EXE_r6")).current_dir(root());
     outcome(shell.stdin(Stdio::null()).output().unwrap())
 }
 
-/// Runs r6 to its end with something on stdin.
+/// Runs r6 to its end with this input on stdin.
 pub fn r6_with_input(args: &[&str], input: &[u8]) -> Outcome {
     let mut child = command(args).stdin(Stdio::piped()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(input).unwrap();
@@ -95,10 +95,10 @@ fn outcome(output: std::process::Output) -> Outcome {
     }
 }
 
-/// A run of r6 that goes on until it is ended.
+/// A run of r6 that lasts until the test ends it.
 pub struct Running {
     child: Child,
-    /// `None` where it has another stdout, or this end of it is closed.
+    /// `None` if stdout is not a pipe, or if the test closed its end.
     out: Option<BufReader<ChildStdout>>,
 }
 
@@ -108,12 +108,12 @@ impl Running {
         Self::of(command(args).stderr(Stdio::null()))
     }
 
-    /// Starts r6 with a stdout of another kind.
+    /// Starts r6 with another stdout.
     pub fn start_with_stdout(args: &[&str], out: impl Into<Stdio>) -> Self {
         Self::of(command(args).stderr(Stdio::null()).stdout(out))
     }
 
-    /// Starts r6 with so many files that it may have open.
+    /// Starts r6 with a limit of open files.
     pub fn start_with_few_files(files: u32, args: &[&str]) -> Self {
         let mut shell = Command::new("sh");
         shell.args(["-c", &format!("ulimit -n {files}; exec \"$R6\" \"$@\""), "sh"]).args(args);
@@ -127,12 +127,12 @@ impl Running {
         Self { child, out }
     }
 
-    /// Starts r6 with a stdin to write to, and a stderr that nobody reads.
+    /// Starts r6 with a stdin that the test can write to, and a stderr that the test need not read.
     pub fn start_with_pipes(args: &[&str]) -> Self {
         Self::of(command(args).stdin(Stdio::piped()))
     }
 
-    /// Ends as a reader of its stdout: what it writes from now on cannot be written.
+    /// Closes the reading end of its stdout. From now on it cannot write there.
     pub fn close_stdout(&mut self) {
         drop(self.out.take());
     }
@@ -142,33 +142,33 @@ impl Running {
         writeln!(self.child.stdin.as_mut().unwrap(), "{line}").unwrap();
     }
 
-    /// Ends its stdin and hands over its stderr.
+    /// Closes its stdin and returns its stderr.
     pub fn close_stdin(&mut self) -> BufReader<ChildStderr> {
         drop(self.child.stdin.take());
         BufReader::new(self.child.stderr.take().unwrap())
     }
 
-    /// The next line of stdout; empty once there is none.
+    /// The next line of stdout; empty at the end.
     pub fn line(&mut self) -> String {
         let mut line = String::new();
         self.out.as_mut().unwrap().read_line(&mut line).unwrap();
         line.trim_end().to_owned()
     }
 
-    /// All that is left of its stdout, until it ends.
+    /// The rest of its stdout, to the end.
     pub fn rest(&mut self) -> String {
         let mut rest = String::new();
         self.out.as_mut().unwrap().read_to_string(&mut rest).unwrap();
         rest
     }
 
-    /// Kills it as a power cut would: nothing of it runs any more.
+    /// Kills it, as a power cut would.
     pub fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
 
-    /// Waits for its end and tells the exit code.
+    /// Waits for its end and returns the exit code.
     pub fn code(mut self) -> Option<i32> {
         self.child.wait().unwrap().code()
     }
@@ -179,13 +179,13 @@ impl Running {
         assert!(sent.unwrap().success());
     }
 
-    /// Sends a signal and tells the exit code.
+    /// Sends a signal and returns the exit code.
     pub fn end(self, signal: &str) -> Option<i32> {
         self.signal(signal);
         self.code()
     }
 
-    /// The JSON object on the next line of stdout; `None` once there is none.
+    /// The JSON object on the next line of stdout; `None` at the end.
     pub fn event(&mut self) -> Option<serde_json::Value> {
         let line = self.line();
         if line.is_empty() {
@@ -197,7 +197,7 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // It may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -210,7 +210,7 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// Starts one with further arguments for `r6 sim`.
+    /// Starts a virtual controller with further arguments for `r6 sim`.
     pub fn start(args: &[&str]) -> Self {
         let mut running = Running::start(&[&["sim", "--listen", "127.0.0.1:0"], args].concat());
         let line = running.line();
@@ -234,7 +234,7 @@ impl Robot {
     }
 }
 
-/// A controller that misbehaves in this way, on a free port, until the test ends: its address.
+/// Starts a misbehaving controller on a free port, until the test ends. Returns its address.
 pub fn hostile(character: Character) -> (String, Arc<HostileController>) {
     let (tell, told) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
@@ -249,7 +249,7 @@ pub fn hostile(character: Character) -> (String, Arc<HostileController>) {
     told.recv().unwrap()
 }
 
-/// A file for one test, removed with it.
+/// A file for one test, removed at its end.
 pub struct TempFile(PathBuf);
 
 impl TempFile {

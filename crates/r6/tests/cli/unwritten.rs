@@ -1,13 +1,14 @@
-//! Output that cannot be written: it never decides over a motion, and never ends in a panic.
+//! Output that cannot be written: it does not affect a motion, except with `--stop-on-interrupt`, and causes
+//! no panic.
 
 use std::io::Write;
 
 use r6_sim::Clock;
 
 use crate::streaming::{Cell, MANY_LOOKS, through, wave};
-use crate::support::{Robot, Running, TempFile, broken, full, r6_onto, shell};
+use crate::support::{Robot, Running, TempFile, broken, full, r6, r6_onto, shell};
 
-/// What a pipe holds on Linux before it is full, bytes.
+/// The capacity of a pipe on Linux, bytes.
 const PIPE_BYTES: usize = 65_536;
 
 #[test]
@@ -15,7 +16,7 @@ fn a_reader_that_ends_stops_the_arm_where_that_was_promised() {
     let mut cell = Cell::new("hc1", Clock::Real);
     let file = TempFile::new("reader-ends.toml", &through(&wave(200), 60));
     let mut running = cell.start(&["run", file.path(), "--wait", "--json", "--stop-on-interrupt"]);
-    // `| head -2`
+    // As with `| head -2`.
     for _ in 0..2 {
         assert_eq!(running.event().unwrap()["event"], "accepted");
     }
@@ -38,13 +39,13 @@ fn a_reader_that_ends_leaves_the_arm_alone_where_no_stop_was_promised() {
         }
         running.close_stdout();
         assert_eq!(running.code(), Some(4));
-        // It went on to the end.
+        // The motion ran to its end.
         assert_eq!(cell.taken(), 60);
         assert!((cell.axes()[0] - points[59][0]).abs() < 0.01, "{:?}", cell.axes());
     }
 }
 
-/// `| head -1`, as the table of the documentation has it.
+/// `| head -1`, as in the table of the documentation.
 #[test]
 fn what_a_reader_that_ended_did_not_read_is_on_stderr() {
     let cell = Cell::new("hc1", Clock::Times(10.0));
@@ -66,7 +67,7 @@ fn what_a_reader_that_ended_did_not_read_is_on_stderr() {
 
 #[test]
 fn a_full_stdout_stops_every_kind_of_motion_that_has_to_be_stopped() {
-    // What is appended is sent at once, and without --wait nobody follows it.
+    // An appended motion is sent at once, and without --wait r6 does not follow it.
     for more in [&[][..], &["--append"], &["--append", "--wait"]] {
         let cell = Cell::new("hc1", Clock::Real);
         let motion = ["-r", &cell.address, "move", "axes", "90", "--speed", "1", "--stop-on-interrupt"];
@@ -87,13 +88,13 @@ fn what_was_done_and_not_told_is_code_4_and_stderr_has_it() {
     assert_eq!(outcome.code, 4, "{outcome:?}");
     assert!(outcome.err.contains("No space left on device"), "{}", outcome.err);
     assert!(outcome.err.contains("    the arm stands"), "what stdout did not take: {}", outcome.err);
-    // The stop was done.
+    // The robot carried out the stop.
     assert_eq!((robot.value("isMoving"), robot.value("RemoteCmdLen")), (false.into(), 0.into()));
     let command = ["-r", robot.address(), "command", "modifyGSPD", "5"];
     let outcome = r6_onto(&command, Some(broken()), None);
     assert_eq!(outcome.code, 4, "{outcome:?}");
     assert!(outcome.err.contains("    modifyGSPD accepted after "), "{}", outcome.err);
-    // With a reader it is as ever.
+    // With a reader the exit code is 0 as usual.
     assert_eq!(robot.r6(&["stop"]).code, 0);
 }
 
@@ -105,7 +106,7 @@ fn a_mere_question_is_code_1() {
         &["-r", address, "status"][..],
         &["-r", address, "query", "axis-0"],
         &["-r", address, "query", "axis-0", "--json"],
-        // Without an end of its own.
+        // This command does not end until it is stopped.
         &["-r", address, "watch", "axis-0", "--every", "1ms"],
         &["-r", address, "command", "--list"],
         &["query", "--list"],
@@ -121,12 +122,12 @@ fn a_mere_question_is_code_1() {
         let outcome = r6_onto(args, Some(full()), None);
         assert_eq!(outcome.code, 1, "{args:?}: {outcome:?}");
         assert!(outcome.err.contains("No space left on device"), "{args:?}: {}", outcome.err);
-        // A reader that has had enough needs no words.
+        // If the reader ends early, r6 says nothing.
         let outcome = r6_onto(args, Some(broken()), None);
         assert_eq!(outcome.code, 1, "{args:?}: {outcome:?}");
         assert!(!outcome.err.contains("cannot be written"), "{args:?}: {}", outcome.err);
     }
-    // What is wrong anyway keeps its code.
+    // Another failure keeps its exit code.
     assert_eq!(r6_onto(&["query", "nothing", "--json"], Some(full()), None).code, 2);
 }
 
@@ -147,7 +148,7 @@ fn nothing_panics_without_a_stderr() {
             let neither = r6_onto(args, Some(full()), Some(err())).code;
             assert!([1, 2, 4].contains(&neither), "{args:?}: {neither}");
         }
-        // Closed from the start: as if it were /dev/null.
+        // A stream that is closed from the start behaves like /dev/null.
         for line in [r#"exec "$R6" "$@" 2>&-"#, r#"exec "$R6" "$@" >&- 2>&-"#] {
             assert_eq!(shell(line, args).code, code, "{line} {args:?}");
         }
@@ -160,11 +161,11 @@ fn a_reader_that_does_not_read_keeps_no_signal_waiting() {
         let cell = Cell::new("hc1", Clock::Real);
         let file = TempFile::new(&format!("nobody-reads-{}.toml", stop.len()), &through(&wave(200), 60));
         let (reader, mut writer) = std::io::pipe().unwrap();
-        // Not one byte more can be written.
+        // The pipe is full.
         writer.write_all(&[b' '; PIPE_BYTES]).unwrap();
         let args = [&["-r", &cell.address, "run", file.path(), "--wait", "--json"][..], stop].concat();
         let running = Running::start_with_stdout(&args, writer);
-        // Every look starts a program, so nobody waits in a circle.
+        // Each poll starts a program, so this is no busy loop.
         let mut looks = std::iter::repeat_with(|| cell.r6(&["query", "isMoving", "--json"])).take(MANY_LOOKS);
         assert!(looks.any(|look| look.json()["values"]["isMoving"] == true), "the arm never moved");
         assert_eq!(running.end("INT"), Some(code));
@@ -182,8 +183,8 @@ fn watching_for_a_reader_that_does_not_read_can_be_ended() {
     writer.write_all(&[b' '; PIPE_BYTES]).unwrap();
     let watch = ["-r", &cell.address, "watch", "axis-0", "--every", "1ms"];
     let running = Running::start_with_stdout(&watch, writer);
-    // Nobody else connects. It has taken over the signals by then. Every look starts a program that asks no robot.
-    let mut looks = (0..MANY_LOOKS).map(|_| cell.r6(&["alarm", "1"]).code);
+    // A connection shows that `r6 watch` runs and has taken over the signals. `r6 alarm` connects to nothing.
+    let mut looks = (0..MANY_LOOKS).map(|_| r6(&["alarm", "1"]).code);
     assert!(looks.any(|code| code == 0 && cell.controller.handle().snapshot().connections > 0));
     assert_eq!(running.end("INT"), Some(0));
 }

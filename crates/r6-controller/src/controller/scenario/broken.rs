@@ -1,4 +1,4 @@
-//! Requests and replies while something is broken.
+//! Requests and replies while faults are in force.
 
 use std::time::Duration;
 
@@ -13,10 +13,10 @@ use crate::event::Event;
 use crate::fault::reply::{self, Fate, Outgoing};
 use crate::fault::{Fault, IgnoredStop, TaskFault};
 
-/// How many frames faults make of one reply at most, but for the last one's: enough to see what each of them does.
+/// After how many frames no further fault strikes one reply. This is enough to see what each fault does.
 const MAX_FRAMES: usize = 16;
 
-/// What is wrong with one request.
+/// The faults that strike one request.
 #[derive(Clone, Copy, Debug, Default)]
 #[expect(clippy::struct_excessive_bools, reason = "faults that may strike at once, each by itself")]
 pub(in crate::controller) struct RequestFaults {
@@ -30,17 +30,16 @@ pub(in crate::controller) struct RequestFaults {
     pub late_list: Option<Duration>,
 }
 
-/// The request that is being dealt with.
+/// The request that is being handled.
 #[derive(Debug, Default)]
 pub(in crate::controller) struct Asked {
-    /// Its frame.
     pub frame: Vec<u8>,
-    /// What it asks for.
+    /// Its type.
     pub request: Option<RequestType>,
 }
 
 impl Breakage {
-    /// What is wrong with the next request: drawn anew for each.
+    /// Draws the faults that strike the next request.
     fn strikes(&mut self) -> RequestFaults {
         let mut strikes = RequestFaults::default();
         for (task, chance) in &self.tasks {
@@ -55,14 +54,15 @@ impl Breakage {
                 TaskFault::StopIgnored(how) if hit => strikes.stop_ignored = Some(*how),
                 TaskFault::LateList { delay } if hit => strikes.late_list = Some(*delay),
                 TaskFault::StopIgnored(_) | TaskFault::LateList { .. } => {}
-                // Struck when they began.
+                // These struck when they began.
                 TaskFault::ListFrozen | TaskFault::Dwell { .. } => {}
             }
         }
         strikes
     }
 
-    /// What becomes of the replies to a request: each fault in force may strike each of them, one after the other.
+    /// Applies the reply faults to the replies to a request. Each fault in force may strike each reply, one
+    /// after the other.
     fn fate_of(
         &mut self,
         asked: &Asked,
@@ -88,12 +88,12 @@ impl Breakage {
 }
 
 impl RequestFaults {
-    /// Whether a query gets the values of a time before.
+    /// Whether a query gets frozen values.
     fn answers_of_before(self) -> bool {
         self.frozen_values && !self.task_dead
     }
 
-    /// What the log says of a request that gets no answer.
+    /// The event to log for a request that gets no answer.
     fn unanswered(self, is_order: bool) -> Option<Event> {
         let fault = if self.task_dead {
             TaskFault::TaskDead
@@ -107,7 +107,7 @@ impl RequestFaults {
 }
 
 impl Controller {
-    /// Carries out the next message of a connection while something is broken.
+    /// Carries out the next message of a connection while faults are in force.
     pub(in crate::controller) fn serve_broken(&mut self, now: Instant, id: ConnectionId) -> bool {
         let Some(breakage) = &mut self.breakage else { return false };
         let Some(connection) = self.connections.get_mut(&id) else { return false };
@@ -127,7 +127,8 @@ impl Controller {
             breakage.run.take_later(due, late);
         }
         if asked.frame.is_empty() {
-            // Nothing was asked: in how many pieces a request comes changes nothing of what is drawn.
+            // No request was complete: restore the random state, so that the draws do not depend on how a
+            // request is split.
             *breakage.run.random() = before;
         }
         let is_order = matches!(asked.request, Some(RequestType::Command | RequestType::AddRcc));
@@ -152,7 +153,7 @@ impl Controller {
         served
     }
 
-    /// Everybody but the asker gets these frames.
+    /// Sends these frames to every connection except the asker's.
     fn send_to_others(&mut self, asker: ConnectionId, frames: &[Vec<u8>]) {
         if frames.is_empty() {
             return;
@@ -171,8 +172,9 @@ impl Controller {
 }
 
 impl Breakage {
-    /// Sends the asker what is left of one reply, and tells what everybody else gets. A reply that is held goes behind the next one, and
-    /// only one reply is held for each connection: the next one leaves, whatever strikes it.
+    /// Sends the asker what is left of one reply, and returns the frames for the other connections. A held
+    /// reply is sent after the next one. Only one reply is held per connection, so the next one is always
+    /// sent, whatever strikes it.
     fn send(
         &mut self,
         now: Instant,
@@ -191,7 +193,7 @@ impl Breakage {
         }
         for Outgoing { later, bytes } in to_asker {
             match due {
-                // One that is late keeps no other one waiting.
+                // A late frame does not delay the others.
                 _ if !later.is_zero() => {
                     outbox.send_at(due.unwrap_or(now) + later, |out| out.extend_from_slice(&bytes));
                 }
@@ -203,7 +205,8 @@ impl Breakage {
     }
 }
 
-/// Whether a controller answers such a request at all; a heartbreak is answered although the task is dead.
+/// Whether a missing answer to such a request is logged. A heartbreak is answered even while the task is
+/// dead.
 fn may_be_answered(request: Option<RequestType>) -> bool {
     match request {
         Some(RequestType::Query | RequestType::Command | RequestType::AddPoints | RequestType::AddRcc) => {
@@ -220,13 +223,13 @@ impl Outgoing {
 }
 
 impl Fate {
-    /// Whether no further fault strikes: several of a kind double a reply each time.
+    /// Whether no further fault strikes, because several faults of one kind double a reply each time.
     fn is_full(&self) -> bool {
         let bytes: usize = self.to_asker.iter().map(|outgoing| outgoing.bytes.len()).sum();
         self.to_asker.len() >= MAX_FRAMES || bytes >= MAX_UNSENT_BYTES
     }
 
-    /// Adds what became of one frame that was this late already.
+    /// Adds the frames made from one frame that was already this late.
     fn take(&mut self, next: Self, later: Duration) {
         let frames = next.to_asker.into_iter();
         self.to_asker.extend(frames.map(|frame| Outgoing { later: frame.later + later, ..frame }));

@@ -1,4 +1,4 @@
-//! The mains fail, and are back.
+//! Power cuts: the mains fail and come back.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use crate::machine::Machine;
 use crate::panel::PanelAction;
 
 impl Controller {
-    /// The machine is what a power cut leaves, and nobody hears it until the mains are back.
+    /// Replaces the machine by what a power cut leaves. It hears nothing until the mains are back.
     pub(super) fn power_down(&mut self, now: Instant, off: Duration, program: Option<&str>) {
         self.collect_machine_events();
         let Some(breakage) = &mut self.breakage else { return };
@@ -25,7 +25,7 @@ impl Controller {
         breakage.held.clear();
         breakage.run.lose_lists();
         breakage.frozen = None;
-        // What was on its way is lost.
+        // Data on its way is lost.
         for connection in self.connections.values_mut() {
             connection.session = ServerSession::new(LIMITS);
         }
@@ -38,9 +38,10 @@ impl Controller {
     pub(super) fn power_up(&mut self, now: Instant) {
         let Some(breakage) = &mut self.breakage else { return };
         breakage.off = false;
-        // The places of those that were lost are free again, and nobody is left who would end them.
+        // The places of half-open connections are free again: nothing else would end these connections.
         self.connections.retain(|_, connection| connection.service != Service::Wedged);
-        // It knows nothing of these connections: whatever comes on one of them is answered with a reset.
+        // The restarted controller does not know these connections, so it answers anything on them with a
+        // reset.
         for (id, connection) in &mut self.connections {
             connection.service = Service::Over;
             self.woken.push_back(*id);
@@ -56,8 +57,8 @@ impl Controller {
 }
 
 impl Machine {
-    /// Takes what no power cut moves: the arm stands where its brakes caught it and its encoders still know it, inputs are what the cell
-    /// makes of them, and an emergency stop that is pressed stays pressed.
+    /// Takes over what a power cut does not change. The arm stands where its brakes caught it, and its
+    /// encoders still know the position. The cell sets the inputs. A pressed emergency stop stays pressed.
     fn stands_as(&mut self, before: &Self) {
         self.axes = before.motion().axes;
         self.homed = before.homed;

@@ -1,4 +1,5 @@
-//! What a program waits for that no list of a PC does: points, photos, registers, and waits that know another way.
+//! Waits that only a program has, not a list of a PC: for points, photos and registers, and waits with
+//! another way out.
 
 use r6_proto::message::Point;
 use r6_proto::time::Instant;
@@ -9,26 +10,26 @@ use crate::event::ModeReason;
 use crate::machine::execution::{Activity, Awaited, duration};
 use crate::program::{Photo, Step};
 
-/// How many photo requests wait to be sent; a photo that nobody fetches is not worth more.
+/// How many photo requests wait to be sent. Further ones are dropped.
 const MAX_PHOTOS: usize = 16;
 
-/// The alarm of points that do not come: points not set.
+/// The alarm when no points come: points not set.
 const NO_POINTS: u32 = 201;
 
 impl Machine {
-    /// Registers were written: the program sees whether it waits for them.
+    /// Notes that registers were written, and checks whether the program waits for them.
     pub(in crate::machine) fn registers_written(&mut self, first: RegisterIndex, count: usize) {
         let numbers = (first.number()..).take(count).map_while(RegisterIndex::new);
         self.program.written.extend(numbers);
         self.look_again(Awaited::Registers);
     }
 
-    /// Points of a camera have come.
+    /// Checks whether the program waits for points, after a camera has sent some.
     pub(in crate::machine) fn points_have_come(&mut self) {
         self.look_again(Awaited::Point);
     }
 
-    /// A step that waits for this is looked at again; what is still waited for is waited for until the same time.
+    /// Checks the waiting step again. If it still waits, its deadline stays the same.
     fn look_again(&mut self, awaited: Awaited) {
         let Activity::Awaiting { what, until } = &self.activity else { return };
         if *what != awaited || matches!(what, Awaited::Photo(..)) {
@@ -78,14 +79,14 @@ impl Machine {
         }
     }
 
-    /// Waits for something; where it did so before, until the same time.
+    /// Waits for something. If the step waited before, its deadline stays the same.
     fn await_until(&mut self, what: Awaited, limit: Option<f64>) {
         let before = self.program.awaiting.take();
         let until = before.unwrap_or_else(|| limit.map(|limit| self.now + duration(limit)));
         self.activity = Activity::Awaiting { what, until };
     }
 
-    /// What a pause interrupted is awaited again.
+    /// Resumes a wait that a pause interrupted.
     pub(in crate::machine) fn await_again(&mut self, what: Awaited, until: Option<Instant>) {
         self.activity = Activity::Awaiting { what, until };
         self.look_again(what);
@@ -105,7 +106,7 @@ impl Machine {
         }
     }
 
-    /// A camera has answered a photo request.
+    /// Handles a camera's answer to a photo request.
     pub(crate) fn photo_answered(&mut self, camera: i64, taken: bool) {
         let Activity::Awaiting { what: Awaited::Photo(photo, tries), .. } = &self.activity else { return };
         let (photo, tries) = (*photo, *tries);
@@ -132,7 +133,7 @@ impl Machine {
         }
     }
 
-    /// What is awaited has not come in time.
+    /// Ends a wait that ran out.
     pub(in crate::machine) fn awaited_in_vain(&mut self, what: &Awaited) {
         match what {
             Awaited::Photo(photo, tries) => {
@@ -152,7 +153,8 @@ impl Machine {
         }
     }
 
-    /// A wait for a point of the program has run out: `true` if it says where to go on.
+    /// Ends the program's wait for an input or M point that ran out. Returns true if the wait has another way
+    /// out.
     pub(in crate::machine) fn wait_in_vain(&mut self) -> bool {
         let Some(Place { program, step }) = self.program.places.front() else { return false };
         let Some(Step::Wait { or_else: Some(to), .. }) = program.steps().get(*step) else { return false };
@@ -162,7 +164,7 @@ impl Machine {
         true
     }
 
-    /// In single cycle the program does not wait for its trigger.
+    /// Skips the wait for the program's trigger in single cycle.
     pub(in crate::machine) fn skip_trigger(&mut self) {
         let Some(Place { program, step }) = self.program.places.front() else { return };
         let skips = matches!(program.steps().get(*step), Some(Step::Wait { skip_in_single_cycle: true, .. }));

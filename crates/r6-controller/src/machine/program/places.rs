@@ -1,4 +1,4 @@
-//! Where the moves of a taught program go: registers, points of a camera, places in a stack.
+//! The targets of moves of a taught program: registers, points of a camera, places in a stack.
 
 use r6_proto::message::instruction::{Coordinates, Manner, Move};
 use r6_proto::message::{Action, Point};
@@ -18,7 +18,7 @@ const V: AxisIndex = AxisIndex::ALL[4];
 const W: AxisIndex = AxisIndex::ALL[5];
 
 impl Machine {
-    /// The instruction that a step means now; `None` for a step that is none.
+    /// The instruction that a step stands for now; `None` for a step without one.
     pub(super) fn instruction_of(&self, step: &Step) -> Result<Option<Action>, (u32, String)> {
         Ok(match step {
             Step::Instruction(action) => Some(*action),
@@ -34,28 +34,29 @@ impl Machine {
         })
     }
 
-    /// Six registers, each × 1000: axes, or a pose.
+    /// The move to six registers, each × 1000: axes, or a pose.
     fn move_to_registers(&self, first: RegisterIndex, pose: bool, manner: Manner) -> Action {
         let mut target = Coordinates::default();
         for (axis, number) in AxisIndex::ALL.into_iter().take(6).zip(first.number()..) {
             let value =
                 RegisterIndex::new(number).and_then(|register| self.registers.values.get(&register).copied());
-            // A register has 32 bits; what a peer wrote beyond them lies beyond every limit all the same.
+            // A register has 32 bits. A value beyond them is beyond every limit in any case.
             let value = i32::try_from(value.unwrap_or(0)).unwrap_or(i32::MAX);
             target.set(axis, f64::from(value) / 1000.0);
         }
         if pose { line_to(target, manner) } else { Action::AxisMove(Move { target, manner }) }
     }
 
-    /// The point that was taken.
+    /// The move to the point that was taken.
     fn move_to_point(&self, above: f64, manner: Manner) -> Result<Action, (u32, String)> {
         let point = self.program.point.ok_or_else(|| (PROGRAM_ERROR, "no point was taken".to_owned()))?;
         Ok(line_to(shifted(&point, [0.0; 3], above), manner))
     }
 
-    /// Where a point is: a place in the work frame, or a way from where the tool is now (`Rel`). The program takes a point before it
-    /// moves there, so that all moves to one point, above it and down to it, mean the same place; without `Z` they are as high as the
-    /// tool is now. Angles that are left out stay as they are.
+    /// The position of a point: a place in the work frame, or an offset from the present tool position
+    /// (`Rel`). The program takes a point before it moves there, so all moves to one point (above it, down to
+    /// it) mean the same place. Without `Z` the height is the tool's present height. Missing angles stay
+    /// missing.
     pub(super) fn place_of(&self, point: &Point) -> Coordinates {
         let mut target = self.coordinates_of(point);
         let here = self.pose_of(&self.axes).components();
@@ -69,7 +70,8 @@ impl Machine {
         target
     }
 
-    /// What was given of X, Y, Z and the angles; `Angel` is W, on a machine of four axes U (manual 5.2).
+    /// The given components of X, Y, Z and the angles; `Angel` is W, on a machine of four axes U (manual
+    /// 5.2).
     fn coordinates_of(&self, point: &Point) -> Coordinates {
         let mut target = Coordinates::default();
         let turn = match self.model.geometry {
@@ -84,7 +86,7 @@ impl Machine {
         target
     }
 
-    /// How far the place that a counter tells is from the first one, mm.
+    /// The offset in mm of the place for a counter from the first place.
     fn place_in_stack(&self, stack: u32, counter: u32) -> Result<[f64; 3], (u32, String)> {
         let (at, place) = self.stack_and_place(stack, counter)?;
         let [x, y, z] = at.count.map(u64::from);
@@ -98,13 +100,14 @@ impl Machine {
         let along = [place % x, place / x % y, place / (x * y)];
         let mut way = at.spacing;
         for (slot, along) in way.iter_mut().zip(along) {
-            // Below the number of places of a stack, whose counts are some thousands.
+            // Less than the number of places of a stack, which is at most some thousands per direction.
             *slot *= f64::from(u32::try_from(along).unwrap_or(u32::MAX));
         }
         Ok(way)
     }
 
-    /// Whether a counter is beyond the last place of a stack; one that is not there has no place.
+    /// Whether a counter is beyond the last place of a stack. False if the counter or the stack does not
+    /// exist.
     pub(super) fn is_full(&self, stack: u32, counter: u32) -> bool {
         self.stack_and_place(stack, counter).is_ok_and(|(stack, place)| {
             let [x, y, z] = stack.count.map(u64::from);
@@ -129,7 +132,7 @@ impl Machine {
     }
 }
 
-/// The target moved by so much, and `above` it.
+/// The target with an offset, and `above` it.
 fn shifted(first: &Coordinates, by: [f64; 3], above: f64) -> Coordinates {
     let [x, y, z] = by;
     let mut target = *first;

@@ -50,7 +50,7 @@ fn level_0_has_no_corner() {
     assert_eq!(plan(&Axes::ZERO, &percent(to_axes([0.0; 6]), 50.0), 1.0).corner(Blend::MOST), None);
 }
 
-/// Straight on, the speed dips less the higher the level, and hardly at the highest.
+/// On a straight path the speed dips less at higher levels, and hardly at the highest.
 #[test]
 fn the_arm_does_not_stop_at_the_point() {
     let mut last = 0.0;
@@ -68,7 +68,7 @@ fn the_arm_does_not_stop_at_the_point() {
     assert!(last > 0.9 * 110.4, "{last}");
 }
 
-/// A right angle of two lines at 200 mm/s: how far the tool passes the corner, for each level.
+/// A right angle of two lines at 200 mm/s: how far the tool is from the corner, for each level.
 #[test]
 fn the_corner_is_cut_more_at_each_level_and_within_bounds() {
     let speed = 200.0;
@@ -83,7 +83,7 @@ fn the_corner_is_cut_more_at_each_level_and_within_bounds() {
             .map(|n| movement.state_at(movement.duration() * f64::from(n) / 4000.0).pose)
             .map(|pose| ((pose.x - corner.x).powi(2) + (pose.y - corner.y).powi(2)).sqrt())
             .fold(f64::INFINITY, f64::min);
-        // In the middle of the overlap either move is this far from the corner.
+        // In the middle of the overlap both moves are this far from the corner.
         let each = speed * step.at(blend.share() * CHANGE / 2.0).area;
         println!("level {level}: {nearest:.3} mm, {each:.3} mm on either line");
         assert!((nearest - each * 2.0_f64.sqrt()).abs() < 0.02 * nearest + 0.01, "{level}: {nearest}");
@@ -123,7 +123,8 @@ fn a_third_move_does_not_join() {
     assert!((alone.duration() - movement.duration()).abs() < 1e-12, "time goes on");
 }
 
-/// A short move would be at its corner before what it took over from rests: a third would come in.
+/// A short move would be at its corner before the motion that it took over from rests. Then a third move
+/// would join.
 #[test]
 fn a_corner_waits_until_what_was_left_rests() {
     let j1 = |degrees| percent(to_axes([degrees, 0.0, 0.0, 0.0, 0.0, 0.0]), 50.0);
@@ -134,7 +135,7 @@ fn a_corner_waits_until_what_was_left_rests() {
     assert!(short.duration() < 1.2 * CHANGE, "{}", short.duration());
     let corner = short.corner(Blend::MOST).unwrap();
     assert!((corner - CHANGE).abs() < 1e-9, "{corner}");
-    // Also for what comes before that.
+    // Also for times before that.
     for at in [0.0, corner] {
         let both = short.join(at, &j1(rests_at + 50.0), &conditions(1.0), Blend::MOST).unwrap();
         let begins = both.second.as_ref().unwrap().starts;
@@ -143,7 +144,7 @@ fn a_corner_waits_until_what_was_left_rests() {
     }
 }
 
-/// Two lines at a limit: the nearer the axis is to it, the less the corner is rounded.
+/// Two lines near a limit: the nearer the axis is to it, the less the corner is blended.
 #[test]
 fn a_corner_at_a_limit_is_rounded_less() {
     let mut last = f64::INFINITY;
@@ -159,7 +160,7 @@ fn a_corner_at_a_limit_is_rounded_less() {
     }
 }
 
-/// The tool on two lines after one another, at full speed: in the corner too it is never faster than it was told.
+/// The tool on two successive lines at full speed: it is never faster than requested, not even in the corner.
 #[test]
 fn the_tool_is_no_faster_in_a_corner() {
     let mut runner =
@@ -185,7 +186,7 @@ fn the_tool_is_no_faster_in_a_corner() {
         .unwrap();
 }
 
-/// Two moves of any kind after one another, mostly possible, and a level from 1 to 9.
+/// Two successive moves of any kind (most can be planned), and a level from 1 to 9.
 fn any_corner() -> impl Strategy<Value = (Axes, Move, Move, Blend)> {
     (any_move(), any_move(), 1_u8..=9).prop_map(|((start, first), (_, second), level)| {
         (start, Move { delay: 0.0, ..first }, Move { delay: 0.0, ..second }, Blend::new(level))
@@ -214,7 +215,7 @@ proptest! {
         prop_assert!(begins >= first.corner(corner.3).unwrap() - 1e-9 && begins <= ends + 1e-12);
         prop_assert_eq!(end_of(&both), both.without_first().end());
         for part in parts {
-            // Half of the looks fall into the corner.
+            // Half of the samples are in the corner.
             let t = if part < 0.5 { begins + (ends - begins) * 2.0 * part } else { both.duration() * (2.0 * part - 1.0) };
             let h = 1e-6;
             let [before, here, after] = [t - h, t, t + h].map(|t| both.state_at(t));
@@ -231,7 +232,7 @@ proptest! {
         }
     }
 
-    /// Also where the ramps differ, and where the first move was given another speed on the way.
+    /// Also with different ramps, and with another speed for the first move on the way.
     #[test]
     fn a_corner_cuts_half_of_either_way_at_most(
         (first, second) in (arm_in_limits(), arm_in_limits()), shares in prop::array::uniform2(1e-3..1.0),
@@ -253,7 +254,7 @@ proptest! {
         }
     }
 
-    /// Before the corner nothing is different, after it the second move is alone.
+    /// Before the corner nothing is different; after it only the second move counts.
     #[test]
     fn outside_the_corner_each_is_alone(corner in any_corner(), global in 0.05..1.0, part in 0.0..1.0) {
         let (first, both) = corner_of(corner, global)?;
@@ -263,7 +264,7 @@ proptest! {
         let ends = both.first_ends().unwrap();
         let t = ends + part * (both.duration() - ends);
         prop_assert_eq!(both.without_first().state_at(t), both.state_at(t));
-        // As if it had been planned from rest there.
+        // The same as a plan from rest there.
         let second = possible(Movement::plan(model(), &first.end(), &corner.2, &conditions(global)))?;
         let alone = second.state_at(t - begins);
         for (a, b) in alone.axes.arm().into_iter().zip(both.state_at(t).axes.arm()) {
@@ -271,7 +272,8 @@ proptest! {
         }
     }
 
-    /// Acceleration and jerk of axis moves: those of one change of speed; twice where two act on one axis.
+    /// Acceleration and jerk of axis moves are those of one change of speed; twice that if two act on one
+    /// axis.
     #[test]
     fn acceleration_and_jerk_of_axis_moves_are_bounded(
         first in arm_in_limits(), second in arm_in_limits(), speed in 1.0..100.0, level in 0_u8..=9, part in 0.0..1.0,
@@ -292,7 +294,7 @@ proptest! {
         }
     }
 
-    /// Stopped, paused or told another global speed anywhere, in the corner too.
+    /// Stops, pauses and another global speed at any time, in the corner too.
     #[test]
     fn interruptions_of_a_corner_have_no_jumps(
         corner in any_corner(), global in 0.05..1.0, next in 0.05..1.0, part in 0.0..1.2,
@@ -309,7 +311,7 @@ proptest! {
         takes_over(&halted, &going_on, again)?;
         let changed = both.with_global(at, next).unwrap();
         takes_over(&both, &changed, at)?;
-        // The same once more, as it were at once.
+        // The same once more, without a time in between.
         let twice = changed.with_global(0.0, global).unwrap();
         takes_over(&both, &twice, at)?;
         for movement in [going_on, changed, twice] {

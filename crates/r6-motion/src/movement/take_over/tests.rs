@@ -46,7 +46,7 @@ fn turning_round_takes_one_change_of_speed() {
     assert!(speed(CHANGE / 2.0).abs() < 1e-6, "an even change passes rest half-way");
 }
 
-/// A line after a turn of J1: once J1 rests the tool is on the line from where it would have come to rest.
+/// A line after a turn of J1: once J1 rests, the tool is on the line that begins where J1 came to rest.
 #[test]
 fn the_tool_is_on_the_new_line_once_the_old_move_rests() {
     let mut turned = tool_down().arm();
@@ -142,7 +142,7 @@ proptest! {
         takes_over(&second, &last, again)?;
         let h = 1e-5;
         for (movement, part) in [&second, &last].into_iter().flat_map(|one| parts.iter().map(move |part| (one, part))) {
-            // Not before its beginning, where it moves already.
+            // Not before its beginning, because the arm already moves there.
             let t = h + part * (movement.duration() - h);
             let [before, here, after] = [t - h, t, t + h].map(|t| movement.state_at(t));
             for (n, axis) in model().axes.iter().enumerate() {
@@ -150,7 +150,8 @@ proptest! {
                 prop_assert!(speed.abs() <= axis.max_speed * (1.0 + 1e-9), "J{}: {speed}", n + 1);
                 let degrees = here.axes.arm()[n];
                 prop_assert!(axis.soft.min - 1e-5 <= degrees && degrees <= axis.soft.max + 1e-5);
-                // Twice full acceleration where two changes meet, and as much again for the bend of the path.
+                // Twice full acceleration where two changes meet, and the same again for the bend of the
+                // path.
                 let slack = 80.0 / ramp.min(0.25) * axis.max_speed * h;
                 for (a, b) in [(&before, &here), (&here, &after)] {
                     let step = (b.axes.arm()[n] - a.axes.arm()[n]) / h;

@@ -60,7 +60,8 @@ fn standing_still_is_a_path_of_no_length() {
     assert_eq!((path.length(), path.at(0.0).axes, path.at(1.0).slope), (0.0, start, [0.0; 6]));
 }
 
-/// Pose read, rounded to three decimals, sent back: with a straight wrist the rounding may point anywhere.
+/// A pose is read, rounded to three decimals, and sent back. With a straight wrist the rounding may point in
+/// any direction.
 #[test]
 fn a_pose_sent_back_rounded_is_no_singularity() {
     for j1 in [0.0, 12.345_678, -77.777_777] {
@@ -94,7 +95,8 @@ fn masked_out_components_keep_their_value() {
     assert!(place < 1e-9 && turn < 1e-9, "{place} {turn}");
 }
 
-/// With V a hair from 90° U and W say little; what is masked out is not read through them.
+/// With V very close to 90°, U and W are hardly determined; a masked-out orientation does not go through
+/// them.
 #[test]
 fn a_kept_orientation_is_kept_to_the_last_digit() {
     let start = Axes::of_arm([20.0, 0.0, 0.0, 0.0, 0.0, 3e-7]).unwrap();
@@ -107,7 +109,8 @@ fn a_kept_orientation_is_kept_to_the_last_digit() {
     assert!(turn < 1e-12, "{turn}");
 }
 
-/// A tool whose point is the wrist's centre does not move while the wrist turns, so only the turn can stray.
+/// A tool with its point at the wrist's centre does not move while the wrist turns, so only the orientation
+/// can be wrong.
 #[test]
 fn a_turn_in_place_is_followed_too() {
     let tool = Frame::at(&Pose { z: -118.3, ..Pose::default() }).unwrap();
@@ -133,7 +136,7 @@ fn masks_and_targets_count_in_the_work_frame() {
     let from = crate::kinematics::world(model(), &start, &frames);
     let target = Pose { x: from.x + 40.0, ..Pose::default() };
     let path = LinearPath::plan(model(), &frames, &start, &target, MoveMask(0b1), Turning::Shortest).unwrap();
-    // X of a workbench turned by 90° is Y of the base.
+    // X of a workbench that is turned by 90° is Y of the base.
     let wanted = shifted(pose_at(&start), 0.0, 40.0, 0.0).to_isometry().unwrap();
     let (place, turn) = apart(&tool_at(&frames, &path.at(path.length()).axes), &wanted);
     assert!(place < 1e-9 && turn < 1e-9, "{place} {turn}");
@@ -148,7 +151,7 @@ fn a_line_out_of_reach_says_so() {
 
 #[test]
 fn a_line_close_over_the_base_would_spin_j1() {
-    // The wrist goes over the base from one side to the other, 4 mm beside J1's own axis.
+    // The wrist passes over the base from one side to the other, 4 mm beside J1's own axis.
     let start = Axes::of_arm([89.0, 0.0, 50.0, 0.0, -30.0, 0.0]).unwrap();
     let target = shifted(pose_at(&start), 0.0, -320.0, 0.0);
     assert_eq!(
@@ -159,7 +162,7 @@ fn a_line_close_over_the_base_would_spin_j1() {
 
 #[test]
 fn a_limit_on_the_way_is_named() {
-    // Lifting a tool that points down bends the wrist back until J5 gives in.
+    // Lifting a tool that points down bends the wrist back until J5 reaches its limit.
     let start = tool_down();
     let error = line(&Frames::default(), &start, &shifted(pose_at(&start), 0.0, 0.0, 120.0)).unwrap_err();
     assert_eq!(error, PlanError::OutsideLimits { axis: AxisNumber::ARM[4], side: LimitSide::Minus });
@@ -269,7 +272,7 @@ fn planning_needs_few_nodes() {
     assert!(path.0.nodes.len() < 60, "{}", path.0.nodes.len());
 }
 
-/// Past a soft limit by so little is rounding, degrees.
+/// Exceeding a soft limit by this little is a rounding error, in degrees.
 const ROUNDING: f64 = 1e-6;
 
 /// Poses around the start, some out of reach.
@@ -277,7 +280,8 @@ fn nearby() -> impl Strategy<Value = ([f64; 3], [f64; 3])> {
     (prop::array::uniform3(-250.0..250.0), prop::array::uniform3(-1.2..1.2_f64))
 }
 
-/// The path keeps every promise at `part` of the way; `wanted` is where the tool should be there.
+/// Checks all promises of the path at the fraction `part`; `wanted` is the expected transform of the tool
+/// there.
 fn check(path: &ToolPath, frames: &Frames, wanted: &Isometry3<f64>, part: f64) -> Result<(), TestCaseError> {
     let position = path.length * part;
     let here = path.at(position);
@@ -306,7 +310,7 @@ fn check(path: &ToolPath, frames: &Frames, wanted: &Isometry3<f64>, part: f64) -
     Ok(())
 }
 
-/// A wrist that reads W = 100 and is told −100, from a J6 that has room for either way round.
+/// A wrist at W = 100 with the target −100, from a J6 that has room for either direction.
 fn wrist_path(turning: Turning) -> LinearPath {
     let stance = |j6| Axes::of_arm([0.0, -10.0, 10.0, 0.0, -90.0, j6]).unwrap();
     let plan = |j6: f64, turning| {
@@ -334,7 +338,7 @@ fn the_wrist_turns_the_short_way_unless_it_is_told_otherwise() {
     assert!(middle.w.abs() < 1e-6, "by way of 0: {}", middle.w);
 }
 
-/// U told +180 where it reads −180, seen on a real unit: as told it is a whole turn, which J6 cannot do.
+/// U +180 where it reads −180, seen on a real unit: with `AsTold` it is a whole turn, which J6 cannot do.
 #[test]
 fn half_a_turn_told_with_the_other_sign_is_a_whole_turn_as_told() {
     let start = Axes::of_arm([0.0, -10.0, 10.0, 0.0, -89.9, 0.0]).unwrap();

@@ -1,12 +1,12 @@
-//! The arguments of a command, from the words of the command line.
+//! Reads the arguments of a command from the words of the command line.
 
 use r6_proto::io_point::{BadPoint, IoPoint};
 use r6_proto::{Command, CommandName};
 
 use super::wording;
 
-/// Reads the arguments of a command, in the units of the table of commands. `modifyOutput` takes a signal's name in place of board and
-/// point, too.
+/// Reads the arguments of a command, in the units of the table of commands. `modifyOutput` also takes a
+/// signal's name in place of board and point.
 pub fn read(name: CommandName, words: &[String]) -> Result<Command<'static>, String> {
     let by_name = |word: &&String| word.starts_with(|first: char| first.is_ascii_alphabetic());
     let typed = match words.first().filter(by_name) {

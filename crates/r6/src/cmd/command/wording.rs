@@ -1,10 +1,11 @@
-//! What a command did, in words: values with their units, signals by their names, and how the wire has them.
+//! Describes in words what a command did: values with their units, signals by name, and the numbers on the
+//! wire.
 
 use r6_proto::dialect::Addressing;
 use r6_proto::io_point::{IoPoint, PointKind};
 use r6_proto::{Command, Request};
 
-/// What the command asks for; `None` where its name says all.
+/// What the command asks for; `None` if its name is enough.
 pub fn words(command: &Command<'_>) -> Option<String> {
     let keeps = |savable: bool| if savable { "kept over a power cut" } else { "not kept over a power cut" };
     Some(match command {
@@ -44,12 +45,12 @@ pub fn words(command: &Command<'_>) -> Option<String> {
             let yes_no = |flag: &bool| if *flag { "yes" } else { "no" };
             format!("to the first line: {}, only the alarm: {}", yes_no(first_line), yes_no(only_alarm))
         }
-        // The name says all, or the words on the wire are told.
+        // The name is enough, or the arguments on the wire are shown.
         _ => return None,
     })
 }
 
-/// The arguments as they left, out of the frame itself.
+/// The arguments as sent, read from the encoded frame.
 pub fn on_the_wire(command: &Command<'_>) -> Vec<String> {
     let mut frame = Vec::new();
     let encoded = Request::Command(command).encode(&Addressing::default(), &mut frame);
@@ -59,12 +60,12 @@ pub fn on_the_wire(command: &Command<'_>) -> Vec<String> {
     words.filter_map(|word| word.as_str().map(str::to_owned)).collect()
 }
 
-/// Whether the wire has other numbers than the command line, so that both are told.
+/// Whether the numbers on the wire differ from those on the command line, so that both are shown.
 pub fn is_scaled(command: &Command<'_>) -> bool {
     command.name().info().arguments.iter().any(|argument| argument.kind.is_scaled())
 }
 
-/// The signal that `modifyOutput` means by a board and a point (manual 4.2.1 #8).
+/// The signal that a board and a point of `modifyOutput` name (manual 4.2.1 #8).
 fn output(board: u8, point: u8) -> Option<IoPoint> {
     let (kind, board) = match board {
         0..=3 => (PointKind::Y, board),
@@ -75,7 +76,7 @@ fn output(board: u8, point: u8) -> Option<IoPoint> {
     Some(IoPoint { kind, board, point })
 }
 
-/// Board and point of `modifyOutput` for a signal, or why it has none.
+/// The board of `modifyOutput` for a signal, or why the command cannot set it.
 pub fn board_of(named: IoPoint) -> Result<u8, String> {
     match (named.kind, named.board) {
         (PointKind::Y, board @ 0..=3) => Ok(board),
@@ -88,7 +89,7 @@ pub fn board_of(named: IoPoint) -> Result<u8, String> {
     }
 }
 
-/// What its points are counted on: `Y`, `Y board 1`.
+/// The bank of a signal: `Y`, `Y, board 1`.
 fn bank(named: IoPoint) -> String {
     let letters = named.kind.letters();
     if named.board == 0 { letters.to_owned() } else { format!("{letters}, board {}", named.board) }

@@ -1,4 +1,4 @@
-//! A list without instructions: it clears the controller's list, or, appended, changes nothing.
+//! A list without instructions: it clears the controller's list or, if appended, changes nothing.
 
 use r6_client::{Robot, Unmet, WaitOptions};
 use r6_proto::Request;
@@ -21,7 +21,7 @@ pub fn print(replace: bool) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Looks at the machine and sends it.
+/// Checks the machine and sends the empty list.
 pub async fn send(args: &JobArgs, robot: &Robot, replace: bool) -> Result<Exit, Ended> {
     let in_the_way = |unmet: &Unmet| replace || !matches!(unmet, Unmet::Moving | Unmet::LeftoverList { .. });
     let status = robot.status().await.map_err(Failure::from)?;

@@ -1,4 +1,4 @@
-//! How a job ends that did not come to what was asked for: the exit code, and what became of steps and arm.
+//! A job that failed: the exit code, and what became of the steps and the arm.
 
 use std::fmt;
 use std::time::Duration;
@@ -13,20 +13,20 @@ use crate::output::alarm;
 use crate::output::problem::Code;
 use crate::robot;
 
-/// What to do where the arm stands elsewhere.
+/// Advice for the case that the arm stands elsewhere.
 fn elsewhere() -> String {
     let status = hint::r6("status");
     format!("look at the arm and at `{status}`; a curve wants a move before it, and masks leave axes out")
 }
 
-/// A job that did not come to what was asked for.
+/// A job that did not do what was asked for.
 #[derive(Debug)]
 pub struct Ended {
-    /// The words and the exit code.
+    /// The text and the exit code.
     pub failure: Failure,
-    /// What became of the steps, where they were streamed.
+    /// What became of the steps, if they were streamed.
     pub progress: Option<Progress>,
-    /// What became of the arm, where it was stopped.
+    /// What became of the arm, if it was stopped.
     pub stop: Option<StopReport>,
 }
 
@@ -50,14 +50,15 @@ impl From<MotionError> for Ended {
 }
 
 impl Ended {
-    /// A job whose end was a stop, and what became of it. An arm that was not seen to stand leaves the outcome unknown.
+    /// A job that ended with a stop, and the result of the stop. If the arm was not seen to stand, the
+    /// outcome is unknown.
     pub fn stopped(failure: Failure, stop: Result<StopReport, RequestError>) -> Self {
         let (failure, stop) = match stop {
             Ok(report) if report.confirmed => (failure.add(format_args!("stopped: {report}")), Some(report)),
             Ok(report) => {
                 (failure.add(&report).with_exit(Exit::Unknown).with_code(Code::NotStopped), Some(report))
             }
-            // An arm that goes on comes before everything else.
+            // An arm that may still move is the most important news and comes first.
             Err(error) => {
                 let code = if is_another_robot(&error) { Code::AnotherRobot } else { Code::NotStopped };
                 let first = not_stopped(&error, failure.code());
@@ -71,19 +72,19 @@ impl Ended {
         Self { failure, progress: None, stop }
     }
 
-    /// The same, with what to do where the controller never answered anything.
+    /// Adds what to do if the controller never answered anything.
     pub fn told_of(self, robot: &Robot) -> Self {
         Self { failure: robot::told_of(robot, self.failure), ..self }
     }
 
-    /// A motion that was given up and stopped.
+    /// A motion that r6 gave up and stopped.
     pub fn given_up(
         why: GivenUp,
         progress: Option<Progress>,
         stop: Result<StopReport, RequestError>,
     ) -> Self {
         let failure = Failure::refused(why).with_code(why.code());
-        // Nobody is told what was seen of the arm.
+        // The caller does not learn from stdout what was seen of the arm.
         let failure = if why == GivenUp::Untold { failure.with_exit(Exit::Unknown) } else { failure };
         let failure = match &progress {
             Some(progress) if progress.total > 1 => failure.add(steps(progress)),
@@ -93,19 +94,19 @@ impl Ended {
     }
 }
 
-/// Why a motion that goes on is no longer waited for.
+/// Why r6 no longer waits for a running motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GivenUp {
-    /// Somebody pressed Ctrl-C.
+    /// The user pressed Ctrl-C.
     Interrupted,
-    /// The time of `--timeout` is up.
+    /// The time of `--timeout` is over.
     TimedOut(Duration),
-    /// What is said of the motion cannot be written.
+    /// The output about the motion cannot be written.
     Untold,
 }
 
 impl GivenUp {
-    /// The word for programs.
+    /// The code for programs.
     pub fn code(self) -> Code {
         match self {
             Self::Interrupted | Self::Untold => Code::Interrupted,
@@ -134,8 +135,9 @@ fn steps(progress: &Progress) -> String {
     )
 }
 
-/// What a person has to know first where nothing came of a stop, and why. `told`: what the failure of the motion says already. That
-/// nothing was sent is true of the stop alone, and steps of the motion were.
+/// The first words about a stop that failed, and why it failed. `told`: the code of the motion's failure,
+/// which is not repeated. If the stop was not sent, the error says that nothing was sent. This is true of the
+/// stop alone, because steps of the motion were sent.
 fn not_stopped(error: &RequestError, told: Code) -> String {
     const MOST_IMPORTANT: &str = "use the emergency stop";
     let text = error.to_string();
@@ -147,12 +149,12 @@ fn not_stopped(error: &RequestError, told: Code) -> String {
     format!("{first}; the stop could not be sent: {}", why_not(error))
 }
 
-/// `stop`: what became of the arm, if it was stopped after it.
+/// The failure for a cause. `stop`: what became of the arm, if it was stopped afterwards.
 fn of_cause(cause: &Cause, progress: &Progress, stop: Option<&Result<StopReport, RequestError>>) -> Failure {
     let some_left = progress.left > 0;
     let stopped = matches!(stop, Some(Ok(report)) if report.confirmed);
     match cause {
-        // What is in the list then stays there.
+        // In this case the rest of the instructions stays in the list.
         Cause::AlarmRaised { code } if some_left && stop.is_none() => {
             WaitError::AlarmRaised { code: *code }.into()
         }
@@ -162,7 +164,7 @@ fn of_cause(cause: &Cause, progress: &Progress, stop: Option<&Result<StopReport,
         Cause::NotReady(_) => Failure::refused(cause).with_code(Code::NotReady),
         Cause::AnotherRuns | Cause::EarlierFailed(_) => Failure::refused(cause).with_code(Code::Busy),
         Cause::NotCleared(error) => Failure::from(error.clone()),
-        // Code 3 would say that nothing of the job was carried out.
+        // Exit code 3 would say that nothing of the job was carried out.
         Cause::NotSent(error) if some_left => {
             after_a_part_left("the rest could not be sent", &error.clone().into())
         }

@@ -11,7 +11,7 @@ use crate::exit::Failure;
 use crate::output::problem::Code;
 use crate::output::{readings, status};
 
-/// A condition was not met, and nothing was sent. Stderr was told.
+/// A condition was not met, and nothing was sent. Stderr has already reported it.
 pub fn not_sent(robot: &str, unmet: &[Unmet]) -> Failure {
     Failure::refused(format!("nothing was sent: {}", status::conditions(unmet)))
         .with_code(Code::NotReady)
@@ -21,21 +21,21 @@ pub fn not_sent(robot: &str, unmet: &[Unmet]) -> Failure {
         .said()
 }
 
-/// The controller took a list.
+/// The controller accepted a list.
 #[derive(Clone, Copy, Debug)]
 pub struct Accepted {
     /// How many instructions.
     pub instructions: usize,
-    /// Whether it replaced what was there.
+    /// Whether it replaced the previous list.
     pub replaced_list: bool,
-    /// Whether it never ends.
+    /// Whether it repeats without end.
     pub repeats: bool,
     /// How long the answer took.
     pub after: Duration,
 }
 
 impl Accepted {
-    /// A list that was sent as it is.
+    /// The event for a list that was sent as a whole.
     pub fn whole(&self, robot: &str) -> Value {
         json!({
             "event": "accepted",
@@ -47,7 +47,7 @@ impl Accepted {
         })
     }
 
-    /// A list of a stream: how many steps were accepted with it, and how far the motion is.
+    /// The event for a list of a stream, with the steps accepted so far and the progress of the motion.
     pub fn streamed(&self, robot: &str, accepted: usize, progress: &Progress) -> Value {
         let mut event = self.whole(robot);
         event["steps"] = steps(&Progress { accepted, ..*progress });
@@ -55,7 +55,7 @@ impl Accepted {
     }
 }
 
-/// How far a motion is.
+/// The event for the progress of a motion.
 pub fn progress(robot: &str, progress: &Progress) -> Value {
     json!({ "event": "progress", "robot": robot, "steps": steps(progress) })
 }
@@ -65,7 +65,7 @@ fn steps(progress: &Progress) -> Value {
     json!({ "total": total, "sent": left, "accepted": accepted, "done": done })
 }
 
-/// The arm stands at the end of the motion, and what proves that it is the end.
+/// The event for an arm that stands at the end of the motion, with the proof of the end.
 pub fn stands(robot: &str, done: &Done) -> Value {
     json!({
         "event": "stands",
@@ -79,7 +79,7 @@ pub fn stands(robot: &str, done: &Done) -> Value {
     })
 }
 
-/// The word for what proves the end.
+/// The word for the proof of the end.
 fn proof(proof: &EndProof) -> &'static str {
     match proof {
         EndProof::Reached => "reached",
@@ -101,8 +101,8 @@ fn cut_short(proof: &EndProof) -> Option<Value> {
     }
 }
 
-/// It did not come to what was asked for. Where steps were streamed, programs are told what became of them, and where the arm
-/// was stopped, of the arm.
+/// Adds event, steps and stop to the failure of a job, for programs: the steps if they were streamed, the
+/// stop if the arm was stopped.
 pub fn failed(ended: Ended) -> Failure {
     let Ended { mut failure, progress, stop } = ended;
     if !failure.members().contains_key("event") {

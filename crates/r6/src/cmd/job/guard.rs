@@ -1,4 +1,4 @@
-//! Limits that a list is held against before anything of it is sent: an envelope from a file and from options.
+//! Limits that a list is checked against before anything is sent: an envelope from a file and from options.
 
 mod file;
 
@@ -13,22 +13,23 @@ use crate::exit::Failure;
 use crate::output::problem::Code;
 use crate::units;
 
-/// What a list may ask for.
+/// The limits of a list.
 #[derive(Debug, Args)]
 pub struct GuardArgs {
-    /// Limits of this cell (see `r6 run --help`): if a step goes beyond, nothing is sent
+    /// Limits of this cell (see `r6 run --help`): if a step exceeds them, nothing is sent
     #[arg(long, value_name = "FILE.toml")]
     guard: Option<PathBuf>,
-    /// Refuse what has a faster move than this; of --guard and this, the lower counts
+    /// Refuse a motion with a faster move than this; of --guard and this, the lower counts
     #[arg(long, value_name = "PERCENT", value_parser = units::speed_percent)]
     max_speed: Option<f64>,
-    /// Refuse what turns an axis further than this in one axis move; of --guard and this, the lower counts
+    /// Refuse a motion that turns an axis further than this in one axis move; of --guard and this, the lower
+    /// counts
     #[arg(long, value_name = "DEGREES", value_parser = units::largest_step)]
     max_axis_step: Option<f64>,
 }
 
 impl GuardArgs {
-    /// The envelope; `None` if nothing is limited.
+    /// The envelope; `None` if there are no limits.
     pub fn envelope(&self) -> Result<Option<Envelope>, Failure> {
         if self.guard.is_none() && self.max_speed.is_none() && self.max_axis_step.is_none() {
             return Ok(None);
@@ -49,7 +50,7 @@ fn lower<T: PartialOrd>(one: T, other: T) -> T {
     if one < other { one } else { other }
 }
 
-/// What is told where a step goes beyond.
+/// The failure for a step that exceeds a limit.
 pub fn beyond(violation: &Violation) -> Failure {
     Failure::refused(format!("nothing was sent: {violation}"))
         .with_code(Code::BeyondLimits)

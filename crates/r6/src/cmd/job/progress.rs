@@ -1,4 +1,4 @@
-//! Tells how far a motion is while it runs: lines for programs, one line that is written over for people.
+//! Shows the progress of a running motion: lines for programs, one line that is overwritten for people.
 
 use std::convert::Infallible;
 use std::io::IsTerminal;
@@ -14,30 +14,31 @@ use crate::cmd::job::Job;
 use crate::cmd::job::events::{self, Accepted};
 use crate::output::{self, action};
 
-/// How often the progress on the terminal is refreshed: as fast as eyes read, and few enough queries.
+/// How often the progress on the terminal is refreshed: fast enough for eyes, with few queries.
 const REFRESH_EVERY: Duration = Duration::from_millis(100);
 
-/// What takes less time than this needs no progress on the terminal.
+/// A motion shorter than this shows no progress on the terminal.
 const SHOWN_AFTER: Duration = Duration::from_secs(1);
 
-/// The least time between two lines of progress for programs: two a second tell enough, and hours of them are some megabytes.
+/// The least time between two lines of progress for programs. Two lines a second are enough, and hours of
+/// them are a few megabytes.
 pub const TOLD_EVERY: Duration = Duration::from_millis(500);
 
-/// Tells what becomes of a motion.
+/// Reports the progress of a motion.
 #[derive(Debug)]
 pub struct Teller<'r> {
     robot: &'r str,
     json: bool,
-    /// Whether each list has a line of its own for people.
+    /// Whether people get a line for each list.
     each_list: bool,
     job: &'r Job,
-    /// The lists of the motion, and how many of them were accepted.
+    /// The lists of the motion, and how many of them the controller accepted.
     lists: Vec<Range<usize>>,
     accepted: usize,
     seen: Progress,
-    /// When something last left or was answered.
+    /// When something was last sent or answered.
     since: Instant,
-    /// When, and how many steps that were done were last told.
+    /// When the progress was last reported, and the number of steps done at that time.
     told: (Instant, usize),
 }
 
@@ -54,7 +55,7 @@ impl<'r> Teller<'r> {
         self.accepted
     }
 
-    /// Takes in how far the motion is now.
+    /// Records the present progress of the motion and reports what changed.
     pub fn see(&mut self, progress: Progress) {
         let after = self.since.elapsed();
         if progress.left > self.seen.left || progress.accepted > self.seen.accepted {
@@ -93,7 +94,7 @@ impl<'r> Teller<'r> {
 }
 
 impl Accepted {
-    /// A line for people.
+    /// Prints a line for people.
     pub fn say(&self) {
         let instructions = action::instructions(self.instructions);
         let how = if self.replaced_list { "the list replaced" } else { "appended to the list" };
@@ -102,7 +103,7 @@ impl Accepted {
     }
 }
 
-/// Shows the axes on the terminal, and how many steps are done where that is known, over and over, until it is dropped.
+/// Shows the axes on the terminal until it is dropped, and the number of steps done if that is known.
 pub async fn show_progress(robot: &Robot, progress: Option<watch::Receiver<Progress>>) -> Infallible {
     if !std::io::stderr().is_terminal() {
         std::future::pending::<()>().await;
@@ -111,7 +112,7 @@ pub async fn show_progress(robot: &Robot, progress: Option<watch::Receiver<Progr
     let mut ticks = tokio::time::interval_at(Instant::now() + SHOWN_AFTER, REFRESH_EVERY);
     loop {
         ticks.tick().await;
-        // Whatever is wrong, the wait itself finds and reports it.
+        // The wait itself finds and reports errors.
         let Ok(result) = robot.query(&axes).await else { continue };
         let steps = progress.as_ref().map(|progress| {
             let Progress { done, total, .. } = *progress.borrow();

@@ -1,4 +1,4 @@
-//! A motion under way: streamed as the controller has room, or sent as a whole, and never a second time.
+//! A motion under way: streamed as the controller has room, or sent as a whole. Nothing is sent twice.
 
 use std::time::Duration;
 
@@ -29,7 +29,7 @@ pub async fn run(
     let Job { motion, options } = job;
     let lists = motion.lists(&robot::settings(), *options).map_err(Failure::usage)?;
     let guarded = envelope.map_or_else(|| robot.clone(), |envelope| robot.with_guard(envelope));
-    // From here on the arm may move, and Ctrl-C has to say so.
+    // From here on the arm may move, so Ctrl-C must report that.
     let mut ending = Ending::watch()?;
     let looking = format!("waiting for an answer of {}", robot.address());
     let begun = tokio::select! {
@@ -61,7 +61,8 @@ pub async fn run(
         ));
     }
     let mut teller = Teller::new(robot.address(), args.json, !is_long, job, lists);
-    // Of what goes out as a whole nobody can see how far it is, nor that it has stalled.
+    // A motion that is sent as a whole shows no progress, so r6 cannot see that it has stalled. It gets a
+    // default timeout.
     let time = args.timeout.or_else(|| (args.wait && job.is_whole()).then(|| WaitOptions::default().timeout));
     let steps = (!job.is_whole()).then(|| handle.watch());
     let given_up = tokio::select! {
@@ -80,7 +81,7 @@ pub async fn run(
         say_lists(&teller, &handle.progress());
     }
     if args.wait || handle.progress().ended {
-        // If it failed, the arm is being stopped.
+        // If the motion failed, the client is stopping the arm now.
         let done = waiting::told(stop::UNDER_WAY, handle.finished()).await?;
         if args.wait {
             stands(robot, &done, args.json);
@@ -105,7 +106,7 @@ pub async fn run(
     Ok(Exit::Done)
 }
 
-/// Tells what happens until the motion has ended, or, if nobody waits for that, until everything was accepted.
+/// Reports progress until the motion has ended or, if `to_the_end` is false, until everything was accepted.
 async fn follow(teller: &mut Teller<'_>, handle: &MotionHandle, to_the_end: bool) {
     let mut watch = handle.watch();
     loop {
@@ -114,10 +115,10 @@ async fn follow(teller: &mut Teller<'_>, handle: &MotionHandle, to_the_end: bool
         if progress.ended || !to_the_end && progress.accepted == progress.total {
             return;
         }
-        // What changed too soon after the last line is told when its time has come.
+        // A change too soon after the last line is reported after this timeout.
         match timeout(TOLD_EVERY, watch.changed()).await {
             Ok(Ok(())) | Err(_) => {}
-            // The task is gone; its handle tells why.
+            // The task has ended; its handle knows why.
             Ok(Err(_)) => return,
         }
     }
@@ -133,7 +134,7 @@ async fn time_is_up(after: Option<Duration>) -> Duration {
     }
 }
 
-/// Ends the streaming, stops the arm if that is wished, and tells the truth about what goes on.
+/// Ends the streaming, stops the arm if `stop` is set, and says what the arm still does.
 async fn give_up(robot: &Robot, handle: MotionHandle, why: GivenUp, stop: bool) -> Ended {
     if stop {
         let watch = handle.watch();
@@ -158,14 +159,16 @@ async fn give_up(robot: &Robot, handle: MotionHandle, why: GivenUp, stop: bool) 
     Ended { progress: Some(progress), ..failure.into() }
 }
 
-/// What the arm still does when nothing more is sent, where the controller tells the length of its list and where not.
+/// What the arm still does when nothing more is sent. `length`: the length of the controller's list, if the
+/// controller has it.
 fn what_goes_on(progress: &Progress, length: Option<i64>) -> String {
     let Progress { total, left, accepted, done, .. } = *progress;
     let in_list = match length {
         Some(length) => format!("{length} in its list"),
         None => format!("at most {} in its list", progress.under_way()),
     };
-    // A list that is shorter than before may have been cleared: what is gone from it counts only as far as the motion saw it.
+    // A list that is shorter than before may have been cleared. So a step counts as done only if the motion
+    // saw it.
     let mut text = format!("{done} of {total} steps seen to be done, {in_list}");
     if left > accepted {
         text += &format!(", {} sent and not answered", left - accepted);
@@ -176,7 +179,7 @@ fn what_goes_on(progress: &Progress, length: Option<i64>) -> String {
     text
 }
 
-/// What of a long motion has been handed over.
+/// Says how much of a long motion the controller accepted.
 fn say_lists(teller: &Teller<'_>, progress: &Progress) {
     let lists = output::counted(teller.accepted(), "list");
     let instructions = action::instructions(progress.accepted);
@@ -184,7 +187,7 @@ fn say_lists(teller: &Teller<'_>, progress: &Progress) {
     output::line(format_args!("{instructions} accepted in {lists}; the arm finishes the last {in_list}"));
 }
 
-/// That the motion is at its end, and what proves it.
+/// Says that the motion has ended, and what proves it.
 fn ending(done: &Done) -> String {
     let seconds = done.took.as_secs_f64();
     match done.proof {
@@ -203,7 +206,7 @@ fn ending(done: &Done) -> String {
     }
 }
 
-/// Where the arm ended.
+/// Prints where the arm ended.
 pub fn stands(robot: &Robot, done: &Done, json: bool) {
     if json {
         output::json(&events::stands(robot.address(), done));
@@ -229,7 +232,7 @@ mod tests {
             what_goes_on(&progress, None),
             "20 of 500 steps seen to be done, at most 28 in its list, 8 sent and not answered, 452 never sent"
         );
-        // After a power cut, or when somebody else cleared it, the list is empty and proves nothing.
+        // After a power cut, or when another client cleared it, the list is empty. That proves nothing.
         assert!(
             what_goes_on(&progress, Some(0)).starts_with("20 of 500 steps seen to be done, 0 in its list, ")
         );

@@ -1,4 +1,4 @@
-//! A program that a person loads out of a file.
+//! Loads a program from a file.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use super::Wish;
 use crate::cmd::sim::given;
 use crate::exit::Failure;
 
-/// The program of a file. It is read here first: mistakes are told with their lines.
+/// Reads the program of a file. Reading it here reports mistakes with their lines.
 pub(super) fn load(file: PathBuf, name: Option<String>) -> Result<Wish, Failure> {
     if name.as_deref() == Some("") {
         return Err(Failure::usage("--name: a program's name has 1 to 64 bytes"));

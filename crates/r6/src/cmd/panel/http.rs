@@ -1,4 +1,4 @@
-//! The other end of the panel's HTTP API.
+//! The client of the panel's HTTP API.
 
 use std::time::Duration;
 
@@ -16,13 +16,13 @@ use tokio::net::TcpStream;
 
 use crate::exit::{Exit, Failure};
 
-/// How long a connection, or a reply, may take: the panel is on this machine, or near it.
+/// How long a connection or a reply may take. The panel runs on this machine or nearby.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// The longest reply that is read: a state has some two thousand bytes.
+/// The longest reply that is read. A state has about two thousand bytes.
 const MAX_REPLY_BYTES: usize = 64 * 1024;
 
-/// A panel to talk to.
+/// A client of one panel.
 #[derive(Debug)]
 pub struct Panel {
     /// Host and port.
@@ -38,7 +38,7 @@ impl Panel {
             rest.parse::<Authority>().ok().filter(|told| !told.host().is_empty() && !rest.contains('@'));
         let address = told.and_then(|told| match told.port_u16() {
             Some(port) => Some(format!("{}:{port}", told.host())),
-            // A port that is none is no address without a port.
+            // `host:abc` has no valid port. It is an error and does not fall back to the default port.
             None => (told.as_str() == told.host()).then(|| format!("{}:{DEFAULT_PORT}", told.host())),
         });
         address.map(|address| Self { address }).ok_or_else(|| {
@@ -47,12 +47,12 @@ impl Panel {
         })
     }
 
-    /// What a person would see at the machine.
+    /// Reads what an operator sees at the machine.
     pub async fn state(&self, controller: usize) -> Result<Snapshot, Failure> {
         self.ask(Method::GET, &format!("/v1/controllers/{controller}"), Bytes::new(), Exit::NoReply).await
     }
 
-    /// Does what a person does at the machine, and tells what he would then see.
+    /// Performs an operator's action, and returns what an operator then sees.
     pub async fn act(&self, controller: usize, action: &Action) -> Result<Snapshot, Failure> {
         let body = serde_json::to_vec(action)
             .map_err(|error| Failure::usage(format!("this cannot be written as JSON: {error}")))?;
@@ -60,13 +60,13 @@ impl Panel {
         self.ask(Method::POST, &path, body.into(), Exit::Unknown).await
     }
 
-    /// Loads a program, and tells what a person would then see.
+    /// Loads a program, and returns what an operator then sees.
     pub async fn load(&self, controller: usize, name: &str, text: String) -> Result<Snapshot, Failure> {
         let path = format!("/v1/controllers/{controller}/programs/{}", in_path(name));
         self.ask(Method::PUT, &path, text.into(), Exit::Unknown).await
     }
 
-    /// Sends a request; `lost` is how the run ends where no reply comes.
+    /// Sends a request. `lost`: how the run ends if no reply comes.
     async fn ask(&self, method: Method, path: &str, body: Bytes, lost: Exit) -> Result<Snapshot, Failure> {
         let stream = self.connect().await?;
         let kind = if method == Method::PUT { "text/plain; charset=utf-8" } else { "application/json" };
@@ -95,7 +95,8 @@ impl Panel {
                 .map_err(|error| no_reply(&format!("not a panel's: {error}")));
         }
         match serde_json::from_slice::<Problem>(&body) {
-            // What only the machine could tell is a refusal; what was wrong from the start is ours.
+            // These two depend on the state of the machine and are refusals. Other statuses mean that the
+            // request itself is wrong.
             Ok(problem) if matches!(status, StatusCode::CONFLICT | StatusCode::FORBIDDEN) => {
                 Err(Failure::refused(problem.message))
             }
@@ -119,7 +120,7 @@ impl Panel {
     }
 }
 
-/// A name as one part of a path.
+/// Escapes a name for use as one segment of a path.
 fn in_path(name: &str) -> String {
     name.bytes().fold(String::new(), |mut path, byte| {
         if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
@@ -131,7 +132,7 @@ fn in_path(name: &str) -> String {
     })
 }
 
-/// One request and its reply on a connection of its own.
+/// Sends one request and reads its reply, on its own connection.
 async fn exchange(stream: TcpStream, request: Request<Full<Bytes>>) -> Result<(StatusCode, Bytes), String> {
     let (mut sender, connection) =
         http1::handshake(TokioIo::new(stream)).await.map_err(|error| error.to_string())?;
@@ -141,7 +142,7 @@ async fn exchange(stream: TcpStream, request: Request<Full<Bytes>>) -> Result<(S
         let body = Limited::new(reply.into_body(), MAX_REPLY_BYTES).collect().await;
         Ok((status, body.map_err(|error| error.to_string())?.to_bytes()))
     };
-    // The connection has to be polled for the reply to come; what ends it early ends the reply too.
+    // The reply comes only while the connection is polled. If the connection ends early, the reply ends too.
     let mut reply = std::pin::pin!(reply);
     tokio::select! {
         reply = &mut reply => reply,

@@ -1,10 +1,10 @@
-//! What is done to inputs while a program is played: `X010=on@2.5s`.
+//! Changes of inputs while a program is played: `X010=on@2.5s`.
 
 use std::time::Duration;
 
 use r6_proto::io_point::{IoPoint, PointKind};
 
-/// An input that is switched.
+/// A change of an input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InputChange {
     /// When, from the beginning of the program.
@@ -13,14 +13,14 @@ pub struct InputChange {
     pub board: u8,
     /// The point, 0 to 31.
     pub point: u8,
-    /// To what.
+    /// The new level.
     pub on: bool,
 }
 
-/// How it is written.
+/// The format, for errors.
 const WANTED: &str = "write it as X010=on@2.5s: the input's name, on or off, and when";
 
-/// Reads `X010=on`, `X1.047=off@2.5s`; without a time it is so from the beginning.
+/// Reads `X010=on`, `X1.047=off@2.5s`. Without a time the change is at the beginning.
 pub fn input_change(text: &str) -> Result<InputChange, String> {
     let (name, rest) = text.split_once('=').ok_or(WANTED)?;
     let (state, at) = match rest.split_once('@') {

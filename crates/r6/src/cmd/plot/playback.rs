@@ -1,4 +1,5 @@
-//! Plays a program on a virtual controller, on a virtual clock: what a client, the arm and the cell do.
+//! Plays a program on a virtual controller with a virtual clock: the client, the arm and the inputs of the
+//! cell.
 
 use r6_controller::Event;
 use r6_controller::event::AlarmCause;
@@ -20,26 +21,26 @@ use crate::robot;
 use r6_client::{Motion, RunOptions};
 use r6_program::{MotionList, first_axes};
 
-/// The most instructions that are played: far more than the longest program known, and little enough to draw.
+/// The most instructions that are played: far more than the longest known program, and few enough to draw.
 pub const MAX_INSTRUCTIONS: usize = 10_000;
 
-/// How long a program is followed, in its own time: a program that is longer is one that was not meant.
+/// How long a program is followed, in its own time. A longer program is taken for a mistake.
 pub const LONGEST: Duration = Duration::from_secs(7 * 24 * 3600);
 
-/// What is played, besides the program.
+/// The conditions in which the program is played.
 pub struct Cell {
     /// The controller and its arm.
     pub settings: ControllerSettings,
-    /// Where the axes stand at the beginning, degrees or mm; axes that are not given stand at 0.
+    /// Start positions of the axes, degrees or mm. Axes without a value start at 0.
     pub from: Vec<f64>,
-    /// What is done to the inputs.
+    /// Changes of the inputs.
     pub inputs: Vec<InputChange>,
 }
 
-/// Plays the lists and tells what happened; `progress` is told now and then how far it is, in the program's time.
+/// Plays the lists and returns what happened. Calls `progress` now and then with the program's time, seconds.
 ///
 /// # Errors
-/// The start cannot be reached, or the controller refuses a frame.
+/// The arm cannot reach the start, or the controller refuses a frame.
 pub fn play(cell: Cell, lists: Vec<MotionList>, progress: &mut dyn FnMut(f64)) -> Result<Recording, Failure> {
     let count = lists.iter().map(|list| list.instructions.len()).sum::<usize>();
     if count > MAX_INSTRUCTIONS {
@@ -73,7 +74,7 @@ pub fn play(cell: Cell, lists: Vec<MotionList>, progress: &mut dyn FnMut(f64)) -
     Ok(recorder.finish(count, ending))
 }
 
-/// A frame, and what it does to the list.
+/// A frame, and its effect on the list.
 struct Frame {
     bytes: Vec<u8>,
     replaces: bool,
@@ -81,7 +82,7 @@ struct Frame {
 }
 
 impl Frame {
-    /// As they are sent to a controller that takes every length: in the frames of the file, or shorter ones.
+    /// All frames, for a controller that accepts every length: the frames of the file, or shorter ones.
     fn all(lists: Vec<MotionList>) -> Result<VecDeque<Self>, Failure> {
         let append = lists.first().is_some_and(|list| !list.replace);
         Self::of(&job::in_frames(lists), append)
@@ -101,15 +102,15 @@ impl Frame {
     }
 }
 
-/// A client, the controller it talks to, and the people in the cell.
+/// A client, its controller, and the inputs of the cell.
 struct Player {
     controller: Controller,
     id: ConnectionId,
     now: Instant,
-    /// Frames that the client has still to send.
+    /// Frames that the client still has to send.
     frames: VecDeque<Frame>,
     frame_number: u64,
-    /// When the last frame was answered: the next one is not sent before.
+    /// When the controller answers the last frame. The client sends the next one after that.
     answered: Instant,
     inputs: VecDeque<(Instant, InputChange)>,
     alarm: Option<Alarm>,
@@ -118,7 +119,7 @@ struct Player {
 }
 
 impl Player {
-    /// Brings the axes to where the program begins.
+    /// Moves the axes to the start of the program.
     fn go_to(&mut self, from: &[f64]) -> Result<(), Failure> {
         if from.iter().all(|axis| *axis == 0.0) {
             return Ok(());
@@ -148,7 +149,7 @@ impl Player {
         }
     }
 
-    /// Goes from event to event, and looks in between while something moves.
+    /// Goes from event to event, and samples in between while the arm moves.
     fn follow(&mut self, recorder: &mut Recorder, progress: &mut dyn FnMut(f64)) -> Result<Ending, Failure> {
         let end = self.now + LONGEST;
         loop {
@@ -170,14 +171,14 @@ impl Player {
         }
     }
 
-    /// When something happens next by itself, or is done.
+    /// The time of the next event: a timeout of the controller, an answer, or an input.
     fn next_event(&self) -> Option<Instant> {
         let answer = (self.answered > self.now).then_some(self.answered);
         let input = self.inputs.front().map(|(at, _)| *at);
         [self.controller.poll_timeout(), answer, input].into_iter().flatten().min()
     }
 
-    /// Lets time pass up to an instant at which nothing has happened before.
+    /// Advances the time to `to`. The caller makes sure that no event is due before.
     fn pass(&mut self, to: Instant) {
         self.now = self.now.max(to);
         self.controller.handle_timeout(self.now);
@@ -187,7 +188,7 @@ impl Player {
         self.listen();
     }
 
-    /// Sends what the list has room for, one frame after the other as they are answered.
+    /// Sends the frames that the list has room for, each after the answer to the previous one.
     fn feed(&mut self) -> Result<(), Failure> {
         while self.answered <= self.now && self.alarm.is_none() {
             let left = self.controller.machine().list().len();
@@ -219,14 +220,14 @@ impl Player {
         Err(Failure::refused(format!("the controller does not take frame {}: {why}", self.frame_number)))
     }
 
-    /// What the controller complains about.
+    /// The first warning in the controller's log.
     fn warning(&mut self) -> Option<String> {
         std::iter::from_fn(|| self.controller.poll_log())
             .find(|entry| entry.level() == Level::Warning)
             .map(|entry| entry.event.to_string())
     }
 
-    /// Reads the controller's log: an alarm is the one thing in it that a picture shows.
+    /// Reads the controller's log. Of all events the picture shows only an alarm.
     fn listen(&mut self) {
         let done = self.controller.machine().list().completed().saturating_sub(self.done_before);
         while let Some(line) = self.controller.poll_log() {
@@ -235,7 +236,7 @@ impl Player {
                 && let Event::AlarmRaised { alarm, why } = line.event
             {
                 let instruction = usize::try_from(done).unwrap_or(usize::MAX).saturating_add(1);
-                // The number of the instruction in it counts from the present front of the list.
+                // The number of the instruction in this text would count from the present front of the list.
                 let why = match why {
                     AlarmCause::Step { why, .. } => why.to_string(),
                     other => other.to_string(),
@@ -245,7 +246,7 @@ impl Player {
         }
     }
 
-    /// How it ended, once it has.
+    /// How the program ended; `None` while it runs.
     fn ending(&self) -> Option<Ending> {
         let machine = self.controller.machine();
         if machine.is_moving() {

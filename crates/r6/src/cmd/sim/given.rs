@@ -1,4 +1,4 @@
-//! What a virtual controller is given: parts that it has a name for, or that a file describes.
+//! Reads the parts of a virtual controller: built-in parts by name, or files.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,21 +11,21 @@ use r6_controller::{LibraryError, Profile};
 use crate::exit::Failure;
 use crate::{output, text_file};
 
-/// No profile and no robot model has a longer file: theirs have some kilobytes.
+/// The longest file of a profile or a robot model. They have some kilobytes.
 const MAX_FILE_BYTES: usize = 256 * 1024;
 
-/// The text of a file that an option names; `what` it is stands in the complaint.
+/// Reads a text file that an option names. `what` names its content in the error.
 fn text(path: &Path, what: &str, most: usize) -> Result<String, Failure> {
     text_file::read(path, what, most).map_err(|problem| Failure::usage(problem).while_doing(path.display()))
 }
 
-/// Whether an option means a file, by the ending.
+/// Whether an option names a file, by its extension.
 fn is_file(text: &str, endings: &[&str]) -> bool {
     let ending = Path::new(text).extension().and_then(|ending| ending.to_str());
     ending.is_some_and(|ending| endings.contains(&ending))
 }
 
-/// There is no part of this name.
+/// The failure for an unknown name.
 fn no_such(what: &str, name: &str, known: &[&'static str], files: &str) -> Failure {
     let failure = Failure::usage(format!("there is no {what} `{name}`"));
     match r6_proto::nearest(name, known.iter().copied()) {
@@ -37,7 +37,7 @@ fn no_such(what: &str, name: &str, known: &[&'static str], files: &str) -> Failu
 /// The profile of this name, or of this file.
 ///
 /// # Errors
-/// There is none, or the file is wrong: all places, and what is due there.
+/// There is no such profile, or the file is wrong. The error names all places, and what is expected there.
 pub fn profile(name: &str) -> Result<Profile, Failure> {
     if let Some(profile) = Profile::named(name) {
         return Ok(profile);
@@ -52,7 +52,7 @@ pub fn profile(name: &str) -> Result<Profile, Failure> {
 /// The robot model of this name, or of this file.
 ///
 /// # Errors
-/// There is none, or the file is wrong: all places, and what is due there.
+/// There is no such model, or the file is wrong. The error names all places, and what is expected there.
 pub fn model(name: &str) -> Result<RobotModel, Failure> {
     if let Some(model) = RobotModel::named(name) {
         return Ok(model.clone());
@@ -68,17 +68,18 @@ pub fn model(name: &str) -> Result<RobotModel, Failure> {
 /// The scenario of this file.
 ///
 /// # Errors
-/// The file is wrong: all places, and what is due there.
+/// The file is wrong. The error names all places, and what is expected there.
 pub fn scenario(path: &Path) -> Result<Arc<Scenario>, Failure> {
     let file = text(path, "a scenario", r6_controller::scenario::MAX_TEXT_BYTES)?;
     let name = path.display().to_string();
     Scenario::read(&file).map(Arc::new).map_err(|mistakes| Failure::in_file(&name, &mistakes))
 }
 
-/// The taught program of this file, called as the file is, without its ending, or as `name` says; and its text.
+/// The taught program of this file, with its text. Its name is `name`, or the file's name without its
+/// extension.
 ///
 /// # Errors
-/// The file is wrong: all places, and what is due there.
+/// The file is wrong. The error names all places, and what is expected there.
 pub fn program(path: &Path, name: Option<&str>) -> Result<Program, Failure> {
     let file = text(path, "a program", MAX_TEXT_BYTES)?;
     let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
@@ -91,10 +92,10 @@ pub fn program(path: &Path, name: Option<&str>) -> Result<Program, Failure> {
     Ok(program)
 }
 
-/// A library with these programs besides those that every controller has, and the one that runs: the first one.
+/// A library with the built-in programs and these, and the name of the program that runs: the first of these.
 ///
 /// # Errors
-/// There is no such program, a file is wrong, or a program calls one that is not there.
+/// There is no such program, a file is wrong, or a program calls a program that does not exist.
 pub fn library(given: &[String]) -> Result<(Library, String), Failure> {
     let mut library = Library::default();
     let mut mold = None;

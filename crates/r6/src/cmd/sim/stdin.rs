@@ -1,4 +1,4 @@
-//! What a person or a script tells `r6 sim` on stdin: inputs, photos, the mode key.
+//! Lines on stdin of `r6 sim`, from a person or a script: inputs, photos, the mode key.
 
 use std::io::{BufRead, IsTerminal, Read};
 use std::time::Duration;
@@ -9,10 +9,10 @@ use r6_sim::ControllerHandle;
 use crate::exit::Failure;
 use crate::output;
 
-/// The longest line that is read; the longest that means something has about 30 bytes.
+/// The longest line that is read. The longest valid line has about 30 bytes.
 const MAX_LINE_BYTES: u64 = 256;
 
-/// How often a program in the background looks whether it has got the terminal.
+/// How often a program in the background checks whether it is in the foreground now.
 const FOREGROUND_CHECK: Duration = Duration::from_secs(1);
 
 const WORDS: &str = "there are: input BOARD POINT on|off, photo CAM, key auto|manual|stop";
@@ -24,8 +24,8 @@ enum Wish {
     Photo { cam_id: i64 },
 }
 
-/// Begins to read lines, on a thread that lives as long as the program: a read from a terminal cannot be called off.
-/// The end of the input ends nothing else.
+/// Starts to read lines, on a thread that lives as long as the program, because a read from a terminal cannot
+/// be cancelled. The end of the input does not end the program.
 pub fn listen(controllers: Vec<ControllerHandle>) -> Result<(), Failure> {
     let begun = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || obey(&controllers));
     begun.map(drop).map_err(|error| Failure::usage(format!("the system gives no threads: {error}")))
@@ -64,7 +64,7 @@ fn obey(controllers: &[ControllerHandle]) {
     }
 }
 
-/// The index of the controller, counted from 0, and what it is asked for.
+/// Returns the index of the controller, counted from 0, and what the line asks for.
 fn read(line: &str, count: usize) -> Result<(usize, Wish), String> {
     let (index, rest) = match line.split_once(':') {
         Some((number, rest)) => {
@@ -106,9 +106,10 @@ fn up_to(name: &str, word: &str, last: u8) -> Result<u8, String> {
     value.ok_or_else(|| format!("{name} is a whole number from 0 to {last}, not `{word}`"))
 }
 
-/// Whether another process group has the terminal, as Linux tells it; elsewhere nobody asks.
+/// Whether another process group has the terminal. Known on Linux only; elsewhere `false`.
 fn in_background() -> bool {
-    // `pid (name) state parent group session terminal foreground-group …`; the name may hold anything.
+    // `pid (name) state parent group session terminal foreground-group …`; the name may contain any
+    // character.
     let Ok(stat) = std::fs::read_to_string("/proc/self/stat") else { return false };
     let fields: Vec<_> = stat.rsplit_once(')').map_or("", |(_, fields)| fields).split_whitespace().collect();
     match (fields.get(2), fields.get(5)) {

@@ -1,15 +1,15 @@
-//! SVG as text: the few shapes that a picture here is made of.
+//! Writes SVG as text, with the few shapes that the pictures need.
 
 use std::fmt::Write;
 
-/// Where a text is anchored.
+/// Which point of a text is at its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// It begins there.
+    /// The beginning.
     Start,
-    /// Its middle is there.
+    /// The middle.
     Middle,
-    /// It ends there.
+    /// The end.
     End,
 }
 
@@ -23,9 +23,9 @@ pub struct Area {
     pub left: f64,
     /// The upper edge.
     pub top: f64,
-    /// How wide it is.
+    /// The width.
     pub width: f64,
-    /// How high it is.
+    /// The height.
     pub height: f64,
 }
 
@@ -41,7 +41,7 @@ impl Area {
     }
 }
 
-/// A picture in the making.
+/// A picture under construction.
 pub struct Canvas {
     text: String,
 }
@@ -74,13 +74,13 @@ impl Canvas {
         self.put("</g>");
     }
 
-    /// A straight line; `style` is SVG attributes.
+    /// Draws a straight line; `style` has SVG attributes.
     pub fn line(&mut self, from: Place, to: Place, style: &str) {
         let [x1, y1, x2, y2] = [from.0, from.1, to.0, to.1].map(number);
         self.put(&format!("<line x1=\"{x1}\" y1=\"{y1}\" x2=\"{x2}\" y2=\"{y2}\" {style}/>"));
     }
 
-    /// A line through many places.
+    /// Draws a line through many places.
     pub fn polyline(&mut self, places: &[Place], style: &str) {
         let mut points = String::new();
         for (x, y) in places {
@@ -90,19 +90,19 @@ impl Canvas {
         self.put(&format!("<polyline points=\"{points}\" fill=\"none\" {style}/>"));
     }
 
-    /// An empty rectangle, or a filled one: `style` says.
+    /// Draws a rectangle, empty or filled as `style` says.
     pub fn rectangle(&mut self, area: Area, style: &str) {
         let [x, y, width, height] = [area.left, area.top, area.width, area.height].map(number);
         self.put(&format!("<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" {style}/>"));
     }
 
-    /// A circle.
+    /// Draws a circle.
     pub fn circle(&mut self, (x, y): Place, radius: f64, style: &str) {
         let [x, y] = [x, y].map(number);
         self.put(&format!("<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" {style}/>"));
     }
 
-    /// A text.
+    /// Draws a text.
     pub fn text(&mut self, (x, y): Place, anchor: Anchor, text: &str, style: &str) {
         let [x, y] = [x, y].map(number);
         let anchor = match anchor {
@@ -114,7 +114,7 @@ impl Canvas {
         self.put(&format!("<text x=\"{x}\" y=\"{y}\"{anchor}{blank}{style}>{}</text>", escape(text)));
     }
 
-    /// A text along a vertical axis, read from below.
+    /// Draws a text along a vertical axis, read from below.
     pub fn upright_text(&mut self, (x, y): Place, text: &str, style: &str) {
         let [x, y] = [x, y].map(number);
         self.put(&format!(
@@ -123,21 +123,21 @@ impl Canvas {
         ));
     }
 
-    /// The whole file.
+    /// Returns the whole file.
     pub fn finish(mut self) -> String {
         self.put("</svg>");
         self.text
     }
 }
 
-/// A coordinate with one decimal and without a sign on zero: a tenth of a pixel is less than anybody sees.
+/// A coordinate with one decimal and without a sign on zero. A tenth of a pixel is not visible.
 fn number(value: f64) -> String {
     let text = format!("{value:.1}");
     let text = text.strip_suffix(".0").unwrap_or(&text);
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
-/// A text as XML takes it; a character that XML has not becomes a replacement.
+/// Escapes a text for XML. A character that XML does not allow becomes a replacement character.
 fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {

@@ -1,6 +1,6 @@
-//! From values to pixels, and the round values that are written at an axis.
+//! Converts values to pixels, and finds round values for the labels of an axis.
 
-/// A range of values on a stretch of pixels.
+/// Maps a range of values to a range of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     values: (f64, f64),
@@ -8,27 +8,28 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// The values from `values.0` to `values.1` on the pixels from `pixels.0` to `pixels.1`. The two values differ.
+    /// Maps the values from `values.0` to `values.1` to the pixels from `pixels.0` to `pixels.1`. The two
+    /// values must differ.
     pub fn new(values: (f64, f64), pixels: (f64, f64)) -> Self {
         Self { values, pixels }
     }
 
-    /// Where a value lies.
+    /// The pixel of a value.
     pub fn at(&self, value: f64) -> f64 {
         let share = (value - self.values.0) / (self.values.1 - self.values.0);
         self.pixels.0 + share * (self.pixels.1 - self.pixels.0)
     }
 
-    /// The smallest and the largest value.
+    /// The range of values.
     pub fn values(&self) -> (f64, f64) {
         self.values
     }
 }
 
-/// Round values within a range, at most `most` and a few, and how many decimals they need.
+/// Round values within a range, and how many decimals they need.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ticks {
-    /// The values, rising.
+    /// The values, ascending.
     pub values: Vec<f64>,
     step: f64,
     decimals: usize,
@@ -54,14 +55,15 @@ impl Ticks {
         }
     }
 
-    /// A value of these as it is written.
+    /// A value as text, with the decimals of these ticks.
     pub fn label(&self, value: f64) -> String {
         let value = if value.abs() < self.step * 1e-6 { 0.0 } else { value };
         format!("{value:.*}", self.decimals)
     }
 }
 
-/// The range widened to round values, so that a line does not run along the frame; at least `smallest` wide.
+/// Widens a range to round values, so that a line does not run along the frame. The result is at least
+/// `smallest` wide.
 pub fn round_range((low, high): (f64, f64), smallest: f64, wanted: u32) -> (f64, f64) {
     let middle = f64::midpoint(low, high);
     let half = (smallest / 2.0).max((high - low) * 0.52);

@@ -1,17 +1,17 @@
-//! Takes the points out of a line that nobody would see.
+//! Removes the points of a line that make no visible difference.
 
 use super::canvas::Place;
 
-/// How far a line may be from its points, pixels: less than a line is wide.
+/// How far a line may be from the removed points, pixels: less than the width of a line.
 const TOLERANCE: f64 = 0.12;
 
-/// Points that are looked at together: the work for one stretch grows with the square of it in the worst case.
+/// How many points are processed together. In the worst case the work grows with the square of this number.
 const STRETCH: usize = 512;
 
-/// How wide a column is, pixels: of what is within it, only the ends and the extremes are seen.
+/// The width of a column, pixels. Within a column only the ends and the extremes are visible.
 const COLUMN: f64 = 0.5;
 
-/// The line with at most four points for each column of pixels; it has to run to the right.
+/// Keeps at most four points for each column of pixels. The line must run to the right.
 pub fn by_column(places: &[Place]) -> Vec<Place> {
     let mut kept = Vec::new();
     for column in places.chunk_by(|a, b| (a.0 / COLUMN).floor() == (b.0 / COLUMN).floor()) {
@@ -30,7 +30,8 @@ pub fn by_column(places: &[Place]) -> Vec<Place> {
     kept
 }
 
-/// The line with as few of its points as keep its form (Ramer, Douglas and Peucker); the first and the last stay.
+/// Keeps as few points as the shape of the line needs (Ramer, Douglas and Peucker). The first and the last
+/// point stay.
 pub fn thin(places: &[Place]) -> Vec<Place> {
     let mut kept: Vec<Place> = Vec::new();
     kept.extend(places.first());
@@ -43,7 +44,7 @@ pub fn thin(places: &[Place]) -> Vec<Place> {
     kept
 }
 
-/// Appends the points that are needed behind the first one.
+/// Appends the needed points after the first point.
 fn thin_stretch(places: &[Place], kept: &mut Vec<Place>) {
     let mut waiting = vec![places];
     while let Some(part) = waiting.pop() {
@@ -55,7 +56,7 @@ fn thin_stretch(places: &[Place], kept: &mut Vec<Place>) {
             .fold((0, 0.0), |best, next| if next.1 > best.1 { next } else { best });
         match farthest {
             (n, off) if off > TOLERANCE => {
-                // The first half is worked on first.
+                // The first half is processed first.
                 waiting.extend(part.get(n..));
                 waiting.extend(part.get(..=n));
             }
@@ -64,7 +65,7 @@ fn thin_stretch(places: &[Place], kept: &mut Vec<Place>) {
     }
 }
 
-/// How far a place is from the line between two others.
+/// The distance of a place from the line between two others.
 fn distance(place: Place, from: Place, to: Place) -> f64 {
     let (dx, dy) = (to.0 - from.0, to.1 - from.1);
     let (px, py) = (place.0 - from.0, place.1 - from.1);

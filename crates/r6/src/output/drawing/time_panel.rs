@@ -1,4 +1,4 @@
-//! Curves over time, with the instructions they belong to.
+//! Draws curves over time, with the instructions they belong to.
 
 use super::canvas::{Anchor, Area, Canvas, Place};
 use super::scale::{Scale, Ticks, round_range};
@@ -6,13 +6,14 @@ use super::thin::{by_column, thin};
 use super::{ALARM, FRAME, GRID, INK, PALE_INK, is_dense};
 use crate::recording::Recording;
 
-/// Boundaries of instructions that are closer than this are one grey mass, pixels: they are left out.
+/// Boundaries of instructions that are closer than this are left out, pixels. They would look like one grey
+/// area.
 const CLOSEST_BOUNDARIES: f64 = 3.0;
 
-/// The width of a digit, pixels, for numbers that must not touch.
+/// The width of a digit, pixels, to keep numbers apart.
 const DIGIT: f64 = 7.0;
 
-/// What a curve is measured in.
+/// The unit of a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     /// Degrees.
@@ -32,7 +33,7 @@ impl Unit {
         }
     }
 
-    /// The smallest range that is worth drawing: below it a line is straight.
+    /// The smallest range that is drawn. A curve within less looks like a straight line.
     fn smallest_range(self) -> f64 {
         match self {
             Self::Degrees | Self::Millimetres => 1.0,
@@ -43,35 +44,35 @@ impl Unit {
 
 /// One axis over time.
 pub struct Curve {
-    /// Its colour and width, as SVG attributes.
+    /// Colour and width, as SVG attributes.
     pub stroke: String,
     /// Its unit.
     pub unit: Unit,
-    /// Its values, one for each sample.
+    /// The values, one for each sample.
     pub values: Vec<f64>,
 }
 
-/// A panel of curves over one time.
+/// A panel of curves over the same time.
 pub struct TimePanel<'p> {
-    /// Where it is.
+    /// Its place on the canvas.
     pub area: Area,
-    /// What it shows.
+    /// Its title.
     pub name: &'static str,
-    /// Where samples and instructions are.
+    /// The recording with the times of samples and instructions.
     pub recording: &'p Recording,
     /// One curve for each axis.
     pub curves: Vec<Curve>,
     /// When something went wrong, and what.
     pub mark: Option<(f64, String)>,
-    /// It has the seconds below, and no numbers of instructions above.
+    /// Whether it shows the seconds below, and no numbers of instructions above.
     pub is_lowest: bool,
 }
 
 impl TimePanel<'_> {
-    /// Draws it.
+    /// Draws the panel.
     pub fn draw(&self, canvas: &mut Canvas) {
         let duration = self.recording.duration;
-        // Where something went wrong, the mark stands within the frame.
+        // Leaves room within the frame for the mark of what went wrong.
         let room = if self.mark.is_some() { 1.05 } else { 1.0 };
         let end = if duration > 0.0 { duration * room } else { 1.0 };
         let time = Scale::new((0.0, end), (self.area.left, self.area.right()));
@@ -120,7 +121,7 @@ impl TimePanel<'_> {
         canvas.end_group();
     }
 
-    /// Where one instruction ends and the next begins, with their numbers above.
+    /// Draws the boundaries between instructions, with their numbers above.
     fn draw_boundaries(&self, canvas: &mut Canvas, time: &Scale) {
         if is_dense(self.recording) {
             return;
@@ -154,7 +155,7 @@ impl TimePanel<'_> {
         canvas.end_group();
     }
 
-    /// The values at the left edge, or at the right one.
+    /// Draws the values at the left edge or at the right edge.
     fn draw_values(&self, canvas: &mut Canvas, scale: &Scale, unit: Unit, is_left: bool) {
         let ticks = Ticks::within(scale.values(), self.wanted_ticks());
         canvas.begin_group("values");

@@ -1,4 +1,4 @@
-//! The way of the tool, from above and from the side, in one scale.
+//! Draws the path of the tool, from above and from the side, in the same scale.
 
 use super::canvas::{Anchor, Area, Canvas, Place};
 use super::scale::{Scale, Ticks};
@@ -6,26 +6,26 @@ use super::thin::thin;
 use super::{ALARM, FRAME, GRID, INK, PALE_INK, is_dense};
 use crate::recording::{Ending, Recording, distance};
 
-/// The smallest stretch that is drawn, mm: a tool that only turns stays a point.
+/// The smallest range that is drawn, mm. The path of a tool that only turns stays a point.
 const SMALLEST: f64 = 10.0;
 
-/// How much of a view is left free around the way.
+/// The share of a view that stays free around the path.
 const MARGIN: f64 = 0.08;
 
 /// Numbers of instructions that are closer than this are left out, pixels.
 const CLOSEST_NUMBERS: f64 = 16.0;
 
-/// Times that are closer are one instant, seconds: a way by no time is no speed.
+/// Samples that are closer in time than this have no speed of their own, seconds.
 const INSTANT: f64 = 1e-7;
 
 /// From slow to fast.
 const SPEED_COLOURS: [&str; 5] = ["#d7301f", "#e08020", "#a0a030", "#31a060", "#2060c0"];
 
-/// Numbers on the way, with a white edge, so that they can be read on a line.
+/// Style of the numbers on the path. The white edge makes them readable on a line.
 const NUMBER: &str =
     "fill=\"#333366\" font-size=\"11\" stroke=\"#ffffff\" stroke-width=\"3\" paint-order=\"stroke\"";
 
-/// Which two components a view shows: to the right, and upwards.
+/// A view: the component that it shows to the right and the one upwards.
 #[derive(Clone, Copy)]
 struct View<'v> {
     area: Area,
@@ -52,7 +52,7 @@ pub fn draw(canvas: &mut Canvas, recording: &Recording, top: Area, side: Area) {
     }
 }
 
-/// The speed of the tool on the way to each sample, mm/s.
+/// The speed of the tool before each sample, mm/s.
 fn tool_speeds(recording: &Recording) -> Vec<f64> {
     let mut speeds = vec![0.0];
     for pair in recording.samples.windows(2) {
@@ -75,7 +75,7 @@ fn bounds(recording: &Recording) -> [(f64, f64); 3] {
     bounds.map(|bound| if bound.0 <= bound.1 { bound } else { (0.0, 0.0) })
 }
 
-/// The colour of a speed, as a place in [`SPEED_COLOURS`].
+/// The colour of a speed, as an index into [`SPEED_COLOURS`].
 fn shade(speed: f64, fastest: f64) -> usize {
     if fastest <= 0.0 {
         return 0;
@@ -107,7 +107,7 @@ fn draw_legend(canvas: &mut Canvas, right: f64, y: f64, fastest: f64) {
     canvas.end_group();
 }
 
-/// What the marks on the way mean.
+/// Explains the marks on the path.
 fn draw_marks_legend(canvas: &mut Canvas, recording: &Recording, left: f64, y: f64) {
     let style = format!("fill=\"{PALE_INK}\"");
     canvas.begin_group("legend");
@@ -130,7 +130,7 @@ fn component(tool: [f64; 3], number: usize) -> f64 {
 }
 
 impl View<'_> {
-    /// The scale that this view needs for everything to be in it.
+    /// The scale at which the whole path fits into this view.
     fn millimetres_per_pixel(&self, bounds: &[(f64, f64); 3]) -> f64 {
         let need = |number: usize, pixels: f64| {
             let (low, high) = bounds.get(number).copied().unwrap_or_default();
@@ -191,7 +191,7 @@ impl View<'_> {
     }
 }
 
-/// The way, in pieces of one colour each.
+/// Draws the path, in pieces of one colour each.
 fn draw_way(canvas: &mut Canvas, places: &[Place], speeds: &[f64], fastest: f64) {
     let mut begin = 0;
     while begin + 1 < places.len() {
@@ -211,7 +211,7 @@ fn draw_way(canvas: &mut Canvas, places: &[Place], speeds: &[f64], fastest: f64)
     }
 }
 
-/// Where instructions end, with their numbers.
+/// Draws the ends of instructions, with their numbers.
 fn draw_numbers(canvas: &mut Canvas, recording: &Recording, place: impl Fn([f64; 3]) -> Place) {
     if is_dense(recording) {
         return;
@@ -232,7 +232,7 @@ fn draw_numbers(canvas: &mut Canvas, recording: &Recording, place: impl Fn([f64;
     }
 }
 
-/// Where the tool began, and where it ended.
+/// Draws where the tool began and where it ended.
 fn draw_ends(canvas: &mut Canvas, recording: &Recording, places: &[Place]) {
     let (Some(first), Some(last)) = (places.first(), places.last()) else { return };
     draw_begin(canvas, *first);

@@ -1,4 +1,4 @@
-//! The limits of a cell, as a file.
+//! The file with the limits of a cell.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use r6_proto::message::instruction::PathSpeed;
 use crate::exit::Failure;
 use crate::text_file;
 
-/// The longest file: limits are a few lines.
+/// The longest file. Limits take a few lines.
 const MAX_FILE_BYTES: usize = 64 * 1024;
 
 /// The keys of `[axes]` and `[axes_mm]`.
@@ -20,7 +20,7 @@ const AXES: [&str; 8] = ["J1", "J2", "J3", "J4", "J5", "J6", "J7", "J8"];
 /// The keys of `[workspace]`.
 const PLACES: [&str; 3] = ["x", "y", "z"];
 
-/// What a list may ask for.
+/// The limits of a list.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Limits {
     /// `max_speed`, percent.
@@ -34,7 +34,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// As the SDK checks them.
+    /// The limits as the client library checks them.
     pub fn envelope(&self) -> Envelope {
         let mut envelope = Envelope::new();
         if let Some(cap) = self.max_speed {
@@ -60,7 +60,7 @@ impl Limits {
     }
 }
 
-/// Reads the limits of a file.
+/// Reads the limits from a file.
 pub fn read(path: &Path) -> Result<Limits, Failure> {
     let name = path.display().to_string();
     let text = text_file::read(path, "a file of limits", MAX_FILE_BYTES)
@@ -94,7 +94,7 @@ fn parse(text: &str) -> Result<Limits, Mistakes> {
     found.finish(limits)
 }
 
-/// The entries of a table, each the lowest and the highest value of one of these names; `None` if there is no such table.
+/// The lowest and the highest value for each of `names` in a table; `None` if there is no such table.
 fn ranges(
     fields: &Fields<'_>,
     name: &'static str,
@@ -125,7 +125,7 @@ fn axes(
         .collect()
 }
 
-/// A component that is not named is not limited.
+/// The limits of the workspace. A component without an entry is not limited.
 fn workspace(fields: &Fields<'_>, found: &mut Found<'_>) -> Option<[(f64, f64); 3]> {
     let ranges = ranges(fields, "workspace", &PLACES, found)?;
     let mut workspace = [(f64::NEG_INFINITY, f64::INFINITY); 3];
