@@ -71,6 +71,7 @@ __all__ = [
     "to_thousandths",
     "tasks",
     "told",
+    "word_of",
 ]
 
 _T = TypeVar("_T")
