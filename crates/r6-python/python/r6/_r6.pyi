@@ -510,7 +510,7 @@ class Motion:
     @property
     def repeats(self) -> bool:
         """Whether a step stays in the controller's list, so that the motion has no end of its own."""
-    def __getitem__(self, wanted: int | slice) -> Motion:
+    def __getitem__(self, key: int | slice, /) -> Motion:
         """A step, or steps that follow one another, as a motion of its own: ``motion[2]``, ``motion[2:5]``."""
     def __len__(self) -> int:
         """The number of steps."""
