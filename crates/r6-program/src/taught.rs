@@ -13,6 +13,7 @@ use r6_proto::message::Action;
 use r6_proto::message::instruction::{Coordinates, Manner, Wait, WaitSource};
 
 use crate::Mistakes;
+use crate::form::{self, Table};
 
 pub use read::step_words;
 
@@ -30,6 +31,19 @@ pub const MAX_TEXT_BYTES: usize = 256 * 1024;
 
 /// No name of a program is longer, bytes: `curMold` is answered in one small frame.
 pub const MAX_NAME_BYTES: usize = 64;
+
+/// Whether a text is meant as a taught program: a document with `step` and without `instruction`. It may be wrong
+/// in other ways.
+#[must_use]
+pub fn is_taught(text: &str) -> bool {
+    // Reading a long list of instructions twice would take time.
+    let may_be = text.len() <= MAX_TEXT_BYTES || text.contains("[[step]]");
+    let has = |document: &Table, key| document.value(key).is_some();
+    may_be && {
+        let (document, _) = form::parse(text);
+        has(&document, "step") && !["instruction", "instructions"].iter().any(|key| has(&document, key))
+    }
+}
 
 /// A program, ready to run. The default one has no name and no steps.
 #[derive(Clone, Debug, Default, PartialEq)]

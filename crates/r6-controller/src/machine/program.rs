@@ -453,7 +453,8 @@ impl Machine {
 
     /// The step whose turn it is, for people. The instructions of a program's own list are fetched ahead of the arm: while some
     /// are left, the first of them is the present step.
-    pub(crate) fn present_step(&self) -> Option<ProgramStep> {
+    #[must_use]
+    pub fn present_step(&self) -> Option<ProgramStep> {
         let fetched = self.program.places.front().filter(|_| !self.program.remote);
         let place = fetched.or_else(|| self.program.place())?;
         let step = place.program.steps().get(place.step)?;
