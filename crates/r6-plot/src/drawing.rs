@@ -159,7 +159,8 @@ fn over_time(canvas: &mut Canvas, picture: &Picture<'_>, points: f64) {
         Ending::Waiting => recording.turns.last().map(|turn| (turn.begin, "waits".to_owned())),
         Ending::Done | Ending::TooLong | Ending::Endless => None,
     };
-    let frame = |area, is_top, is_lowest| TimeFrame { area, recording, mark: mark.clone(), is_top, is_lowest };
+    let frame =
+        |area, is_top, is_lowest| TimeFrame { area, recording, mark: mark.clone(), is_top, is_lowest };
     let has_points = points > 0.0;
     TimePanel { frame: frame(POSITIONS, true, false), name: "axis position", curves: positions }.draw(canvas);
     TimePanel { frame: frame(SPEEDS, false, !has_points), name: "axis speed", curves: speeds }.draw(canvas);

@@ -96,11 +96,7 @@ pub fn motion(
 ///
 /// # Errors
 /// The program has no steps or calls a program that does not exist, or the arm cannot reach the start.
-pub fn program(
-    cell: Cell,
-    program: &Program,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Recording, PlayError> {
+pub fn program(cell: Cell, program: &Program, progress: &mut dyn FnMut(f64)) -> Result<Recording, PlayError> {
     if program.steps().is_empty() {
         return Err(PlayError::NoSteps);
     }
@@ -196,11 +192,8 @@ impl Player {
     /// A controller whose arm is at the start, and a recorder that starts now.
     fn at_start(cell: Cell, script: Script) -> Result<(Self, Recorder), PlayError> {
         let model = cell.settings.model.clone();
-        let settings = ControllerSettings {
-            mold: REMOTE_MOLD.to_owned(),
-            start: StartState::Waiting,
-            ..cell.settings
-        };
+        let settings =
+            ControllerSettings { mold: REMOTE_MOLD.to_owned(), start: StartState::Waiting, ..cell.settings };
         let mut controller = Controller::new(settings, Instant::ORIGIN);
         let id = controller.connect(Instant::ORIGIN);
         let mut player = Self {
@@ -258,7 +251,11 @@ impl Player {
     }
 
     /// Goes from event to event, and samples in between while the arm moves.
-    fn follow(&mut self, recorder: &mut Recorder, progress: &mut dyn FnMut(f64)) -> Result<Ending, PlayError> {
+    fn follow(
+        &mut self,
+        recorder: &mut Recorder,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Ending, PlayError> {
         let end = self.now + LONGEST;
         for _ in 0..MAX_LOOKS {
             self.feed()?;
@@ -357,7 +354,8 @@ impl Player {
                         AlarmCause::Step { why, .. } => why.to_string(),
                         other => other.to_string(),
                     };
-                    self.alarm = Some(Alarm { code: alarm, why, at: line.at.since(self.begin).as_secs_f64() });
+                    self.alarm =
+                        Some(Alarm { code: alarm, why, at: line.at.since(self.begin).as_secs_f64() });
                     self.alarm_step = self.step_that_raised(alarm);
                 }
                 Event::ModeChanged { why, .. } if why != ModeReason::Started => self.over = Some(why),

@@ -36,8 +36,7 @@ impl PointTrack {
 }
 
 /// The kinds of points, in the order in which they are drawn.
-const KINDS: [PointKind; 5] =
-    [PointKind::X, PointKind::Eux, PointKind::Y, PointKind::M, PointKind::Euy];
+const KINDS: [PointKind; 5] = [PointKind::X, PointKind::Eux, PointKind::Y, PointKind::M, PointKind::Euy];
 
 /// The words of a kind, by board.
 fn words(io: &Io, kind: PointKind) -> [u32; BOARDS] {
@@ -112,17 +111,11 @@ mod tests {
         io.outputs[0] = 0b01;
         recorder.look(3.0, &io);
         let tracks = recorder.finish();
-        let told: Vec<_> =
-            tracks.iter().map(|track| (track.point.to_string(), track.on(4.0))).collect();
+        let told: Vec<_> = tracks.iter().map(|track| (track.point.to_string(), track.on(4.0))).collect();
         let row = |name: &str, from, to| (name.to_owned(), vec![(from, to)]);
         assert_eq!(
             told,
-            [
-                row("X1.010", 1.0, 4.0),
-                row("Y010", 2.5, 4.0),
-                row("Y011", 1.0, 3.0),
-                row("M010", 0.0, 2.5)
-            ]
+            [row("X1.010", 1.0, 4.0), row("Y010", 2.5, 4.0), row("Y011", 1.0, 3.0), row("M010", 0.0, 2.5)]
         );
     }
 }

@@ -1,8 +1,9 @@
-//! Taught programs (molds): what runs on the controller itself, between and around what a PC sends.
+//! Taught programs (molds), which run on the controller itself, before, between and after the instructions of
+//! a PC.
 //!
-//! A program is a text in TOML or JSON (`docs/PROGRAMS.md`): a list of steps, most of them the instructions that AddRCC
-//! sends, and those that only a taught program has: waits for remote commands, photos, points, stacks, counters,
-//! registers, jumps and calls.
+//! A program is a text in TOML or JSON (`docs/PROGRAMS.md`): a list of steps. Most steps are the instructions
+//! that AddRCC sends. Other steps exist only in taught programs: waits for remote commands, photos, points,
+//! stacks, counters, registers, jumps and calls.
 
 mod read;
 mod words;
@@ -13,37 +14,23 @@ use r6_proto::message::Action;
 use r6_proto::message::instruction::{Coordinates, Manner, Wait, WaitSource};
 
 use crate::Mistakes;
-use crate::form::{self, Table};
 
 pub use read::step_words;
 
-/// How many tools and workbenches there are: 0 to 31. Chosen; the manual names no number.
+/// The number of tools and workbenches: 0 to 31. We chose this limit, because the manual gives none.
 pub const MAX_FRAMES: u32 = 32;
 
-/// How many stacks there are: 0 to 31. Chosen; the manual names no number.
+/// The number of stacks: 0 to 31. We chose this limit, because the manual gives none.
 pub const MAX_STACKS: u32 = 32;
 
-/// No program has more steps. The longest taught programs have some hundred.
+/// The maximum number of steps of a program. The longest taught programs have some hundred.
 pub const MAX_STEPS: usize = 1000;
 
-/// No program's text is longer, bytes: a thousand steps with room to spare.
+/// The maximum length of a program's text, in bytes: enough for more than a thousand steps.
 pub const MAX_TEXT_BYTES: usize = 256 * 1024;
 
-/// No name of a program is longer, bytes: `curMold` is answered in one small frame.
+/// The maximum length of a program's name, in bytes, because the reply with `curMold` is one small frame.
 pub const MAX_NAME_BYTES: usize = 64;
-
-/// Whether a text is meant as a taught program: a document with `step` and without `instruction`. It may be wrong
-/// in other ways.
-#[must_use]
-pub fn is_taught(text: &str) -> bool {
-    // Reading a long list of instructions twice would take time.
-    let may_be = text.len() <= MAX_TEXT_BYTES || text.contains("[[step]]");
-    let has = |document: &Table, key| document.value(key).is_some();
-    may_be && {
-        let (document, _) = form::parse(text);
-        has(&document, "step") && !["instruction", "instructions"].iter().any(|key| has(&document, key))
-    }
-}
 
 /// A program, ready to run. The default one has no name and no steps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -68,162 +55,163 @@ pub struct Stack {
 /// A counter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CounterState {
-    /// The count it goes to.
+    /// The target count.
     pub target: i64,
-    /// The count it has.
+    /// The current count.
     pub current: i64,
 }
 
 /// One step.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// What AddRCC could send too: moves, outputs, path speed, stop on signal, workbench, waits for a time.
+    /// An instruction that AddRCC could send too: moves, outputs, path speed, stop on signal, workbench,
+    /// waits for a time.
     Instruction(Action),
     /// A wait for a point.
     Wait {
-        /// What for.
+        /// The point, the condition and the limit.
         wait: Wait,
-        /// A single cycle goes on without it: it is itself the sign to begin.
+        /// A single cycle skips the wait, because the cycle itself is the signal to begin.
         skip_in_single_cycle: bool,
-        /// Where to go on when the time is over; without it that is an alarm.
+        /// The step to continue at when the time is over. Without it, the timeout raises an alarm.
         or_else: Option<usize>,
     },
-    /// An output or M point of a further board is set.
+    /// Sets an output or M point of a further board.
     Set {
-        /// Which.
+        /// The point.
         point: IoPoint,
-        /// To what.
+        /// Its new state.
         on: bool,
     },
-    /// A move to the place that six registers tell, each × 1000 (path from address: base 800, length 6).
+    /// A move to the place given by six registers, each × 1000 (path from address: base 800, length 6).
     MoveToRegisters {
         /// The first register.
         first: RegisterIndex,
-        /// They tell a pose, not axes.
+        /// Whether the registers hold a pose, not axes.
         pose: bool,
-        /// How it goes there.
+        /// Speed, delay, blend level and frames of the move.
         manner: Manner,
     },
-    /// Takes the oldest point of a camera, waiting for one.
+    /// Takes the oldest point of a camera. It waits if no point has arrived yet.
     TakePoint {
         /// The camera.
         camera: i64,
-        /// Only points of this template.
+        /// Takes only points of this template.
         model: Option<i64>,
-        /// For how long, seconds; for ever without it.
+        /// How long to wait, in seconds; for ever without it.
         limit: Option<f64>,
-        /// Where to go on at once when there is none; without it, it waits.
+        /// The step to continue at if there is no point now. Without it, the step waits.
         or_else: Option<usize>,
     },
-    /// A linear move to the point that was taken.
+    /// A linear move to the last taken point.
     MoveToPoint {
-        /// So many mm above it.
+        /// Height above the point, mm.
         above: f64,
-        /// How it goes there.
+        /// Speed, delay, blend level and frames of the move.
         manner: Manner,
     },
-    /// A linear move to the place in a stack that a counter tells.
+    /// A linear move to the place in a stack given by a counter.
     MoveToStack {
         /// The stack.
         stack: u32,
-        /// The counter: its current value is the place, from 0.
+        /// The counter. Its current value is the number of the place, from 0.
         counter: u32,
         /// The pose of the first place.
         first: Coordinates,
-        /// So many mm above the place.
+        /// Height above the place, mm.
         above: f64,
-        /// How it goes there.
+        /// Speed, delay, blend level and frames of the move.
         manner: Manner,
     },
-    /// A wait until one of some registers is written.
+    /// Waits until one of several registers is written.
     WaitForRegisters {
         /// The first register.
         first: RegisterIndex,
-        /// How many.
+        /// The number of registers.
         count: u16,
-        /// For how long, seconds; for ever without it.
+        /// How long to wait, in seconds; for ever without it.
         limit: Option<f64>,
     },
-    /// A photo is asked for.
+    /// Requests a photo.
     Photo(Photo),
-    /// An alarm is raised.
+    /// Raises an alarm.
     Alarm {
         /// Its number.
         number: u32,
     },
-    /// Another tool.
+    /// Switches to another tool.
     Tool(u32),
-    /// A counter is changed.
+    /// Changes a counter.
     Counter {
         /// The counter.
         id: u32,
-        /// How.
+        /// The change.
         change: Change,
     },
-    /// A register is changed.
+    /// Changes a register.
     Register {
         /// The register.
         register: RegisterIndex,
-        /// How.
+        /// The change.
         change: Change,
     },
-    /// Remote commands are waited for and carried out until none is left (pendant action 1004).
+    /// Waits for remote commands and executes them until none is left (pendant action 1004).
     Remote,
-    /// A place to jump to; does nothing.
+    /// A target of jumps. It does nothing.
     Label,
-    /// Goes on at another step.
+    /// Continues at another step.
     Jump(usize),
-    /// Goes on at another step if something is so.
+    /// Continues at another step if a condition holds.
     If {
-        /// What.
+        /// The condition.
         condition: Condition,
-        /// Where.
+        /// The step.
         to: usize,
     },
-    /// Another program, then the next step.
+    /// Runs another program, then continues with the next step.
     Call(String),
-    /// Back to the program that called, or the end.
+    /// Returns to the calling program, or ends the cycle.
     Return,
-    /// The end of the cycle, from any depth of calls.
+    /// Ends the cycle from any depth of calls.
     End,
 }
 
-/// A photo that a program asks for (manual 5.1).
+/// A photo request of a program (manual 5.1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Photo {
     /// The camera.
     pub camera: i64,
-    /// How long it waits for the answer, seconds; it does not wait without it.
+    /// How long it waits for the answer, in seconds. Without it, it does not wait.
     pub limit: Option<f64>,
-    /// How often it asks at most.
+    /// The maximum number of requests.
     pub tries: u32,
-    /// The alarm when every try was in vain.
+    /// The alarm if no request succeeds.
     pub alarm: u32,
 }
 
 /// How a counter or register changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// To this value.
+    /// Sets this value.
     To(i64),
-    /// By so much.
+    /// Adds this value.
     By(i64),
 }
 
-/// What an `if` asks.
+/// The condition of an `if`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Condition {
-    /// Whether a point is on, or off.
+    /// Whether a point is on (`true`) or off (`false`).
     Point(WaitSource, bool),
-    /// Whether a counter compares so.
+    /// Whether the comparison holds for a counter.
     Counter(u32, Compare),
     /// Whether a counter has reached its target, which is above 0.
     CounterReached(u32),
-    /// Whether a register compares so.
+    /// Whether the comparison holds for a register.
     Register(RegisterIndex, Compare),
-    /// Whether a camera has sent a point that nobody took, of any template or one.
+    /// Whether a camera has sent a point that is not yet taken, of any template or of one template.
     Points(i64, Option<i64>),
-    /// Whether a counter is beyond the last place of a stack.
+    /// Whether a counter is past the last place of a stack.
     StackFull {
         /// The stack.
         stack: u32,
@@ -235,16 +223,16 @@ pub enum Condition {
 /// A comparison with a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compare {
-    /// Not below it.
+    /// At least this number.
     AtLeast(i64),
-    /// Below it.
+    /// Below this number.
     Below(i64),
-    /// It.
+    /// Equal to this number.
     Equals(i64),
 }
 
 impl Compare {
-    /// Whether `value` compares so.
+    /// Whether the comparison holds for `value`.
     #[must_use]
     pub const fn holds(self, value: i64) -> bool {
         match self {
@@ -256,21 +244,21 @@ impl Compare {
 }
 
 impl Program {
-    /// The program that a text in TOML or JSON describes; a text that begins with `{` is JSON.
+    /// Reads a program from a text in TOML or JSON. A text that begins with `{` is JSON.
     ///
     /// # Errors
-    /// [`Mistakes`]: all places where the text is wrong, in which step, and what is due there.
+    /// [`Mistakes`]: all wrong places of the text, with the step and what is valid there.
     pub fn read(name: &str, text: &str) -> Result<Self, Mistakes> {
         read::program(name, text)
     }
 
-    /// What its author should know: which spellings of the text are older ones.
+    /// A hint for its author: old spellings in the text.
     #[must_use]
     pub fn hint(&self) -> Option<&str> {
         self.hint.as_deref()
     }
 
-    /// Its name: what `curMold` tells.
+    /// Its name, as `curMold` reports it.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -288,13 +276,13 @@ impl Program {
         &self.steps
     }
 
-    /// The counters it brings along: number, counter.
+    /// The counters that it defines: number, counter.
     #[must_use]
     pub fn counters(&self) -> &[(u32, CounterState)] {
         &self.counters
     }
 
-    /// The stacks it brings along: number, stack.
+    /// The stacks that it defines: number, stack.
     #[must_use]
     pub fn stacks(&self) -> &[(u32, Stack)] {
         &self.stacks

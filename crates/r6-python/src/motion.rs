@@ -11,6 +11,7 @@ use crate::convert::{seconds, word};
 use crate::errors::{Raise, raise};
 use crate::numbers::rows;
 use crate::pickling::not_pickled;
+use crate::plot::{Keywords, Plot, plotted};
 use crate::points::{awaited, output, outputs, pulsed, stopping};
 use crate::units::{AxisPosition, Given, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg};
 
@@ -185,6 +186,19 @@ impl Motion {
         };
         raise(slf.py(), other.instructions())?;
         Self::add(slf, |motion| motion.extend(&other))
+    }
+
+    /// Plays the motion on a virtual controller and draws it.
+    #[pyo3(signature = (*, model=None, profile=None, global_speed=None, start=None))]
+    fn plot(
+        &self,
+        py: Python<'_>,
+        model: Option<&Bound<'_, PyAny>>,
+        profile: Option<&Bound<'_, PyAny>>,
+        global_speed: Option<Given<Percent>>,
+        start: Option<Given<AxisPosition>>,
+    ) -> PyResult<Plot> {
+        plotted(py, &self.0, false, "motion", &Keywords { model, profile, global_speed, start })
     }
 
     fn __copy__(&self) -> Self {

@@ -10,6 +10,8 @@ use r6_program::{MAX_FILE_BYTES, MotionList, MotionProgram};
 use crate::errors::wrong_file;
 use crate::motion::Motion;
 use crate::pickling::not_pickled;
+use crate::plot::{Keywords, Plot, plotted};
+use crate::units::{AxisPosition, Given, Percent};
 
 /// The name of a text without a file, in errors.
 const NO_FILE: &str = "<text>";
@@ -17,17 +19,19 @@ const NO_FILE: &str = "<text>";
 /// A motion from a file of `r6 run`: TOML, or AddRCC frames in JSON.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Program {
+    /// What a picture calls it.
+    name: String,
     motion: r6_client::Motion,
     append: bool,
     remarks: Vec<String>,
 }
 
 impl Program {
-    fn of(py: Python<'_>, file: &str, text: &str) -> PyResult<Self> {
+    fn of(py: Python<'_>, file: &str, name: String, text: &str) -> PyResult<Self> {
         let program =
             MotionProgram::read(text).map_err(|mistakes| wrong_file(py, "FileError", file, &mistakes))?;
         let append = program.lists.first().is_some_and(|list| !list.replace);
-        Ok(Self { append, motion: in_frames(program.lists), remarks: program.remarks })
+        Ok(Self { name, append, motion: in_frames(program.lists), remarks: program.remarks })
     }
 }
 
@@ -52,12 +56,13 @@ impl Program {
             let what = format!("{name} is too long: a program has {MAX_FILE_BYTES} bytes at most");
             return Err(PyValueError::new_err(what));
         }
-        Self::of(py, &name, &text)
+        let title = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        Self::of(py, &name, title, &text)
     }
 
     #[staticmethod]
     fn read(py: Python<'_>, text: &str) -> PyResult<Self> {
-        Self::of(py, NO_FILE, text)
+        Self::of(py, NO_FILE, "program".to_owned(), text)
     }
 
     /// A copy of the motion. Changing it does not change the program.
@@ -74,6 +79,20 @@ impl Program {
     #[getter]
     fn remarks(&self) -> Vec<String> {
         self.remarks.clone()
+    }
+
+    /// Plays the program on a virtual controller and draws it.
+    #[pyo3(signature = (*, model=None, profile=None, global_speed=None, start=None))]
+    fn plot(
+        &self,
+        py: Python<'_>,
+        model: Option<&Bound<'_, PyAny>>,
+        profile: Option<&Bound<'_, PyAny>>,
+        global_speed: Option<Given<Percent>>,
+        start: Option<Given<AxisPosition>>,
+    ) -> PyResult<Plot> {
+        let keywords = Keywords { model, profile, global_speed, start };
+        plotted(py, &self.motion, self.append, &self.name, &keywords)
     }
 
     fn __len__(&self) -> usize {

@@ -19,7 +19,7 @@ const ROW: f64 = 20.0;
 const BAR: f64 = 12.0;
 
 /// A shorter time is drawn this wide, pixels.
-const NARROWEST: f64 = 1.0;
+const NARROWEST: f64 = 2.0;
 
 /// Bars that are closer than this are drawn as one, pixels.
 const CLOSEST: f64 = 0.5;
@@ -47,7 +47,7 @@ impl PointsPanel<'_> {
         let time = self.frame.draw_ground(canvas);
         canvas.begin_group("points");
         let heading = format!("fill=\"{INK}\" font-size=\"13\"");
-        canvas.text((area.left, area.top - 10.0), Anchor::Start, "points, a bar while on", &heading);
+        canvas.text((area.left, area.top - 10.0), Anchor::Start, "points, with a bar while on", &heading);
         let mut top = area.top;
         for track in self.frame.recording.points.iter().take(MAX_ROWS) {
             let name = track.point.to_string();
@@ -56,7 +56,9 @@ impl PointsPanel<'_> {
             let style = format!("fill=\"{}\"", colour(track));
             for (from, to) in self.bars(track, |at| time.at(at)) {
                 let width = (to - from).max(NARROWEST);
-                let bar = Area { left: from, top: top + (ROW - BAR) / 2.0, width, height: BAR };
+                // A change at the very end stays within the frame.
+                let left = from.min(area.right() - width);
+                let bar = Area { left, top: top + (ROW - BAR) / 2.0, width, height: BAR };
                 canvas.rectangle(bar, &style);
             }
             top += ROW;

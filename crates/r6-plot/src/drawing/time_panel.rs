@@ -13,6 +13,9 @@ const CLOSEST_BOUNDARIES: f64 = 3.0;
 /// The width of a digit, pixels, to keep numbers apart.
 const DIGIT: f64 = 7.0;
 
+/// How far above the panel the numbers of the steps stand, pixels: clear of the highest value at its side.
+const NUMBERS_ABOVE: f64 = 13.0;
+
 /// The unit of a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
@@ -125,12 +128,12 @@ impl TimeFrame<'_> {
             let fits = to - from >= width && middle - width / 2.0 >= free_from;
             if self.is_top && fits {
                 let style = "fill=\"#555588\" font-size=\"11\"";
-                canvas.text((middle, self.area.top - 9.0), Anchor::Middle, &text, style);
+                canvas.text((middle, self.area.top - NUMBERS_ABOVE), Anchor::Middle, &text, style);
                 free_from = middle + width / 2.0 + 3.0;
             }
         }
         if self.is_top {
-            let place = (self.area.left - 8.0, self.area.top - 9.0);
+            let place = (self.area.left - 8.0, self.area.top - NUMBERS_ABOVE);
             canvas.text(place, Anchor::End, counted(self.recording), "fill=\"#555588\" font-size=\"11\"");
         }
         canvas.end_group();
@@ -204,7 +207,12 @@ impl TimePanel<'_> {
                 canvas.line((self.frame.area.left, y), (self.frame.area.right(), y), grid);
                 canvas.text((self.frame.area.left - 8.0, y + 4.0), Anchor::End, &ticks.label(*value), &style);
             } else {
-                canvas.text((self.frame.area.right() + 8.0, y + 4.0), Anchor::Start, &ticks.label(*value), &style);
+                canvas.text(
+                    (self.frame.area.right() + 8.0, y + 4.0),
+                    Anchor::Start,
+                    &ticks.label(*value),
+                    &style,
+                );
             }
         }
         let name = format!("{}, {}", self.name, unit.name());
@@ -225,5 +233,4 @@ impl TimePanel<'_> {
         }
         canvas.end_group();
     }
-
 }

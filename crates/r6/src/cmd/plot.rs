@@ -10,7 +10,7 @@ use clap::Args;
 use r6_controller::{ControllerSettings, Program};
 use r6_plot::play::{self, Cell, InputChange};
 use r6_plot::{Ending, Picture, PlayError, Recording, words};
-use r6_program::{MotionProgram, taught};
+use r6_program::{FileKind, MotionProgram};
 
 use crate::cmd::sim::given;
 use crate::cmd::{job, run};
@@ -152,10 +152,22 @@ enum Source {
 /// Reads the file, which says by its contents what it holds. A list that repeats runs once.
 fn source(file: &Path) -> Result<Source, Failure> {
     let text = run::read_text(file)?;
-    if taught::is_taught(&text) {
-        let stem = file.file_stem().and_then(|stem| stem.to_str()).filter(|_| !run::is_stdin(file));
-        let program = given::program_of(&text, stem.unwrap_or("program"), &run::name(file))?;
-        return Ok(Source::Program(Box::new(program)));
+    match FileKind::of(&text) {
+        FileKind::Instructions => {}
+        FileKind::Taught => {
+            let stem = file.file_stem().and_then(|stem| stem.to_str()).filter(|_| !run::is_stdin(file));
+            let program = given::program_of(&text, stem.unwrap_or("program"), &run::name(file))?;
+            return Ok(Source::Program(Box::new(program)));
+        }
+        FileKind::Neither => {
+            return Err(Failure::usage(format!(
+                "{} has neither instructions nor the steps of a taught program",
+                run::name(file)
+            ))
+            .advise(
+                "instructions for `r6 run` are [[instruction]] tables or AddRCC frames; a taught program has [[step]] tables",
+            ));
+        }
     }
     let mut program = run::read_program(file, &text)?;
     run::show_remarks(&program, file);
