@@ -32,7 +32,7 @@ pub const LONGEST: Duration = Duration::from_secs(7 * 24 * 3600);
 
 /// How often the controller is looked at. It keeps a program that goes round in a millisecond from being
 /// followed for a week.
-const MAX_LOOKS: u64 = 2_000_000;
+const MAX_LOOKS: u64 = 1_000_000;
 
 /// The conditions in which a motion or a program is played.
 #[derive(Clone, Debug)]

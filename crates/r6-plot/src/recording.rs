@@ -12,6 +12,9 @@ use crate::points::{PointRecorder, PointTrack};
 /// The first time between two samples of a moving arm: finer than any picture shows.
 const FIRST_STEP: Duration = Duration::from_millis(2);
 
+/// The longest time between two samples of a moving arm.
+const LONGEST_STEP: Duration = Duration::from_secs(3600);
+
 /// How many samples are kept. Above this, every other sample is removed and the step doubles. 50 000 samples
 /// are 100 s of motion at 2 ms, and far more than a picture has columns.
 pub const MAX_SAMPLES: usize = 50_000;
@@ -318,7 +321,7 @@ impl Recorder {
             keep = !keep;
             keep || sample.is_event
         });
-        self.step *= 2;
+        self.step = (self.step * 2).min(LONGEST_STEP);
     }
 
     /// Ends the recording. `ended_at` is the step at which it ended early, `rest` the first instruction of a

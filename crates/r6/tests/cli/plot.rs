@@ -337,7 +337,7 @@ fn the_contents_of_a_file_say_what_it_is() {
     let neither = "[[move]]\nto = [1]\n";
     let both = format!("{}[[step]]\ndo = \"end\"\n", axis_move("10", 50.0, 0));
     for (name, text, wanted) in [
-        ("wrong-step.toml", step, "nearest: `jump`"),
+        ("wrong-step.toml", step, "nearest: \"jump\""),
         ("neither.toml", neither, "instructions for `r6 run` are [[instruction]] tables"),
         ("neither.json", "{\"move\": 1}", "a taught program has [[step]] tables"),
         ("both.toml", both.as_str(), "there is no key `step`"),
